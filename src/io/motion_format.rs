@@ -1,6 +1,6 @@
 //! The formats of motion files, told by how a file begins, never by its name.
 
-use super::text_start::{TextStart, of_lines};
+use super::text_start::{TextStart, is_binary, of_lines};
 use serde::{Deserialize, Serialize};
 
 /// What kind of file of motion it is.
@@ -48,14 +48,13 @@ impl MotionFormat {
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => MotionFormat::Npy,
             [b'P', b'K', 3, 4, ..] | [b'P', b'K', 5, 6, ..] => MotionFormat::Npz,
             // The first block of parameters and the key of all C3D files, then numbers, never text alone.
-            [_, 0x50, ..] if start.iter().any(|b| *b < 9) => MotionFormat::C3d,
+            [_, 0x50, ..] if is_binary(&start[..start.len().min(12)]) => MotionFormat::C3d,
             _ if is("HIERARCHY") => MotionFormat::Bvh,
             _ if is("#!OML:") || is(":FULLY") || is(":DEGREES") => MotionFormat::Amc,
             _ if is("# AST") || is("# ASF") || is(":version") => MotionFormat::Asf,
             _ if is("PathFileT") => MotionFormat::Trc,
             _ if is("Format Ve") => MotionFormat::MotiveCsv,
             _ if is("NO_OF_FRA") || is("FILE_VERS") => MotionFormat::QualisysTsv,
-            _ if is_binary(start) => MotionFormat::Csv,
             _ => match of_lines(text) {
                 Some(TextStart::OpenSim) => MotionFormat::OpenSim,
                 Some(TextStart::Nexus) => MotionFormat::NexusCsv,
@@ -130,11 +129,6 @@ pub fn is_told(start: &[u8]) -> bool {
         MotionFormat::Csv => is_binary(start) || of_lines(text) == Some(TextStart::PoseTable),
         _ => true,
     }
-}
-
-/// Whether a file that begins so is no text.
-fn is_binary(start: &[u8]) -> bool {
-    start.iter().any(|b| *b < 9)
 }
 
 #[cfg(test)]

@@ -20,31 +20,49 @@ pub enum TextStart {
     PoseTable,
 }
 
-/// Which table a file is that begins with this text, whose last line may be cut.
+/// Which table a file is that begins with this text, whose last line may be cut: what its first whole lines tell, so that no later
+/// ones change it, nor bytes behind them that are no text.
 pub fn of_lines(start: &[u8]) -> Option<TextStart> {
     let start = &start[..start.len().min(MOST_LINE_BYTES)];
-    let text = String::from_utf8_lossy(start);
-    let mut lines: Vec<&str> = text.split(['\n', '\r']).collect();
-    // What stands behind the last line break is no whole line yet.
-    lines.pop();
-    let mut header = lines.iter().take(MOST_HEADER_LINES);
-    if header.any(|line| line.trim().eq_ignore_ascii_case("endheader")) {
-        return Some(TextStart::OpenSim);
+    let breaks = (0..start.len()).filter(|&i| matches!(start[i], b'\n' | b'\r'));
+    let (mut rows, mut from) = (Vec::new(), 0);
+    for end in breaks.take(MOST_HEADER_LINES) {
+        let bytes = &start[from..end];
+        from = end + 1;
+        if is_binary(bytes) {
+            return None;
+        }
+        let line = String::from_utf8_lossy(bytes);
+        if line.trim().eq_ignore_ascii_case("endheader") {
+            return Some(TextStart::OpenSim);
+        }
+        if line.trim_matches(BLANK).is_empty() || rows.len() == MOST_ROWS {
+            continue;
+        }
+        rows.push(line);
+        let lines: Vec<&str> = rows.iter().map(|row| &**row).collect();
+        if let Some(told) = of_rows(&lines) {
+            return Some(told);
+        }
     }
-    lines.retain(|line| !line.trim_matches(BLANK).is_empty());
-    let first = *lines.first()?;
+    None
+}
+
+/// Which table these first rows, none of them empty, are those of.
+fn of_rows(rows: &[&str]) -> Option<TextStart> {
+    let first = *rows.first()?;
     if is_pose_table(first) {
         return Some(TextStart::PoseTable);
     }
-    if is_section(first)
-        && lines
-            .get(1)
-            .is_some_and(|line| section_rate(line).is_some())
-    {
+    if is_section(first) && rows.get(1).is_some_and(|row| section_rate(row).is_some()) {
         return Some(TextStart::Nexus);
     }
-    lines.truncate(MOST_ROWS);
-    PointTitles::read(&lines).map(|_| TextStart::Points)
+    PointTitles::read(rows).map(|_| TextStart::Points)
+}
+
+/// Whether a file that begins so is no text.
+pub fn is_binary(start: &[u8]) -> bool {
+    start.iter().any(|b| *b < 9)
 }
 
 /// What is wrong with a text that begins so, where its titles are longer than is read of them.
@@ -125,6 +143,10 @@ mod tests {
         ] {
             assert_eq!(of_lines(text.as_bytes()), want, "{text:?}");
         }
+        // What comes later does not count.
+        let told = of_lines(b",a,a,a\n,x,y,z\r1,2\x00,3\n");
+        assert_eq!(told, Some(TextStart::Points));
+        assert_eq!(of_lines(b",a,a,a\n,x,y\x00,z\n"), None);
         let long = format!("{}\n0\n", "name_x,name_y,name_z,".repeat(20_000));
         assert_eq!(of_lines(long.as_bytes()), None);
         assert!(too_long(long.as_bytes()).is_some_and(|what| what.contains("longer than")));
