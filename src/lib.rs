@@ -27,7 +27,7 @@
 //!
 //! **Restore.** A frame is an observation: values, each with the variance of its noise (0: exact; infinity: missing).
 //! [`restore`] finds the placement of the pose in the world, asks the [`prior`] for the posterior of the pose, rejects
-//! outliers, keeps rigid distances, and smooths over time. `complete` and `denoise` are two settings of this method.
+//! outliers, keeps rigid distances, and smooths over time. Single frames are completed and denoised by the same posterior; takes by regression over their gaps, and by smoothing over time.
 //! Inverse kinematics turns points back into joint angles, which [`io`] writes as BVH or AMC.
 //!
 //! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against the truth, compares

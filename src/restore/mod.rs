@@ -1,7 +1,8 @@
 //! Restoring poses: missing points filled, noise and outliers removed.
 //!
 //! An observation y ~ N(x, diag(r)) of a pose x (3 J coordinates, cm) has one noise variance r a coordinate: 0 is exact,
-//! infinity is missing. Completing and denoising are two settings of the same estimate, E[x | y] under a prior of poses.
+//! infinity is missing. A single frame is completed or denoised by one estimate, E[x | y] under a prior of poses; a take
+//! also by regression over its gaps and by Kalman smoothing.
 //!
 //! The path of a take:
 //!

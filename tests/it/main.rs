@@ -24,6 +24,7 @@ mod gpd;
 mod hostile;
 mod kinematics;
 mod leaks;
+mod library;
 mod limits;
 mod marker_files;
 mod mesh_register;

@@ -23,7 +23,8 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the format does not hold the new values.
-    pub fn write_back(&self, path: &Path, xyz: ArrayView2<'_, f64>) -> Result<usize> {
+    pub fn write_back(&self, path: impl AsRef<Path>, xyz: ArrayView2<'_, f64>) -> Result<usize> {
+        let path = path.as_ref();
         let mut left = 0;
         let bytes = match &self.original {
             Original::C3d(c3d) => {
