@@ -66,7 +66,7 @@ impl Corruption {
         for (name, sd) in [("dense", self.dense), ("sparse", self.sparse)] {
             if !(0.0..=MAX_NOISE).contains(&sd) {
                 return Err(Error::usage(format!(
-                    "--{name} {sd}: expected a standard deviation of 0 to {MAX_NOISE} cm"
+                    "the option `{name} {sd}`: expected a standard deviation of 0 to {MAX_NOISE} cm"
                 )));
             }
         }
@@ -99,7 +99,7 @@ fn find(points: &[String], name: &str, flag: &str) -> Result<usize> {
         let known = known.join(", ");
         let more = if points.len() > 4 { ", ..." } else { "" };
         Error::usage(format!(
-            "--{flag}: the table has no point \"{name}\"; its points are {known}{more}"
+            "the option `{flag}`: the table has no point \"{name}\"; its points are {known}{more}"
         ))
     })
 }
@@ -280,10 +280,10 @@ mod tests {
             let e = corruption(change).check(&names(6)).unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
-        says(&|c| c.dense = f64::NAN, "--dense");
-        says(&|c| c.sparse = -1.0, "--sparse");
-        says(&|c| c.share = 1.5, "--share");
+        says(&|c| c.dense = f64::NAN, "the option `dense ");
+        says(&|c| c.sparse = -1.0, "the option `sparse ");
+        says(&|c| c.share = 1.5, "the option `share ");
         says(&|c| c.keep = Some(vec!["x".into()]), "no point \"x\"");
-        says(&|c| c.drop = vec!["x".into()], "--drop");
+        says(&|c| c.drop = vec!["x".into()], "the option `drop`");
     }
 }

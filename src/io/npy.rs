@@ -528,7 +528,7 @@ mod tests {
         says(
             array("<f8", "False", "(1, 6)", &values),
             "a",
-            "--joints names 1",
+            "the option `joints` names 1",
         );
         says(b"\x93NUMPY\x01\x00\xff\xff{".to_vec(), "a", "header");
         says(b"\x93NUMPY\x09\x00\x00\x00".to_vec(), "a", "version");
@@ -536,7 +536,7 @@ mod tests {
             read(array("<f8", "False", "(1, 6)", &values), None)
                 .unwrap_err()
                 .to_string()
-                .contains("--joints")
+                .contains("the option `joints`")
         );
     }
 }

@@ -638,7 +638,7 @@ mod tests {
             assert!(said.contains(part), "{said}");
         };
         fails(&[other("a"), other("b")], "a (1, 1, 3), b (1, 1, 3)");
-        fails(&[joints()], "--joints");
+        fails(&[joints()], "the option `joints`");
         fails(&[other("poses")], "SMPL body and no positions");
         fails(&[("a", "<f8", &[3], f8(&[1.; 3]))], "it has a (3)");
         fails(&[("meta", "|u1", &[1], vec![0])], "a model of posing");

@@ -241,10 +241,10 @@ mod tests {
         );
         fails(
             &MOT.replace("=2", "=3"),
-            "after 2 of its 3 rows; --keep-whole",
+            "after 2 of its 3 rows; the option `keep_whole`",
         );
         let cut = MOT.replace("\t-0.94496\n", "");
-        fails(&cut, "--keep-whole");
+        fails(&cut, "the option `keep_whole`");
         assert_eq!(take(&cut, true).unwrap().xyz.nrows(), 1);
     }
 }

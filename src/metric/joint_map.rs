@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(names[found.of(joint::LFOOT)[0]], "ltibia");
         let said = JointMap::cmu().find(&names[1..]).unwrap_err();
         assert!(
-            said.contains("\"root\" (Hip)") && said.contains("--map"),
+            said.contains("\"root\" (Hip)") && said.contains("the option `map`"),
             "{said}"
         );
     }

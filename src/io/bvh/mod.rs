@@ -256,7 +256,7 @@ mod tests {
             let bvh = timed(time);
             let fault = bvh.rate_or(None).unwrap_err();
             assert!(
-                fault.contains("Frame Time") && fault.contains("--fps"),
+                fault.contains("Frame Time") && fault.contains("the option `fps`"),
                 "{fault}"
             );
             assert_eq!(bvh.rate_or(Some(30.0)), Ok(30.0));
@@ -300,7 +300,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            e.contains("frame 2 (2 of 10 values) after 1 complete") && e.contains("--keep-whole"),
+            e.contains("frame 2 (2 of 10 values) after 1 complete") && e.contains("the option `keep_whole`"),
             "{e}"
         );
         assert_eq!(

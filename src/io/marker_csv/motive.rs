@@ -241,7 +241,7 @@ mod tests {
         assert_eq!(measured.points, ["A,1"]);
         assert_eq!(measured.xyz.row(0).to_vec(), [1.0, 2.0, 3.0]);
         assert!(measured.xyz.row(1).iter().all(|v| v.is_nan()));
-        let said = "1 measured markers are converted; 1 expected markers, 1 bones and rigid bodies, rotations are not (see --points)";
+        let said = "1 measured markers are converted; 1 expected markers, 1 bones and rigid bodies, rotations are not (see the option `points`)";
         assert_eq!(measured.notes, [said]);
         let expected = take(NEW, Some(Expected)).unwrap();
         assert_eq!(expected.xyz.row(1).to_vec(), [4.0, 5.0, 6.0]);
@@ -268,7 +268,7 @@ mod tests {
             assert!(said.contains(part), "{said}");
         };
         fails("Format Version,1.2\n", "x.csv:1: expected the titles");
-        fails(&NEW.replace("Frames,2", "Frames,3"), "--keep-whole");
+        fails(&NEW.replace("Frames,2", "Frames,3"), "the option `keep_whole`");
         fails(&NEW.replace("1,2,3", "1,x,3"), "x.csv:8: expected a number");
         fails(NEW.split_once("\n0,").unwrap().0, "has no frames");
         let none = NEW.replace("Marker", "x").replace("Bone", "x");

@@ -349,7 +349,7 @@ mod tests {
             "time,a_x,a_y,a_z\n0,1,2,3\n,1,2,3\n",
             "x.csv:3: time: expected",
         );
-        fails("a_x,a_y,a_z\n1,2,3\n1,2", "--keep-whole");
+        fails("a_x,a_y,a_z\n1,2,3\n1,2", "the option `keep_whole`");
         let jumps = take(&ANIPOSE.replace("\n1,", "\n7,")).unwrap();
         assert!(jumps.notes[0].contains("jump 1 times"), "{:?}", jumps.notes);
     }

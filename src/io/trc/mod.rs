@@ -205,7 +205,7 @@ mod tests {
         let more = take(&ended.replace("  2", "109")).unwrap();
         assert_eq!(more.notes, ["announces 109 frames but has 2"]);
         let cut = ended.replace("7\t8\t9\t", "7\t8");
-        assert!(take(&cut).unwrap_err().to_string().contains("--keep-whole"));
+        assert!(take(&cut).unwrap_err().to_string().contains("the option `keep_whole`"));
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
                 &whole.replace("\t4\t5", "\tx\t5"),
                 "x.trc:7: expected a number",
             ),
-            (&whole.replace("nan\tNaN\tnan\n", "nan"), "--keep-whole"),
+            (&whole.replace("nan\tNaN\tnan\n", "nan"), "the option `keep_whole`"),
         ] {
             let said = take(text).unwrap_err().to_string();
             assert!(said.contains(part), "{said}");

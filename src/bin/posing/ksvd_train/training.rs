@@ -327,7 +327,7 @@ mod tests {
     #[test]
     fn a_log_ends_with_the_iteration_of_the_checkpoint() {
         let log = "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n{\"iteration\":3}\n{\"iter";
-        let kept = posing::cli::lines_up_to(log, 2);
+        let kept = super::lines_up_to(log, 2);
         assert_eq!(kept, "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n");
     }
 }
