@@ -186,7 +186,7 @@ role=\"img\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\"
 ";
 
 #[cfg(test)]
-pub(in crate::evaluate) mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::draw::scene::tests::{names, run, scene};
     use crate::draw::scene::{Figure, Status};
