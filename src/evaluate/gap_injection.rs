@@ -409,13 +409,13 @@ mod tests {
             let e = g.inject_take(&mut poses(9, 3), 1, 0).unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
-        says(gaps(0, 1, 1), "--gaps");
-        says(gaps(1, 1, 0), "--points 0: expected 1 to 3");
-        says(gaps(1, 1, 4), "--points 4: expected 1 to 3");
+        says(gaps(0, 1, 1), "the option `gaps`");
+        says(gaps(1, 1, 0), "the option `points 0`: expected 1 to 3");
+        says(gaps(1, 1, 4), "the option `points 4`: expected 1 to 3");
         assert_eq!(frames_in(0.4, 120.0).unwrap(), 48);
         for bad in [0.0, 0.001, f64::NAN] {
             let e = frames_in(bad, 120.0).unwrap_err().to_string();
-            assert!(e.contains("--length"));
+            assert!(e.contains("the option `length "));
         }
     }
 }

@@ -317,7 +317,7 @@ mod tests {
                 .err()
                 .map(|e| e.to_string())
                 .unwrap_or_default();
-            assert!(e.contains("--models"), "{bad}: {e}");
+            assert!(e.contains("the option `models "), "{bad}: {e}");
         }
     }
 

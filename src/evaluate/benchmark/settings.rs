@@ -82,7 +82,7 @@ impl Settings {
         let names = |what: &str, names: Vec<String>| {
             let twice = (1..names.len()).find(|&i| names[..i].contains(&names[i]));
             match twice {
-                Some(i) => usage(format!("--{what}: {} is given twice", names[i])),
+                Some(i) => usage(format!("the option `{what}`: {} is given twice", names[i])),
                 None => Ok(()),
             }
         };
@@ -131,10 +131,10 @@ mod tests {
             let e = settings.check().unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
-        says(&|s| s.seeds = 0, "--seeds 0");
-        says(&|s| s.first_seed = u64::MAX, "--seed");
-        says(&|s| s.frames = 0, "--frames 0");
-        says(&|s| s.base = vec![f64::NAN], "--base NaN");
+        says(&|s| s.seeds = 0, "the option `seeds 0`");
+        says(&|s| s.first_seed = u64::MAX, "the option `seed ");
+        says(&|s| s.frames = 0, "the option `frames 0`");
+        says(&|s| s.base = vec![f64::NAN], "the option `base NaN`");
         says(&|s| s.base = vec![0.0, 0.0], "twice");
         says(&|s| s.methods.clear(), "no model");
         says(&|s| s.tasks.clear(), "at least one");
