@@ -41,8 +41,7 @@ pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet>
             return Err(Error::data(place(), "has no faces, expected a surface"));
         }
         let scale = units.unit.centimeters() / 100.0;
-        mesh.plausible_height(scale)
-            .map_err(|what| Error::data(place(), what))?;
+        mesh.plausible_height(scale).map_err(|e| e.at(place()))?;
     }
     let mut xyz = [0.0; 3];
     for mut row in set.vertices.rows_mut() {

@@ -194,8 +194,8 @@ pub fn fit_take(
     let model = MarkerModel::new(body, markers);
     let mut prior = body.fit_prior();
     prior.noise = noise;
-    let animation = animate(&model, &prior, frames, offsets)
-        .map_err(|what| Error::data(Place::file(source), what))?;
+    let animation =
+        animate(&model, &prior, frames, offsets).map_err(|e| e.at(Place::file(source)))?;
     let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
     let missed = frames.len() - rms.len();
     let worst = rms.iter().copied().fold(0.0, f64::max);

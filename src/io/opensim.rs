@@ -50,7 +50,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
             return Err(Error::data(lines.here(), what));
         }
         let seconds = parse_number(row[time]);
-        times.push(seconds.map_err(|what| Error::data(lines.here().part("time"), what))?);
+        times.push(seconds.map_err(|e| e.at(lines.here().part("time")))?);
         let others = row.iter().enumerate().filter(|(c, _)| *c != time);
         carried.push(lines.number, others.map(|(_, cell)| *cell));
     }
@@ -241,10 +241,10 @@ mod tests {
         );
         fails(
             &MOT.replace("=2", "=3"),
-            "after 2 of its 3 rows; --keep-whole",
+            "after 2 of its 3 rows; the option `keep_whole`",
         );
         let cut = MOT.replace("\t-0.94496\n", "");
-        fails(&cut, "--keep-whole");
+        fails(&cut, "the option `keep_whole`");
         assert_eq!(take(&cut, true).unwrap().xyz.nrows(), 1);
     }
 }

@@ -446,8 +446,8 @@ impl<'a> AmcReader<'a> {
                 });
                 match value {
                     Ok(value) => frame.values[range.start + count] = value,
-                    Err(what) => {
-                        fault = Some(what);
+                    Err(e) => {
+                        fault = Some(e);
                         break;
                     }
                 }
@@ -459,8 +459,8 @@ impl<'a> AmcReader<'a> {
                 .here()
                 .part(excerpt(&skeleton.bones()[bone].name))
         };
-        if let Some(what) = fault {
-            return Err(Fault::Cut(Error::data(here(), what)));
+        if let Some(fault) = fault {
+            return Err(Fault::Cut(fault.at(here())));
         }
         if count != range.len() {
             let what = format!("expected {} values, found {count}", range.len());
@@ -575,7 +575,7 @@ mod tests {
             let text = format!("{}{cut}", &TWO[..TWO.find("leg 1").unwrap()]);
             let e = take(&text, false).unwrap_err().to_string();
             assert!(
-                e.contains("after 1 complete frames; use --keep-whole"),
+                e.contains("after 1 complete frames; use the option `keep_whole`"),
                 "{e}"
             );
             assert_eq!(take(&text, true).unwrap().len(), 1);
@@ -608,7 +608,7 @@ mod tests {
             ASF.replace(" hip leg\n", " hip leg\n root leg\n"),
             "two parents",
         );
-        says(ASF.replace("length 0.45", "mass 1"), "--units");
+        says(ASF.replace("length 0.45", "mass 1"), "the option `units`");
         says(ASF.replace("length 2\n", "length x\n"), "found \"x\"");
         says(
             ASF.replace("limits (-10 20)\n (-inf inf)", "limits (-10 20)"),
