@@ -19,6 +19,9 @@ pub enum Error {
         /// What is wrong, and what would mend it.
         what: String,
     },
+    /// What was given cannot be used; the caller knows the place ([`Error::at`]; exit 1).
+    #[error("{}", with_options(.0))]
+    Unfit(String),
     /// The arguments do not fit together or are out of range (exit 2).
     #[error("{}", with_options(.0))]
     Usage(String),
@@ -88,6 +91,24 @@ impl Error {
             what: what.into(),
         }
     }
+    /// Something unusable whose place the caller knows. Texts convert into it, too.
+    pub fn unfit(what: impl Into<String>) -> Self {
+        Error::Unfit(what.into())
+    }
+    /// An [`Error::Unfit`] becomes [`Error::Data`] at `place`; others stay as they are.
+    pub fn at(self, place: Place) -> Self {
+        match self {
+            Error::Unfit(what) => Error::Data { place, what },
+            other => other,
+        }
+    }
+    /// An [`Error::Unfit`] becomes [`Error::Usage`]: what was given are arguments. Others stay as they are.
+    pub fn into_usage(self) -> Self {
+        match self {
+            Error::Unfit(what) => Error::Usage(what),
+            other => other,
+        }
+    }
     /// Arguments that cannot be used.
     pub fn usage(what: impl Into<String>) -> Self {
         Error::Usage(what.into())
@@ -109,6 +130,18 @@ impl Error {
     /// Whether the reader of our output has gone away, which ends a command with success.
     pub fn is_closed_pipe(&self) -> bool {
         matches!(self, Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+impl From<String> for Error {
+    fn from(what: String) -> Self {
+        Error::Unfit(what)
+    }
+}
+
+impl From<&str> for Error {
+    fn from(what: &str) -> Self {
+        Error::Unfit(what.into())
     }
 }
 

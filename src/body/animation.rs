@@ -6,6 +6,7 @@
 use super::fit::{BodyState, Fit, FitProblem, prior_weight};
 use super::fit_prior::{FitPrior, NormalEquations};
 use super::marker_model::MarkerModel;
+use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use glam::DVec3;
@@ -46,13 +47,13 @@ pub enum Offsets {
 /// Fits a take. The shape is learnt first, from frames spread over the take that have the most markers.
 ///
 /// # Errors
-/// A phrase: no frame has markers enough.
+/// [`crate::Error::Unfit`]: no frame has markers enough.
 pub fn animate(
     model: &MarkerModel,
     prior: &FitPrior,
     frames: &[MarkerFrame],
     offsets: Offsets,
-) -> Result<Animation, String> {
+) -> Result<Animation> {
     let chosen = shape_frames(frames);
     let mut model = model.clone();
     let mut shape = shared_shape(&model, prior, &chosen)?;
@@ -137,7 +138,7 @@ fn shared_shape(
     model: &MarkerModel,
     prior: &FitPrior,
     frames: &[&MarkerFrame],
-) -> Result<Vec<f64>, String> {
+) -> Result<Vec<f64>> {
     let problems: Vec<FitProblem<'_>> = (frames.iter())
         .filter_map(|f| FitProblem::new(model, prior, f).ok())
         .collect();

@@ -99,7 +99,8 @@ impl BodyModel {
             vertices.map(|r| DVec3::new(f64::from(r[0]), f64::from(r[1]), f64::from(r[2])));
         let faces = faces.rows().into_iter();
         let faces = faces.map(|r| [whole(&r[0]), whole(&r[1]), whole(&r[2])]);
-        let template = Template::new(vertices.collect(), faces.collect(), parts).map_err(fail)?;
+        let template = Template::new(vertices.collect(), faces.collect(), parts)
+            .map_err(|e| e.at(Place::file(source)))?;
         let joints = array("pose_joints")?;
         let joints = joints.rows().into_iter();
         let body = BodyModel {

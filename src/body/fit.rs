@@ -13,6 +13,7 @@
 
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};
+use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -78,20 +79,19 @@ impl<'a> FitProblem<'a> {
     /// A problem of the markers that are not missing (`None`).
     ///
     /// # Errors
-    /// A phrase: there are fewer than [`FEWEST`] markers.
+    /// [`crate::Error::Unfit`]: there are fewer than [`FEWEST`] markers.
     pub fn new(
         model: &'a MarkerModel,
         prior: &'a FitPrior,
         markers: &[Option<DVec3>],
-    ) -> Result<FitProblem<'a>, String> {
+    ) -> Result<FitProblem<'a>> {
         let seen: Vec<usize> = (0..markers.len())
             .filter(|m| markers[*m].is_some())
             .collect();
         if seen.len() < FEWEST {
-            return Err(format!(
-                "has {} markers, a body needs {FEWEST} or more",
-                seen.len()
-            ));
+            return Err(
+                format!("has {} markers, a body needs {FEWEST} or more", seen.len()).into(),
+            );
         }
         let mut stiff = Array2::from_shape_fn((seen.len(), seen.len()), |(i, j)| {
             model.compliance[[seen[i], seen[j]]]

@@ -41,7 +41,7 @@ impl SkinnedTake {
             let what = "the table has no times, which an animation needs; give the rate with the option `fps`";
             return Err(Error::usage(what));
         }
-        let skin = fit_skin(body, take).map_err(|what| Error::data(Place::file(name), what))?;
+        let skin = fit_skin(body, take).map_err(|e| e.at(Place::file(name)))?;
         let mut mesh = skinned_mesh(body, take.shape(0), &skin);
         if !take.is_at_rest() {
             mesh.animations = animations(take, &skin, &mesh);
@@ -68,7 +68,7 @@ struct Skin {
 }
 
 /// Fits a skin to frames of the take and to the training poses, and its bones to each frame.
-fn fit_skin(body: &BodyModel, take: &BodyTake) -> std::result::Result<Skin, String> {
+fn fit_skin(body: &BodyModel, take: &BodyTake) -> Result<Skin> {
     let shape = take.shape(0);
     let meshes = take.meshes(body);
     let frame = |k: usize| {
@@ -101,7 +101,7 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> std::result::Result<Skin, Stri
     let skinning = Skinning::fit(&template, &samples, CORRECTIONS.min(samples.len()))?;
     let frames = there.iter().map(|(k, s)| Ok((*k, skinning.frame(s)?)));
     Ok(Skin {
-        frames: frames.collect::<std::result::Result<_, String>>()?,
+        frames: frames.collect::<Result<_>>()?,
         template,
         skinning,
     })

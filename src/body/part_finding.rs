@@ -6,6 +6,7 @@
 //! that fits its own region worst.
 
 use super::template::most;
+use crate::Result;
 use crate::numeric::parallel;
 use crate::pose::similarity::nearest_rotation;
 use glam::{DMat3, DVec3};
@@ -24,18 +25,18 @@ const FEWEST_TRIANGLES: usize = 8;
 /// `faces` must hold all vertices together (see [`super::Template::bridges`]).
 ///
 /// # Errors
-/// A phrase: there is no pose, or there are fewer vertices than parts.
+/// [`crate::Error::Unfit`]: there is no pose, or there are fewer vertices than parts.
 pub fn find_parts(
     vertices: &[DVec3],
     faces: &[[usize; 3]],
     poses: &[Vec<DVec3>],
     count: usize,
-) -> Result<Vec<usize>, String> {
+) -> Result<Vec<usize>> {
     if poses.is_empty() {
         return Err("parts are found from poses; none is given".into());
     }
     if count == 0 || count > vertices.len() {
-        return Err(format!("has {} vertices for {count} parts", vertices.len()));
+        return Err(format!("has {} vertices for {count} parts", vertices.len()).into());
     }
     let neighbours = vertex_neighbours(vertices.len(), faces);
     let turns = local_rotations(vertices, &neighbours, poses);

@@ -5,6 +5,7 @@
 //! joints nearest to the triangle's part, which errs three times as much.)
 
 use super::template::Template;
+use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use crate::pose::rotation::rotation_vector;
@@ -49,12 +50,12 @@ impl PoseModel {
     /// Learns from poses: the rotations of the parts, and the Q of the triangles, of each.
     ///
     /// # Errors
-    /// A phrase: there is no pose.
+    /// [`crate::Error::Unfit`]: there is no pose.
     pub fn learn(
         template: &Template,
         poses: &[(Vec<DMat3>, Vec<DMat3>)],
         follows: Follows,
-    ) -> Result<PoseModel, String> {
+    ) -> Result<PoseModel> {
         if poses.is_empty() {
             return Err("a pose model is learnt from one pose or more; none is given".into());
         }

@@ -18,6 +18,7 @@ use super::gradient_energy::{Factored, GradientEnergy, Stiffness, Targets};
 use super::scan_match::ScanMatcher;
 use super::surface::Surface;
 use super::template::Template;
+use crate::Result;
 use crate::pose::similarity::{Similarity, TransformKind, eigen_symmetric, fit_similarity};
 use glam::DVec3;
 
@@ -64,13 +65,14 @@ pub struct Registration {
 /// The similarity of points of the template (vertex, position on the scan in cm) to those of the scan.
 ///
 /// # Errors
-/// A phrase: fewer than [`FEWEST_POINTS`] points, or all on a line.
-pub fn start(template: &[DVec3], points: &[(usize, DVec3)]) -> Result<Similarity, String> {
+/// [`crate::Error::Unfit`]: fewer than [`FEWEST_POINTS`] points, or all on a line.
+pub fn start(template: &[DVec3], points: &[(usize, DVec3)]) -> Result<Similarity> {
     if points.len() < FEWEST_POINTS {
         return Err(format!(
             "has {} points, expected {FEWEST_POINTS} or more",
             points.len()
-        ));
+        )
+        .into());
     }
     let pairs = points.iter().map(|(v, at)| (template[*v], *at, 1.0));
     let on_line = is_line(pairs.clone().map(|p| p.0)) || is_line(pairs.clone().map(|p| p.1));
@@ -98,13 +100,13 @@ fn is_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
 /// [`ROUNDS`] rounds.
 ///
 /// # Errors
-/// A phrase: what [`start`] says, or only triangles without area hold a vertex.
+/// [`crate::Error::Unfit`]: what [`start`] says, or only triangles without area hold a vertex.
 pub fn register(
     template: &Template,
     scan: &Surface,
     points: &[(usize, DVec3)],
     observer: &mut dyn FnMut(),
-) -> Result<Registration, String> {
+) -> Result<Registration> {
     let similarity = start(&template.vertices, points)?;
     let rest: Vec<DVec3> = (template.vertices.iter())
         .map(|v| similarity.apply(*v))
@@ -363,7 +365,7 @@ mod tests {
         let template = column(40);
         let start = |on: &[usize]| {
             let points: Vec<_> = on.iter().map(|v| (*v, template.vertices[*v])).collect();
-            start(&template.vertices, &points)
+            start(&template.vertices, &points).map_err(|e| e.to_string())
         };
         assert!(start(&[0, 12, 200]).unwrap_err().contains("has 3 points"));
         assert!(start(&[0, 24, 48, 240]).unwrap_err().contains("one line"));

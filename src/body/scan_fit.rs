@@ -12,6 +12,7 @@ use super::marker_model::{Marker, MarkerModel};
 use super::pose_model::twists;
 use super::surface::{Surface, SurfacePoint};
 use super::vertex_jacobian::vertex_jacobian;
+use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use crate::numeric::product::gram;
@@ -86,12 +87,8 @@ struct Pair {
 /// Fits a body to the vertices of a scan, centimetres, and to placed points: a vertex and where it is.
 ///
 /// # Errors
-/// A phrase: there are too few placed points, or the scan has no points near them.
-pub fn fit_scan(
-    body: &BodyModel,
-    scan: &Surface,
-    placed: &[(usize, DVec3)],
-) -> Result<ScanFit, String> {
+/// [`crate::Error::Unfit`]: there are too few placed points, or the scan has no points near them.
+pub fn fit_scan(body: &BodyModel, scan: &Surface, placed: &[(usize, DVec3)]) -> Result<ScanFit> {
     let (mut state, mut shift) = start(body, placed)?;
     let mut prior = body.fit_prior();
     prior.noise = POINT_DEVIATION;
@@ -130,7 +127,7 @@ fn reach(round: usize) -> f64 {
 }
 
 /// The pose and the shift of the placed points alone.
-fn start(body: &BodyModel, placed: &[(usize, DVec3)]) -> Result<(BodyState, DVec3), String> {
+fn start(body: &BodyModel, placed: &[(usize, DVec3)]) -> Result<(BodyState, DVec3)> {
     let markers: Vec<Marker> = placed.iter().map(|(v, _)| Marker::on(*v)).collect();
     let targets: Vec<Option<DVec3>> = placed.iter().map(|(_, p)| Some(*p)).collect();
     let model = MarkerModel::new(body, &markers);

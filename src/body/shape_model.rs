@@ -10,6 +10,7 @@
 use super::decomposition::{Decomposer, synthesise};
 use super::pose_model::PoseModel;
 use super::template::Template;
+use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
 use crate::numeric::product::product;
@@ -53,13 +54,13 @@ impl ShapeModel {
     /// Learns from the matrices of people (n, 9 P), at most `count` components.
     ///
     /// # Errors
-    /// A phrase: there is no one, or the matrices are not finite.
+    /// [`crate::Error::Unfit`]: there is no one, or the matrices are not finite.
     pub fn learn(
         template: &Template,
         people: &Array2<f32>,
         count: usize,
         metric: Metric,
-    ) -> Result<ShapeModel, String> {
+    ) -> Result<ShapeModel> {
         let n = people.nrows();
         let mean = people
             .mean_axis(Axis(0))

@@ -1,5 +1,6 @@
 //! The mesh that all bodies of a model share: its triangles, parts, joints, and the matrix that turns edges into vertices.
 
+use crate::Result;
 use crate::numeric::sparse_cholesky::SparseCholesky;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
@@ -43,18 +44,19 @@ impl Template {
     /// which files keep them, so that a template read again is the same.
     ///
     /// # Errors
-    /// A phrase: sizes differ, a triangle names a vertex that is not there, or the parts do not hang together.
+    /// [`crate::Error::Unfit`]: sizes differ, a triangle names a vertex that is not there, or the parts do not hang together.
     pub fn new(
         vertices: Vec<DVec3>,
         mut faces: Vec<[usize; 3]>,
         vertex_parts: Vec<usize>,
-    ) -> Result<Template, String> {
+    ) -> Result<Template> {
         if vertex_parts.len() != vertices.len() {
             return Err(format!(
                 "has {} vertices, and parts for {}",
                 vertices.len(),
                 vertex_parts.len()
-            ));
+            )
+            .into());
         }
         if faces.is_empty() || faces.iter().flatten().any(|v| *v >= vertices.len()) {
             return Err("has no triangles, or one that names a vertex that is not there".into());
@@ -168,12 +170,13 @@ impl Template {
     }
 
     /// The tree of the longest borders between parts, from the part with most of them outwards.
-    fn spanning_tree(&self) -> Result<Vec<Joint>, String> {
+    fn spanning_tree(&self) -> Result<Vec<Joint>> {
         let parts = self.vertex_parts.iter().max().map_or(0, |p| p + 1);
         if let Some(part) = (0..parts).find(|p| !self.face_parts.contains(p)) {
             return Err(format!(
                 "has a part {part} that most corners of no triangle are of: give it more vertices"
-            ));
+            )
+            .into());
         }
         let mut borders: HashMap<[usize; 2], (f64, DVec3)> = HashMap::new();
         for [a, b] in &self.neighbours {
@@ -219,7 +222,7 @@ impl Template {
             });
         }
         match reached.iter().position(|r| !r) {
-            Some(part) => Err(format!("has a part {part} that touches no other part")),
+            Some(part) => Err(format!("has a part {part} that touches no other part").into()),
             None => Ok(joints),
         }
     }
@@ -408,7 +411,8 @@ pub(super) mod tests {
     fn what_is_no_template_is_told() {
         let good = column(4);
         let new = |faces: Vec<[usize; 3]>, parts: Vec<usize>| {
-            Template::new(good.vertices.clone(), faces, parts).unwrap_err()
+            let new = Template::new(good.vertices.clone(), faces, parts);
+            new.unwrap_err().to_string()
         };
         assert!(new(good.faces.clone(), vec![0; 3]).contains("parts for 3"));
         assert!(new(vec![], vec![0; 16]).contains("no triangles"));

@@ -5,6 +5,7 @@ use super::decomposition::{Decomposer, SMOOTHNESS, fit_rotations};
 use super::pose_model::{Follows, PoseModel};
 use super::shape_model::{Metric, ShapeModel, matrices_of_person};
 use super::template::Template;
+use crate::Result;
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
@@ -51,14 +52,14 @@ impl Settings {
 /// mesh that has been decomposed.
 ///
 /// # Errors
-/// A phrase: no pose, or meshes that are not finite.
+/// [`crate::Error::Unfit`]: no pose, or meshes that are not finite.
 pub fn train(
     template: Template,
     poses: &[Vec<DVec3>],
     people: &[Vec<DVec3>],
     settings: &Settings,
     done: &mut dyn FnMut(),
-) -> Result<BodyModel, String> {
+) -> Result<BodyModel> {
     let decomposer =
         Decomposer::new(&template, settings.smoothness).ok_or("has triangles without area")?;
     let mut decompose = |pose: &Vec<DVec3>| {

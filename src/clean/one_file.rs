@@ -230,13 +230,13 @@ impl CleanSettings {
     fn redo(&self, file: &mut MotionFile, keeps: bool) -> Result<(Vec<PlaceToSee>, Vec<String>)> {
         if keeps && !self.redo.is_empty() {
             let what = "holds rotations, and only positions can be done again; write nan for what is bad in a BVH file, or clean it with the option `to csv`";
-            return Err(bad_of(&file.table.name, what.to_string()));
+            return Err(Error::data(Place::file(&file.table.name), what));
         }
         let rate = file.rate();
         let (mut places, mut notes) = (Vec::new(), Vec::new());
         for stretch in &self.redo {
             let emptied = stretch.empty(&mut file.table.poses, rate);
-            let (frame, count) = emptied.map_err(|what| bad_of(&file.table.name, what))?;
+            let (frame, count) = emptied.map_err(|e| e.at(Place::file(&file.table.name)))?;
             let [from, to] = stretch.seconds;
             notes.push(format!(
                 "{count} positions of {} from {from} to {to} s counted as missing, to be done again",
@@ -287,7 +287,7 @@ impl CleanSettings {
             return Ok((restored, Some(what.to_string())));
         }
         let (restored, short) = (restored.low_passed(cutoff, file.rate()))
-            .map_err(|what| bad_of(&file.table.name, what))?;
+            .map_err(|e| e.at(Place::file(&file.table.name)))?;
         let mut note = format!("smoothed (Butterworth, {cutoff} Hz, forwards and backwards)");
         if short > 0 {
             note += &format!("; {short} pieces of fewer than 10 frames are not");
@@ -497,8 +497,4 @@ pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
         MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
     );
     is_of_rotations && to.is_none()
-}
-
-fn bad_of(file: &str, what: String) -> Error {
-    Error::data(Place::file(file), what)
 }

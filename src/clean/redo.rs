@@ -1,5 +1,6 @@
 //! Stretches of a take that somebody found bad: they count as missing.
 
+use crate::Result;
 use crate::pose::Poses;
 use serde::Serialize;
 
@@ -16,8 +17,8 @@ impl Stretch {
     /// `NAME:FROM-TO`, such as `Ann:LFHD:1.2-1.9`: the last colon parts them.
     ///
     /// # Errors
-    /// What is expected.
-    pub fn parse(text: &str) -> Result<Stretch, String> {
+    /// [`crate::Error::Unfit`]: it is not of this form.
+    pub fn parse(text: &str) -> Result<Stretch> {
         let expected = "expected NAME:FROM-TO in seconds, such as LFHD:1.2-1.9";
         let (point, times) = text.rsplit_once(':').ok_or(expected)?;
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
@@ -47,14 +48,12 @@ impl Stretch {
     /// positions were there.
     ///
     /// # Errors
-    /// What is wrong: there is no such point or time, or there are several takes.
-    pub fn empty(&self, poses: &mut Poses, rate: Option<f64>) -> Result<(usize, usize), String> {
+    /// [`crate::Error::Unfit`]: there is no such point or time, or there are several takes.
+    pub fn empty(&self, poses: &mut Poses, rate: Option<f64>) -> Result<(usize, usize)> {
         let find = poses.points.iter().position(|p| *p == self.point);
         let p = find.ok_or_else(|| format!("has no point \"{}\" to be done again", self.point))?;
         if poses.takes().len() != 1 {
-            return Err(
-                "has not one take, and only of one can something be done again; part takes with trim".into(),
-            );
+            return Err("has not one take, and only of one can something be done again; part takes with trim".into());
         }
         let [from, to] = self.seconds;
         let frames = self.frames(poses, rate);
@@ -64,7 +63,8 @@ impl Stretch {
                 "has no frame from {from} to {to} s to be done again: its times go from {} to {} s",
                 time_of(poses, rate, 0),
                 time_of(poses, rate, last)
-            ));
+            )
+            .into());
         };
         let mut count = 0;
         for t in frames {
@@ -88,12 +88,15 @@ mod tests {
 
     #[test]
     fn the_last_colon_parts_name_and_times() {
-        let of = |text: &str| Stretch::parse(text).map(|s| (s.point, s.seconds));
-        assert_eq!(of("Ann:LFHD:1.2-1.9"), Ok(("Ann:LFHD".into(), [1.2, 1.9])));
-        assert_eq!(of("a-b:1e-3-2"), Ok(("a-b".into(), [0.001, 2.0])));
-        assert_eq!(of("a:-1--0.5"), Ok(("a".into(), [-1.0, -0.5])));
+        let of = |text: &str| Stretch::parse(text).ok().map(|s| (s.point, s.seconds));
+        assert_eq!(
+            of("Ann:LFHD:1.2-1.9"),
+            Some(("Ann:LFHD".into(), [1.2, 1.9]))
+        );
+        assert_eq!(of("a-b:1e-3-2"), Some(("a-b".into(), [0.001, 2.0])));
+        assert_eq!(of("a:-1--0.5"), Some(("a".into(), [-1.0, -0.5])));
         for bad in ["a", "a:1", ":1-2", "a:2-1", "a:x-y", "a:nan-1", ""] {
-            assert!(of(bad).is_err(), "{bad}");
+            assert!(of(bad).is_none(), "{bad}");
         }
     }
 
@@ -106,7 +109,7 @@ mod tests {
             ..Poses::default()
         };
         let stretch = Stretch::parse("b:3.0667-3.1333").unwrap();
-        assert_eq!(stretch.empty(&mut poses, Some(30.0)), Ok((2, 3)));
+        assert_eq!(stretch.empty(&mut poses, Some(30.0)).unwrap(), (2, 3));
         let missing: Vec<usize> = (0..10).filter(|t| poses.xyz[[*t, 3]].is_nan()).collect();
         assert_eq!(missing, [2, 3, 4]);
         assert!(poses.xyz.column(0).iter().all(|v| v.is_finite()));

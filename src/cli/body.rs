@@ -45,8 +45,7 @@ pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet>
             return Err(Error::data(place(), "has no faces, expected a surface"));
         }
         let scale = units.unit.centimeters() / 100.0;
-        mesh.plausible_height(scale)
-            .map_err(|what| Error::data(place(), what))?;
+        mesh.plausible_height(scale).map_err(|e| e.at(place()))?;
     }
     let mut xyz = [0.0; 3];
     for mut row in set.vertices.rows_mut() {
@@ -356,8 +355,8 @@ pub fn fit_take(
     let model = MarkerModel::new(body, markers);
     let mut prior = body.fit_prior();
     prior.noise = noise;
-    let animation = animate(&model, &prior, frames, offsets)
-        .map_err(|what| Error::data(Place::file(source), what))?;
+    let animation =
+        animate(&model, &prior, frames, offsets).map_err(|e| e.at(Place::file(source)))?;
     let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
     let missed = frames.len() - rms.len();
     let worst = rms.iter().copied().fold(0.0, f64::max);

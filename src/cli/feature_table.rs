@@ -11,7 +11,7 @@ use crate::metric::JointMap;
 use crate::metric::body_frame::BodyFramePoses;
 use crate::numeric::parallel;
 use crate::pose::{NameMap, Poses};
-use crate::{Error, Place, Result};
+use crate::{Place, Result};
 use ndarray::Array2;
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub fn joint_map(name: &str) -> Result<JointMap> {
         return Ok(JointMap::of_names(map));
     }
     let (points, source) = toml_file::read(map_file(name)?)?;
-    JointMap::new(points).map_err(|what| Error::data(Place::file(source), what))
+    JointMap::new(points).map_err(|e| e.at(Place::file(source)))
 }
 
 /// The takes of a table in the body's own frame; `rates` are theirs.
@@ -48,15 +48,12 @@ pub fn body_frames(
     let takes = poses.takes().into_iter().zip(rates);
     let place = |(range, rate): (std::ops::Range<usize>, &Option<f64>)| {
         let take = poses.take.as_ref().map(|t| t[range.start].to_string());
-        BodyFramePoses::new(&poses.slice(range), *rate, map).map_err(|what| {
+        BodyFramePoses::new(&poses.slice(range), *rate, map).map_err(|e| {
             let place = Place::file(name);
-            Error::data(
-                match take {
-                    Some(take) => place.part(format!("take {take}")),
-                    None => place,
-                },
-                what,
-            )
+            e.at(match take {
+                Some(take) => place.part(format!("take {take}")),
+                None => place,
+            })
         })
     };
     takes.map(place).collect()

@@ -62,7 +62,7 @@ fn parse_scoped<T>(
     value: impl Fn(&str) -> std::result::Result<T, String>,
 ) -> std::result::Result<Scoped<T>, String> {
     let (scope, text) = match text.rsplit_once('=') {
-        Some((word, text)) => (Scope::parse(word)?, text),
+        Some((word, text)) => (Scope::parse(word).map_err(|e| e.to_string())?, text),
         None => (Scope::All, text),
     };
     let value = value(text)?;

@@ -65,7 +65,8 @@ impl RegistrationPoints {
     /// [`Error::Data`]: which of these, and the remedy.
     pub fn check(&self, template: &[DVec3], scan: &Surface) -> Result<()> {
         let fail = |what: String| Error::data(Place::file(&self.name), what);
-        let similarity = start(template, &self.points).map_err(fail)?;
+        let similarity =
+            start(template, &self.points).map_err(|e| e.at(Place::file(&self.name)))?;
         if !(1.0 / 3.0..3.0).contains(&similarity.scale) {
             return Err(fail(format!(
                 "on the scan its {} points lie {:.3} times as far apart as on the template; check --units and --template-units",

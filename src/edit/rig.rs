@@ -204,7 +204,10 @@ mod tests {
     fn a_wrong_map_and_a_strange_skeleton_are_refused() {
         let points = owned(&["root", "lfoot", "rfoot"]);
         let strange = Rig::new(skeleton(&["root", "b", "c"]), &points).unwrap_err();
-        assert!(strange.to_string().contains("the option `map`"), "{strange}");
+        assert!(
+            strange.to_string().contains("the option `map`"),
+            "{strange}"
+        );
         let joints = ["root", "lfoot", "rfoot"].map(|n| (n.to_string(), 0));
         for (point, joint, what) in [
             ("nose", "root", "point \"nose\""),

@@ -1,5 +1,6 @@
 //! Tables that belong together: their points in one order.
 
+use crate::Result;
 use crate::pose::Poses;
 use std::fmt::Display;
 
@@ -9,16 +10,16 @@ const EQUAL_TIME: f64 = 1e-4;
 /// The index in `other` of each point of `first`.
 ///
 /// # Errors
-/// How `other` differs, such as `has no point "head"`: a point is missing, or frames, takes or times differ.
-pub fn point_order(first: &Poses, other: &Poses) -> Result<Vec<usize>, String> {
+/// [`crate::Error::Unfit`], such as `has no point "head"`: a point is missing, or frames, takes or times differ.
+pub fn point_order(first: &Poses, other: &Poses) -> Result<Vec<usize>> {
     let find = |point: &String| {
         let found = other.points.iter().position(|p| p == point);
-        found.ok_or_else(|| format!("has no point \"{point}\""))
+        found.ok_or_else(|| format!("has no point \"{point}\"").into())
     };
-    let order = first.points.iter().map(find).collect::<Result<_, _>>()?;
+    let order = first.points.iter().map(find).collect::<Result<_>>()?;
     if first.frames() != other.frames() {
         let (frames, wanted) = (other.frames(), first.frames());
-        return Err(format!("has {frames} frames, not {wanted}"));
+        return Err(format!("has {frames} frames, not {wanted}").into());
     }
     differs("take", &first.take, &other.take, |a, b| a == b)?;
     let equal = |a: &f64, b: &f64| (a - b).abs() <= EQUAL_TIME;
@@ -32,15 +33,15 @@ fn differs<T: Display>(
     first: &Option<Vec<T>>,
     other: &Option<Vec<T>>,
     equal: impl Fn(&T, &T) -> bool,
-) -> Result<(), String> {
+) -> Result<()> {
     let (Some(first), Some(other)) = (first, other) else {
         return Ok(());
     };
     let mut frames = first.iter().zip(other).enumerate();
     match frames.find(|(_, (a, b))| !equal(a, b)) {
-        Some((t, (a, b))) => Err(format!(
-            "has {what} {b} in frame {t} (counted from 0), not {a}"
-        )),
+        Some((t, (a, b))) => {
+            Err(format!("has {what} {b} in frame {t} (counted from 0), not {a}").into())
+        }
         None => Ok(()),
     }
 }

@@ -93,13 +93,13 @@ impl Corruption {
     }
 }
 
-fn find(points: &[String], name: &str, flag: &str) -> Result<usize> {
+fn find(points: &[String], name: &str, option: &str) -> Result<usize> {
     points.iter().position(|p| p == name).ok_or_else(|| {
         let known = points.iter().take(4).cloned().collect::<Vec<_>>();
         let known = known.join(", ");
         let more = if points.len() > 4 { ", ..." } else { "" };
         Error::usage(format!(
-            "the option `{flag}`: the table has no point \"{name}\"; its points are {known}{more}"
+            "the option `{option}`: the table has no point \"{name}\"; its points are {known}{more}"
         ))
     })
 }
@@ -280,9 +280,9 @@ mod tests {
             let e = corruption(change).check(&names(6)).unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
-        says(&|c| c.dense = f64::NAN, "the option `dense ");
-        says(&|c| c.sparse = -1.0, "the option `sparse ");
-        says(&|c| c.share = 1.5, "the option `share ");
+        says(&|c| c.dense = f64::NAN, "the option `dense NaN`");
+        says(&|c| c.sparse = -1.0, "the option `sparse -1`");
+        says(&|c| c.share = 1.5, "the option `share 1.5`");
         says(&|c| c.keep = Some(vec!["x".into()]), "no point \"x\"");
         says(&|c| c.drop = vec!["x".into()], "the option `drop`");
     }

@@ -71,11 +71,11 @@ impl Asf {
                 "root" => parser.root(&words),
                 "bonedata" => parser.bone(&words, here.line.unwrap_or(0)),
                 "hierarchy" => parser.hierarchy(&words, here.line.unwrap_or(0)),
-                "" => Err("expected a section such as :units; not an ASF file".to_string()),
+                "" => Err("expected a section such as :units; not an ASF file".into()),
                 // :version, :name, :documentation and whatever else does not bear on motion.
                 _ => Ok(()),
             }
-            .map_err(|what| Error::data(here, what))?;
+            .map_err(|e: Error| e.at(here))?;
         }
         parser.finish(&name, unit)
     }
@@ -111,15 +111,15 @@ struct Parser {
 }
 
 /// Three numbers.
-fn triple(words: &[&str]) -> std::result::Result<[f64; 3], String> {
+fn triple(words: &[&str]) -> Result<[f64; 3]> {
     let [a, b, c] = words else {
-        return Err(format!("expected three numbers, found {}", words.len()));
+        return Err(format!("expected three numbers, found {}", words.len()).into());
     };
     Ok([parse_number(a)?, parse_number(b)?, parse_number(c)?])
 }
 
 impl Parser {
-    fn units(&mut self, words: &[&str]) -> std::result::Result<(), String> {
+    fn units(&mut self, words: &[&str]) -> Result<()> {
         match (words[0].to_ascii_lowercase().as_str(), &words[1..]) {
             ("length", [value]) => match parse_number(value)? {
                 v if v > 0.0 => self.unit = Some(2.54 / v),
@@ -129,21 +129,20 @@ impl Parser {
                 "deg" | "degrees" => self.degrees = Some(true),
                 "rad" | "radians" => self.degrees = Some(false),
                 other => {
-                    return Err(format!(
-                        "expected angle deg or rad, found \"{}\"",
-                        excerpt(other)
-                    ));
+                    return Err(
+                        format!("expected angle deg or rad, found \"{}\"", excerpt(other)).into(),
+                    );
                 }
             },
             ("length" | "angle", _) => {
-                return Err(format!("expected one value after {}", words[0]));
+                return Err(format!("expected one value after {}", words[0]).into());
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn root(&mut self, words: &[&str]) -> std::result::Result<(), String> {
+    fn root(&mut self, words: &[&str]) -> Result<()> {
         match words[0].to_ascii_lowercase().as_str() {
             "order" => {
                 self.root_order = channels(&words[1..])?;
@@ -160,14 +159,14 @@ impl Parser {
         Ok(())
     }
 
-    fn bone(&mut self, words: &[&str], line: u64) -> std::result::Result<(), String> {
+    fn bone(&mut self, words: &[&str], line: u64) -> Result<()> {
         let key = words[0].to_ascii_lowercase();
         if key == "begin" {
             if self.open.is_some() {
                 return Err("a bone begins inside another; is an \"end\" missing?".into());
             }
             if self.bones.len() >= MOST_BONES {
-                return Err(format!("more than {MOST_BONES} bones"));
+                return Err(format!("more than {MOST_BONES} bones").into());
             }
             self.open = Some(RawBone {
                 line,
@@ -176,10 +175,7 @@ impl Parser {
             return Ok(());
         }
         let Some(bone) = self.open.as_mut() else {
-            return Err(format!(
-                "expected \"begin\", found \"{}\"",
-                excerpt(words[0])
-            ));
+            return Err(format!("expected \"begin\", found \"{}\"", excerpt(words[0])).into());
         };
         let more_limits = self.limits_open && words.len() == 2 && bound(words[0], 0.0).is_ok();
         self.limits_open = key == "limits" || more_limits;
@@ -213,7 +209,7 @@ impl Parser {
         Ok(())
     }
 
-    fn close(&mut self, bone: RawBone) -> std::result::Result<(), String> {
+    fn close(&mut self, bone: RawBone) -> Result<()> {
         let lacks = |what: &str| {
             format!(
                 "bone \"{}\" (line {}) has no {what}",
@@ -222,16 +218,16 @@ impl Parser {
             )
         };
         if bone.name.is_empty() {
-            return Err(lacks("name"));
+            return Err(lacks("name").into());
         }
         if bone.name == "root" || self.bones.iter().any(|b| b.name == bone.name) {
-            return Err(format!("two bones are named \"{}\"", excerpt(&bone.name)));
+            return Err(format!("two bones are named \"{}\"", excerpt(&bone.name)).into());
         }
         if bone.direction.is_none() {
-            return Err(lacks("direction"));
+            return Err(lacks("direction").into());
         }
         if bone.length.is_none() {
-            return Err(lacks("length"));
+            return Err(lacks("length").into());
         }
         if !bone.limits.is_empty() && bone.limits.len() != bone.dofs.len() {
             return Err(format!(
@@ -239,13 +235,14 @@ impl Parser {
                 excerpt(&bone.name),
                 bone.dofs.len(),
                 bone.limits.len()
-            ));
+            )
+            .into());
         }
         self.bones.push(bone);
         Ok(())
     }
 
-    fn hierarchy(&mut self, words: &[&str], line: u64) -> std::result::Result<(), String> {
+    fn hierarchy(&mut self, words: &[&str], line: u64) -> Result<()> {
         self.hierarchy_seen = true;
         if matches!(words[0].to_ascii_lowercase().as_str(), "begin" | "end") {
             return Ok(());
@@ -253,7 +250,7 @@ impl Parser {
         let parent = words[0].to_string();
         for child in &words[1..] {
             if self.parents.insert(child.to_string(), line).is_some() {
-                return Err(format!("bone \"{}\" has two parents", excerpt(child)));
+                return Err(format!("bone \"{}\" has two parents", excerpt(child)).into());
             }
         }
         self.children
@@ -423,7 +420,7 @@ fn bone(raw: &RawBone, parent: usize, unit: f64, angle: f64) -> Bone {
 }
 
 /// A list of channels, each named once.
-fn channels(words: &[&str]) -> std::result::Result<Vec<Channel>, String> {
+fn channels(words: &[&str]) -> Result<Vec<Channel>> {
     let mut out = Vec::new();
     for word in words {
         let channel = Channel::parse(word).ok_or_else(|| {
@@ -433,7 +430,7 @@ fn channels(words: &[&str]) -> std::result::Result<Vec<Channel>, String> {
             )
         })?;
         if out.contains(&channel) {
-            return Err(format!("\"{}\" appears twice", excerpt(word)));
+            return Err(format!("\"{}\" appears twice", excerpt(word)).into());
         }
         out.push(channel);
     }
@@ -441,22 +438,23 @@ fn channels(words: &[&str]) -> std::result::Result<Vec<Channel>, String> {
 }
 
 /// `(low high)`, without the brackets.
-fn limit(words: &[&str]) -> std::result::Result<(f64, f64), String> {
+fn limit(words: &[&str]) -> Result<(f64, f64)> {
     let [low, high] = words else {
         return Err(format!(
             "expected limits such as (-90 45), found {} values",
             words.len()
-        ));
+        )
+        .into());
     };
     let (low, high) = (bound(low, f64::NEG_INFINITY)?, bound(high, f64::INFINITY)?);
     if low > high {
-        return Err(format!("the lower limit {low} is above the upper {high}"));
+        return Err(format!("the lower limit {low} is above the upper {high}").into());
     }
     Ok((low, high))
 }
 
 /// A number, or `inf` in either sign for `open`.
-fn bound(word: &str, open: f64) -> std::result::Result<f64, String> {
+fn bound(word: &str, open: f64) -> Result<f64> {
     match word.to_ascii_lowercase().trim_start_matches(['-', '+']) {
         "inf" | "infinity" => Ok(open),
         _ => parse_number(word),

@@ -65,14 +65,14 @@ impl MarkerRows {
     /// Adds the row that stands in line `line`. Frames whose numbers are left out are frames without points.
     ///
     /// # Errors
-    /// What is wrong with the row.
+    /// [`Error::Unfit`]: a number that cannot be read, frames that do not rise, or more than fit.
     pub fn push<'a>(
         &mut self,
         line: u64,
         frame: Option<&str>,
         time: Option<&str>,
         cells: impl Iterator<Item = &'a str>,
-    ) -> std::result::Result<(), String> {
+    ) -> Result<()> {
         let next = self.first + self.ends.len() as u64;
         let number = frame.map_or(Ok(next), frame_number)?;
         if self.ends.is_empty() {
@@ -82,7 +82,7 @@ impl MarkerRows {
                 format!("frame {number} follows frame {}, expected {next}", next - 1)
             })?;
             if absent >= (MOST_FRAMES - self.ends.len()) as u64 {
-                return Err(format!("there are more than {MOST_FRAMES} frames"));
+                return Err(format!("there are more than {MOST_FRAMES} frames").into());
             }
             let frames = self.ends.len() + absent as usize;
             self.ends.resize(frames, self.values.len());
@@ -95,14 +95,11 @@ impl MarkerRows {
         self.push_cells(cells)
     }
 
-    fn push_cells<'a>(
-        &mut self,
-        cells: impl Iterator<Item = &'a str>,
-    ) -> std::result::Result<(), String> {
+    fn push_cells<'a>(&mut self, cells: impl Iterator<Item = &'a str>) -> Result<()> {
         let start = self.values.len();
         for (i, cell) in cells.enumerate() {
             if i == MOST_COLUMNS {
-                return Err(format!("the row has more than {MOST_COLUMNS} columns"));
+                return Err(format!("the row has more than {MOST_COLUMNS} columns").into());
             }
             self.values.push(coordinate(cell)?);
         }
@@ -122,19 +119,19 @@ impl MarkerRows {
     }
 
     /// Whether the frames fit into the memory at a width, in coordinates.
-    fn check_size(&self, width: usize) -> std::result::Result<(), String> {
+    fn check_size(&self, width: usize) -> Result<()> {
         let (frames, points) = (self.ends.len(), width / 3);
         let values = frames.saturating_mul(width);
         if values > MOST_VALUES {
             return Err(format!(
                 "{frames} frames of {points} points are more than the {MOST_VALUES} values that fit; split the file"
-            ));
+            ).into());
         }
         if values > VALUES && values > MOST_ABSENT.saturating_mul(self.all_cells) {
             let there = self.all_cells / 3;
             return Err(format!(
                 "{frames} frames of {points} points by their numbers and names, but only {there} points in all rows; check the numbers of the frames and the names of the points"
-            ));
+            ).into());
         }
         Ok(())
     }
@@ -177,7 +174,8 @@ impl MarkerRows {
         if width == 0 {
             return Err(bad("has no markers".into()));
         }
-        self.check_size(width).map_err(bad)?;
+        self.check_size(width)
+            .map_err(|e| e.at(Place::file(name)))?;
         let (points, xyz, kept) =
             named_points(self.dense(width), &stated.labels, &mut stated.notes);
         let first = self.first + u64::from(stated.from_zero);
@@ -287,15 +285,15 @@ fn named_points(
 }
 
 /// The number of a frame.
-fn frame_number(text: &str) -> std::result::Result<u64, String> {
+fn frame_number(text: &str) -> Result<u64> {
     let number = text.trim().parse::<f64>().ok();
     let whole = number.filter(|n| n.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(n));
     let what = || format!("expected a frame's number, found \"{}\"", excerpt(text));
-    whole.map(|n| n as u64).ok_or_else(what)
+    whole.map(|n| n as u64).ok_or_else(|| what().into())
 }
 
 /// A coordinate; NaN where it is missing.
-fn coordinate(cell: &str) -> std::result::Result<f64, String> {
+fn coordinate(cell: &str) -> Result<f64> {
     let cell = cell.trim();
     match is_missing(cell) {
         true => Ok(f64::NAN),
@@ -320,7 +318,7 @@ pub fn is_missing(cell: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn rows(lines: &[&str]) -> std::result::Result<MarkerRows, String> {
+    fn rows(lines: &[&str]) -> Result<MarkerRows> {
         let mut rows = MarkerRows::default();
         for line in lines {
             let mut cells = line.split(' ');
@@ -412,12 +410,12 @@ mod tests {
     #[test]
     fn hostile_rows_are_refused_before_they_fill_the_memory() {
         let wide = "1 ".repeat(MOST_COLUMNS + 10);
-        assert!(rows(&[&wide]).unwrap_err().contains("columns"));
+        assert!(rows(&[&wide]).unwrap_err().to_string().contains("columns"));
         let mut tall = MarkerRows::default();
         let row = vec!["1"; 9000];
         tall.push(1, Some("1"), None, row.into_iter()).unwrap();
         let far = tall.push(2, Some("100000"), None, std::iter::once("1"));
-        assert!(far.unwrap_err().contains("split the file"));
+        assert!(far.unwrap_err().to_string().contains("split the file"));
         let labels = vec!["a"; 30_000];
         let few = rows(&["1 0 1", "9000 0 1"]).unwrap();
         let said = few.take("x", stated(&labels), true, false).unwrap_err();
@@ -427,7 +425,11 @@ mod tests {
         tall.push(1, Some("1"), None, vec!["1"; 9000].into_iter())
             .unwrap();
         let far = tall.push(2, Some("29000"), None, std::iter::once("1"));
-        assert!(far.unwrap_err().contains("only 3000 points in all rows"));
+        assert!(
+            far.unwrap_err()
+                .to_string()
+                .contains("only 3000 points in all rows")
+        );
     }
 
     #[test]
@@ -435,7 +437,7 @@ mod tests {
         for cell in ["", "NaN", "-nan(ind)", "-1.#IND00", "null", "N/A"] {
             assert!(coordinate(cell).unwrap().is_nan(), "{cell}");
         }
-        assert_eq!(coordinate(" 0.000 "), Ok(0.0));
+        assert_eq!(coordinate(" 0.000 ").unwrap(), 0.0);
         for cell in ["x", "1,5", "inf", "1.#INF"] {
             assert!(coordinate(cell).is_err(), "{cell}");
         }

@@ -200,9 +200,9 @@ impl MarkerTake {
             let mut present = row.iter().filter(|v| !v.is_nan());
             present
                 .try_for_each(|v| check_length(*v).map(drop))
-                .map_err(|what| {
+                .map_err(|e| {
                     let frame = format!("frame {}", u64::from(self.first_frame) + t as u64);
-                    Error::data(Place::file(&self.name).part(frame), what)
+                    e.at(Place::file(&self.name).part(frame))
                 })?;
         }
         let first = f64::from(self.first_frame) - 1.0;

@@ -74,7 +74,7 @@ impl Matrix {
         let mut rest = &file[..];
         let header = npy::read_header(&mut rest, place)?;
         let short = header.descr == "<i2";
-        let wide = !short && header.wide().map_err(fail)?;
+        let wide = !short && header.wide().map_err(|e| e.at(place.clone()))?;
         let (rows, columns) = match header.shape[..] {
             [n] => (n, 1),
             [n, d] => (n, d),

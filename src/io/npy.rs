@@ -39,17 +39,15 @@ pub(super) struct Header {
 
 impl Header {
     /// Whether the floats are f64; an error when they are not floats.
-    pub(super) fn wide(&self) -> std::result::Result<bool, String> {
+    pub(super) fn wide(&self) -> Result<bool> {
         match self.descr.as_str() {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
-            "|O" => Err(
-                "holds a Python object (a pickle), which may run code: save its positions alone with numpy.save".into(),
-            ),
+            "|O" => Err("holds a Python object (a pickle), which may run code: save its positions alone with numpy.save".into()),
             other => Err(format!(
                 "has values of type {}, expected <f4 or <f8",
                 excerpt(other)
-            )),
+            ).into()),
         }
     }
 }
@@ -65,9 +63,7 @@ impl NpyReader {
         let mut reader = BufReader::with_capacity(BLOCK, input.into_reader());
         let header = read_header(&mut reader, &place)?;
         let fail = |what: String| Err(Error::data(place.clone(), what));
-        let wide = header
-            .wide()
-            .map_err(|what| Error::data(place.clone(), what))?;
+        let wide = header.wide().map_err(|e| e.at(place.clone()))?;
         let (frames, width) = match header.shape[..] {
             [_, 263] => {
                 return fail(
@@ -162,7 +158,7 @@ impl NpyReader {
             .unwrap_or(0);
         let what = match xyz[bad] {
             v if v.is_infinite() => "the value is infinite".to_string(),
-            v => check_length(v).err().unwrap_or_default(),
+            v => check_length(v).map_or_else(|e| e.to_string(), |_| String::new()),
         };
         self.fail(&format!("frame {}, column {bad}: {what}", self.next - 1))
     }
@@ -256,12 +252,12 @@ pub(super) fn read_header(reader: &mut dyn Read, place: &Place) -> Result<Header
     let mut text = vec![0; length as usize];
     reader.read_exact(&mut text).map_err(cut)?;
     let text = String::from_utf8_lossy(&text);
-    parse_header(&text).map_err(fail)
+    parse_header(&text).map_err(|e| e.at(place.clone()))
 }
 
 /// Reads `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 69), }`.
-fn parse_header(text: &str) -> std::result::Result<Header, String> {
-    let field = |key: &str| -> std::result::Result<&str, String> {
+fn parse_header(text: &str) -> Result<Header> {
+    let field = |key: &str| -> Result<&str> {
         let quoted = [format!("'{key}'"), format!("\"{key}\"")];
         let at = quoted
             .iter()
@@ -270,7 +266,7 @@ fn parse_header(text: &str) -> std::result::Result<Header, String> {
             .map(|i| text[i..].trim_start())
             .and_then(|r| r.strip_prefix(':'));
         rest.map(str::trim_start)
-            .ok_or_else(|| format!("has no \"{key}\" in its header"))
+            .ok_or_else(|| Error::unfit(format!("has no \"{key}\" in its header")))
     };
     let descr: String = field("descr")?
         .chars()
@@ -345,12 +341,12 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
 /// other bytes stay; a missing value takes no number away.
 ///
 /// # Errors
-/// The message: no array of frames of such a size.
+/// [`Error::Unfit`]: no array of frames of such a size.
 pub fn with_values(
     file: &[u8],
     old: ArrayView2<'_, f64>,
     new: ArrayView2<'_, f64>,
-) -> std::result::Result<Vec<u8>, String> {
+) -> Result<Vec<u8>> {
     let mut rest = file;
     let header = read_header(&mut rest, &Place::file("")).map_err(|e| e.to_string())?;
     let size = if header.wide()? { 8 } else { 4 };

@@ -55,7 +55,7 @@ impl NpzTake {
         };
         let entries = zipped.entries()?;
         let place = Place::file(&name);
-        let chosen = choose(&entries).map_err(|what| Error::data(place.clone(), what))?;
+        let chosen = choose(&entries).map_err(|e| e.at(place.clone()))?;
         let names = match joints {
             Some(joints) => Some(joints.to_vec()),
             None => zipped.names(&entries, chosen)?,
@@ -131,8 +131,7 @@ impl NpzTake {
         let broken = |e: zip::result::ZipError| zipped.fail(&e.to_string());
         let place = Place::file(&self.take.name);
         let content = zipped.content(self.entry)?;
-        let content = with_values(&content, self.take.xyz.view(), new)
-            .map_err(|what| Error::data(place, what))?;
+        let content = with_values(&content, self.take.xyz.view(), new).map_err(|e| e.at(place))?;
         let mut from = zipped.open()?;
         let mut to = zip::ZipWriter::new(Cursor::new(Vec::with_capacity(self.archive.len())));
         for index in 0..from.len() {
@@ -384,7 +383,7 @@ const OTHERS: [&str; 12] = [
 ];
 
 /// The array of positions.
-fn choose(entries: &[Entry]) -> std::result::Result<&Entry, String> {
+fn choose(entries: &[Entry]) -> Result<&Entry> {
     if let Some(what) = of_posing(entries) {
         return Err(what.into());
     }
@@ -405,11 +404,12 @@ fn choose(entries: &[Entry]) -> std::result::Result<&Entry, String> {
     let maybe: Vec<&&Entry> = spatial.iter().filter(|e| !is_other(e)).collect();
     match maybe[..] {
         [one] => Ok(one),
-        [] => Err(without_positions(entries)),
+        [] => Err(without_positions(entries).into()),
         _ => Err(format!(
             "holds several arrays of positions ({}): save one of them with numpy.save as NPY",
             listed(maybe.iter().map(|e| **e))
-        )),
+        )
+        .into()),
     }
 }
 

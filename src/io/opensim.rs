@@ -50,7 +50,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
             return Err(Error::data(lines.here(), what));
         }
         let seconds = parse_number(row[time]);
-        times.push(seconds.map_err(|what| Error::data(lines.here().part("time"), what))?);
+        times.push(seconds.map_err(|e| e.at(lines.here().part("time")))?);
         let others = row.iter().enumerate().filter(|(c, _)| *c != time);
         carried.push(lines.number, others.map(|(_, cell)| *cell));
     }

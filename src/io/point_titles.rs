@@ -5,6 +5,7 @@ use super::marker_rows::is_missing;
 use super::row_cells::texts_of;
 use super::text::excerpt;
 use super::text_cells::Separator;
+use crate::Result;
 use std::collections::HashMap;
 
 /// The most rows that titles have: scorer, individual, point, axis, and the unit or the name of the index.
@@ -75,14 +76,14 @@ impl PointTitles {
     /// The unit of length, if one is stated.
     ///
     /// # Errors
-    /// What is wrong: there are several.
-    pub fn unit(&self) -> Result<Option<String>, String> {
+    /// [`crate::Error::Unfit`]: there are several.
+    pub fn unit(&self) -> Result<Option<String>> {
         match &self.units[..] {
             [one, other, ..] => Err(format!(
                 "has points in {} and in {}: convert them to one unit, or leave out those of the other",
                 excerpt(one),
                 excerpt(other)
-            )),
+            ).into()),
             units => Ok(units.first().map(|unit| excerpt(unit))),
         }
     }
@@ -466,7 +467,7 @@ mod tests {
             assert_eq!(titles.others[1], ("a_l_error".to_string(), 4));
             assert_eq!((titles.rows, titles.others.len()), (1, 2));
             let units = row.contains("mm").then_some("mm".to_string());
-            assert_eq!(titles.unit(), Ok(units));
+            assert_eq!(titles.unit().unwrap(), units);
         }
         let apart = PointTitles::read(&["a_x,b_x,a_y,b_y,a_z,b_z"]).unwrap();
         assert_eq!(apart.points[1].1, [1, 3, 5]);
@@ -547,11 +548,11 @@ mod tests {
             &["A,,,B,,", "x,y,z,x,y,z", "m,m,m,mm,mm,mm"],
         ] {
             let said = PointTitles::read(rows).unwrap().unit().unwrap_err();
-            assert!(said.contains("in m and in mm"), "{said}");
+            assert!(said.to_string().contains("in m and in mm"), "{said}");
         }
         let same = "A_x (m),A_y (M),A_z (m),LAngle_x (deg),LAngle_y (deg),LAngle_z (deg)";
         let same = PointTitles::read(&[same]).unwrap();
-        assert_eq!(same.unit(), Ok(Some("m".to_string())));
+        assert_eq!(same.unit().unwrap().as_deref(), Some("m"));
     }
 
     #[test]

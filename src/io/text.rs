@@ -186,15 +186,12 @@ pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
 /// A finite number, or what stands there instead.
 ///
 /// # Errors
-/// The message: no number, or an infinite one.
-pub fn parse_number(text: &str) -> std::result::Result<f64, String> {
+/// [`Error::Unfit`]: no number, or an infinite one.
+pub fn parse_number(text: &str) -> Result<f64> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
-        Ok(_) => Err(format!(
-            "expected a finite number, found \"{}\"",
-            excerpt(text)
-        )),
-        Err(_) => Err(format!("expected a number, found \"{}\"", excerpt(text))),
+        Ok(_) => Err(format!("expected a finite number, found \"{}\"", excerpt(text)).into()),
+        Err(_) => Err(format!("expected a number, found \"{}\"", excerpt(text)).into()),
     }
 }
 
@@ -205,14 +202,15 @@ pub const MAX_COORDINATE: f64 = 1e12;
 /// A length in centimetres that is no damage, or what is wrong with it.
 ///
 /// # Errors
-/// The message: the length is beyond [`MAX_COORDINATE`].
-pub fn check_length(centimetres: f64) -> std::result::Result<f64, String> {
+/// [`Error::Unfit`]: the length is beyond [`MAX_COORDINATE`].
+pub fn check_length(centimetres: f64) -> Result<f64> {
     if centimetres.abs() <= MAX_COORDINATE {
         Ok(centimetres)
     } else {
-        Err(format!(
-            "{centimetres:e} cm is too large: expected at most {MAX_COORDINATE:e} cm"
-        ))
+        Err(
+            format!("{centimetres:e} cm is too large: expected at most {MAX_COORDINATE:e} cm")
+                .into(),
+        )
     }
 }
 
@@ -369,10 +367,15 @@ mod tests {
     #[test]
     fn messages_stay_on_one_line() {
         assert_eq!(
-            parse_number("a\nb").unwrap_err(),
+            parse_number("a\nb").unwrap_err().to_string(),
             "expected a number, found \"a\u{fffd}b\""
         );
-        assert!(parse_number("inf").unwrap_err().contains("finite"));
+        assert!(
+            parse_number("inf")
+                .unwrap_err()
+                .to_string()
+                .contains("finite")
+        );
         assert!(parse_number("1e999").is_err() && parse_number("").is_err());
         assert!(excerpt(&"x".repeat(100)).chars().count() == 41);
     }

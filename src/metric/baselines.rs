@@ -23,6 +23,7 @@ use super::pose_metric::{PoseMetric, Projection};
 use super::scaling::ScalingRule;
 use super::train::{Learner, TrainSettings, train};
 use super::weights::joint_of;
+use crate::Result;
 
 /// The joints that (41) and (43) compare.
 const MAIN: [usize; 10] = [
@@ -117,13 +118,13 @@ impl Baseline {
     /// The distance, from `takes` and, where it is learnt, labelled pairs of their frames.
     ///
     /// # Errors
-    /// A phrase: labels or joints that it needs are missing.
+    /// [`crate::Error::Unfit`]: labels or joints that it needs are missing.
     pub fn metric(
         self,
         map: &JointMap,
         takes: &[BodyFramePoses],
         pairs: &[LabelledPair],
-    ) -> Result<PoseMetric, String> {
+    ) -> Result<PoseMetric> {
         let settings = TrainSettings {
             features: self.features(),
             scaling: match self {
@@ -191,6 +192,6 @@ mod tests {
         let error = Baseline::Ljcd
             .metric(&own_names(), &takes, &[])
             .unwrap_err();
-        assert!(error.contains("label"), "{error}");
+        assert!(error.to_string().contains("label"), "{error}");
     }
 }

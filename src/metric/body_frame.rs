@@ -5,6 +5,7 @@
 //! from a hip joint to its foot, added up.
 
 use super::joint_map::{JointMap, PARENTS, joint};
+use crate::Result;
 use crate::numeric::median::median;
 use crate::pose::Poses;
 use glam::DVec3;
@@ -34,8 +35,8 @@ impl BodyFramePoses {
     /// Places a take, whose rate is given.
     ///
     /// # Errors
-    /// A phrase: joints are missing, or the body's height cannot be measured.
-    pub fn new(take: &Poses, rate: Option<f64>, map: &JointMap) -> Result<BodyFramePoses, String> {
+    /// [`crate::Error::Unfit`]: joints are missing, or the body's height cannot be measured.
+    pub fn new(take: &Poses, rate: Option<f64>, map: &JointMap) -> Result<BodyFramePoses> {
         let points = map.find(&take.points)?;
         let frames = take.frames();
         let at = |t: usize, j: usize| points.at(&take.xyz, t, j);

@@ -6,6 +6,7 @@
 //! differences of the features picked, each with weight 1. The reference draws from a pool of some 500,000 features; here the pool
 //! is the features given.
 
+use crate::Result;
 use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2};
 
@@ -24,14 +25,11 @@ struct Stump {
 /// features).
 ///
 /// # Errors
-/// A phrase: one of the labels is missing.
-pub(super) fn choose(
-    differences: ArrayView2<'_, f32>,
-    is_alike: &[bool],
-) -> Result<Vec<bool>, String> {
+/// [`crate::Error::Unfit`]: one of the labels is missing.
+pub(super) fn choose(differences: ArrayView2<'_, f32>, is_alike: &[bool]) -> Result<Vec<bool>> {
     for (label, wanted) in [(1, true), (0, false)] {
         if !is_alike.contains(&wanted) {
-            return Err(format!("boost needs pairs of label {label} too"));
+            return Err(format!("boost needs pairs of label {label} too").into());
         }
     }
     let orders = parallel::map_chunks(differences.ncols(), 16, |features| {
@@ -146,13 +144,13 @@ mod tests {
         let chosen = choose(differences.view(), &is_alike).unwrap();
         assert!(chosen[2] && chosen[4]);
         let error = choose(differences.view(), &[true; 80]).unwrap_err();
-        assert!(error.contains("label 0"), "{error}");
+        assert!(error.to_string().contains("label 0"), "{error}");
     }
 
     #[test]
     fn equal_differences_are_never_split() {
         let differences = Array2::from_elem((10, 1), 0.5);
         let is_alike: Vec<bool> = (0..10).map(|k| k < 5).collect();
-        assert_eq!(choose(differences.view(), &is_alike), Ok(vec![false]));
+        assert_eq!(choose(differences.view(), &is_alike).unwrap(), [false]);
     }
 }

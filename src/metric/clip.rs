@@ -1,6 +1,7 @@
 //! A take that can be blended with others: its poses in the world, and where its joints are seen without a break.
 
 use super::joint_map::{JOINTS, JointColumns, JointMap};
+use crate::Result;
 use crate::pose::Poses;
 use glam::DVec3;
 use std::ops::Range;
@@ -22,8 +23,8 @@ impl Clip {
     /// A take, whose rate is given.
     ///
     /// # Errors
-    /// A phrase: joints are missing.
-    pub fn new(poses: Poses, rate: f64, map: &JointMap) -> Result<Clip, String> {
+    /// [`crate::Error::Unfit`]: joints are missing.
+    pub fn new(poses: Poses, rate: f64, map: &JointMap) -> Result<Clip> {
         Ok(Clip {
             joints: map.find(&poses.points)?,
             runs: poses.runs(),

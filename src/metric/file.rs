@@ -51,7 +51,7 @@ impl PoseMetric {
         };
         let window = model.meta.details.get("window").and_then(Value::as_f64);
         let metric = PoseMetric {
-            map: JointMap::new(names.collect()).map_err(fail)?,
+            map: JointMap::new(names.collect()).map_err(|e| e.at(Place::file(source)))?,
             features: (text("features").and_then(PoseFeatures::parse)).ok_or_else(damaged)?,
             scaling: Scaling {
                 rule: (text("scaling").and_then(ScalingRule::parse)).ok_or_else(damaged)?,

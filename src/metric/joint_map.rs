@@ -1,5 +1,6 @@
 //! The sixteen joints of the pose descriptor (Chen et al., Fig. 1), and which points of a table they are.
 
+use crate::Result;
 use crate::pose::{NameFinder, NameMap};
 use glam::DVec3;
 use ndarray::Array2;
@@ -80,8 +81,8 @@ impl JointMap {
     /// A map of each joint's name to that of its point, such as `LHand` to `lwrist`.
     ///
     /// # Errors
-    /// The joints that are missing or unknown, as a phrase.
-    pub fn new(mut points: BTreeMap<String, String>) -> std::result::Result<JointMap, String> {
+    /// [`crate::Error::Unfit`]: joints are missing or unknown.
+    pub fn new(mut points: BTreeMap<String, String>) -> Result<JointMap> {
         let mut missing = Vec::new();
         let map = JOINTS.map(|joint| {
             points.remove(joint).unwrap_or_else(|| {
@@ -90,13 +91,14 @@ impl JointMap {
             })
         });
         if !missing.is_empty() {
-            return Err(format!("has no point for {}", missing.join(", ")));
+            return Err(format!("has no point for {}", missing.join(", ")).into());
         }
         match points.keys().next() {
             Some(unknown) => Err(format!(
                 "names a joint \"{unknown}\", which is none of {}",
                 JOINTS.join(", ")
-            )),
+            )
+            .into()),
             None => Ok(JointMap(map)),
         }
     }
@@ -133,12 +135,12 @@ impl JointMap {
     /// and with `+` between them the middle of points. All may have one prefix, as in `mixamorig:Hips`.
     ///
     /// # Errors
-    /// The joints whose points are not there, or those of two people, as a phrase.
-    pub fn find(&self, points: &[String]) -> std::result::Result<JointColumns, String> {
+    /// [`crate::Error::Unfit`]: joints whose points are not there, or those of two people.
+    pub fn find(&self, points: &[String]) -> Result<JointColumns> {
         let singles = self.0.iter().flat_map(|name| name.split(['|', '+']));
         let finder = NameFinder::new(points, singles);
         if finder.is_ambiguous() {
-            return Err("has the joints of two people; part them".to_string());
+            return Err("has the joints of two people; part them".into());
         }
         let mut missing = Vec::new();
         let mut found = JointColumns::default();
@@ -155,7 +157,8 @@ impl JointMap {
             false => Err(format!(
                 "has no point {}; say with the option `map` which points the joints are",
                 missing.join(", ")
-            )),
+            )
+            .into()),
         }
     }
 }
@@ -198,7 +201,7 @@ mod tests {
         let found = JointMap::cmu().find(&names).unwrap();
         assert_eq!(names[found.of(joint::HEAD)[0]], "head");
         assert_eq!(names[found.of(joint::LFOOT)[0]], "ltibia");
-        let said = JointMap::cmu().find(&names[1..]).unwrap_err();
+        let said = JointMap::cmu().find(&names[1..]).unwrap_err().to_string();
         assert!(
             said.contains("\"root\" (Hip)") && said.contains("the option `map`"),
             "{said}"
@@ -209,15 +212,16 @@ mod tests {
     fn a_map_names_all_joints_and_no_other() {
         let whole: BTreeMap<String, String> = JOINTS.map(|j| (j.into(), format!("my{j}"))).into();
         let names: Vec<String> = JOINTS.map(|j| format!("my{j}")).into();
-        let map = JointMap::new(whole.clone()).unwrap();
+        let new = |names| JointMap::new(names).map_err(|e| e.to_string());
+        let map = new(whole.clone()).unwrap();
         let found = map.find(&names).unwrap();
         assert!((0..16).all(|j| found.of(j) == [j]));
         let mut without = whole.clone();
         without.remove("Head");
-        assert!(JointMap::new(without).unwrap_err().contains("Head"));
+        assert!(new(without).unwrap_err().contains("Head"));
         let mut with = whole;
         with.insert("Tail".into(), "x".into());
-        assert!(JointMap::new(with).unwrap_err().contains("\"Tail\""));
+        assert!(new(with).unwrap_err().contains("\"Tail\""));
     }
 
     #[test]

@@ -17,6 +17,7 @@
 use super::sparse_graph::SparseGraph;
 use super::stopwatch::Stopwatch;
 use super::trace_ratio::{TraceRatioMethod, maximise};
+use crate::Result;
 use crate::numeric::linalg::{generalised_eigen, symmetric_eigen};
 use crate::numeric::product::{gram, product};
 use ndarray::{Array2, ArrayView2, Axis, s};
@@ -62,12 +63,8 @@ pub struct Rdsr {
 /// supervised form (46): the directions in which pairs differ least.
 ///
 /// # Errors
-/// A phrase: numbers are not finite, or the poses do not vary.
-pub fn learn(
-    x: ArrayView2<'_, f64>,
-    alike: &Array2<f64>,
-    settings: &RdsrSettings,
-) -> Result<Rdsr, String> {
+/// [`crate::Error::Unfit`]: numbers are not finite, or the poses do not vary.
+pub fn learn(x: ArrayView2<'_, f64>, alike: &Array2<f64>, settings: &RdsrSettings) -> Result<Rdsr> {
     let d = alike.nrows();
     let rank = settings.rank.min(d);
     let failed = || "the poses do not vary, or are not finite".to_string();

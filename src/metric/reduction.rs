@@ -7,6 +7,7 @@ use super::joint_map::JointMap;
 use super::pairs::FrameRef;
 use super::pose_metric::{Norm, PoseMetric, Projection, window_parts};
 use super::scaling::{Scaling, ScalingRule};
+use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::product::gram;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
@@ -35,7 +36,7 @@ pub(super) fn embed(
 /// out.
 ///
 /// # Errors
-/// A phrase: fewer than two poses are complete.
+/// [`crate::Error::Unfit`]: fewer than two poses are complete.
 pub(super) fn all_features(
     map: &JointMap,
     features: PoseFeatures,
@@ -43,7 +44,7 @@ pub(super) fn all_features(
     window: f64,
     takes: &[BodyFramePoses],
     frames: &[FrameRef],
-) -> Result<PoseMetric, String> {
+) -> Result<PoseMetric> {
     let width = features.feature_names().len();
     let metric = |scaling: Scaling, parts: usize| PoseMetric {
         map: map.clone(),
@@ -64,7 +65,8 @@ pub(super) fn all_features(
             "shows all joints in {} of {} poses; features are scaled by two or more",
             rows.nrows(),
             frames.len()
-        ));
+        )
+        .into());
     }
     let scaling = Scaling::fit(rule, features, rows.view());
     Ok(metric(scaling, window_parts(window)))
@@ -73,12 +75,12 @@ pub(super) fn all_features(
 /// `full`, reduced to principal components of `frames`: first those of one frame, then those of the window.
 ///
 /// # Errors
-/// A phrase: the poses do not vary.
+/// [`crate::Error::Unfit`]: the poses do not vary.
 pub(super) fn principal(
     full: &PoseMetric,
     takes: &[BodyFramePoses],
     frames: &[FrameRef],
-) -> Result<PoseMetric, String> {
+) -> Result<PoseMetric> {
     let alone = PoseMetric {
         window: 0.0,
         projection: Projection::Weights(vec![1.0; full.scaling.scale.len()]),
@@ -114,12 +116,12 @@ pub(super) fn principal(
 /// `full`, on an orthonormal basis of the range of `frames`: nothing that distinguishes them is lost.
 ///
 /// # Errors
-/// A phrase: the poses do not vary.
+/// [`crate::Error::Unfit`]: the poses do not vary.
 pub(super) fn range(
     full: &PoseMetric,
     takes: &[BodyFramePoses],
     frames: &[FrameRef],
-) -> Result<PoseMetric, String> {
+) -> Result<PoseMetric> {
     let rows = complete_rows(embed(full, takes, frames).view()).mapv(f64::from);
     let basis = components(rows.view(), usize::MAX, false)?;
     Ok(PoseMetric {
@@ -137,7 +139,7 @@ pub(super) fn complete_rows(rows: ArrayView2<'_, f32>) -> Array2<f32> {
 
 /// The leading right singular vectors of `x` (n, d), about its mean or not, in columns (d, at most `most`). Those with a singular
 /// value under 1e-10 of the largest are dropped, or under what double precision tells of the products (d, d).
-fn components(x: ArrayView2<'_, f64>, most: usize, centred: bool) -> Result<Array2<f64>, String> {
+fn components(x: ArrayView2<'_, f64>, most: usize, centred: bool) -> Result<Array2<f64>> {
     let mean = match centred {
         true => x.mean_axis(Axis(0)).unwrap_or_default(),
         false => Array1::zeros(x.ncols()),

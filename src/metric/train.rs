@@ -13,6 +13,7 @@ use super::scaling::ScalingRule;
 use super::stopwatch::Stopwatch;
 use super::trace_ratio::TraceRatioMethod;
 use super::weights::{self, WeightRule};
+use crate::Result;
 use crate::numeric::parallel;
 use crate::numeric::product::product;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -143,12 +144,12 @@ pub struct Trained {
 /// Learns a metric from takes and labelled pairs of their frames.
 ///
 /// # Errors
-/// A phrase: no pair that the method needs, labels that contradict each other, no rate, or poses without variation.
+/// [`crate::Error::Unfit`]: no pair that the method needs, labels that contradict each other, no rate, or poses without variation.
 pub fn train(
     takes: &[BodyFramePoses],
     pairs: &[LabelledPair],
     settings: &TrainSettings,
-) -> Result<Trained, String> {
+) -> Result<Trained> {
     check(takes, pairs, settings)?;
     let mut clock = Stopwatch::default();
     let labelled: BTreeSet<FrameRef> = pairs.iter().flat_map(|p| p.ends).collect();
@@ -205,7 +206,7 @@ impl Training<'_> {
     }
 
     /// A weight for each feature.
-    fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained, String> {
+    fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained> {
         let labelled = Labelled::new(self.takes, self.pairs, full, &[]);
         let pairs = [labelled.alike.as_slice(), labelled.unlike.as_slice()].concat();
         let is_alike: Vec<bool> = (0..pairs.len()).map(|k| k < labelled.alike.len()).collect();
@@ -217,7 +218,7 @@ impl Training<'_> {
     }
 
     /// A projection, learnt among the directions in which poses vary.
-    fn projection(mut self, full: &PoseMetric) -> Result<Trained, String> {
+    fn projection(mut self, full: &PoseMetric) -> Result<Trained> {
         let basis = match self.settings.is_reduced {
             true => reduction::principal(full, self.takes, &self.sample)?,
             false => reduction::range(full, self.takes, &self.sample)?,
@@ -230,7 +231,7 @@ impl Training<'_> {
         Ok(self.finish(projected(&basis, w.view()), used))
     }
 
-    fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used), String> {
+    fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
         let frames: Vec<usize> = self.takes.iter().map(BodyFramePoses::frames).collect();
         let rates: Vec<f64> = self.takes.iter().map(|t| t.rate.unwrap_or(0.0)).collect();
         let links = Links::new(self.pairs, &frames, &rates, self.settings.reach);
@@ -261,7 +262,7 @@ impl Training<'_> {
         Ok((learnt.w, used))
     }
 
-    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used), String> {
+    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
         let extra = match self.settings.unlabelled {
             0 => &[][..],
             _ => &self.sample[..],
@@ -297,7 +298,7 @@ impl Training<'_> {
     }
 }
 
-fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learnt, String> {
+fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learnt> {
     let exact = |w: Array2<f64>| Learnt { w, converged: true };
     let xing = xing::Settings {
         rank,
@@ -385,13 +386,9 @@ impl Labelled {
     }
 }
 
-fn check(
-    takes: &[BodyFramePoses],
-    pairs: &[LabelledPair],
-    settings: &TrainSettings,
-) -> Result<(), String> {
+fn check(takes: &[BodyFramePoses], pairs: &[LabelledPair], settings: &TrainSettings) -> Result<()> {
     if let Some(k) = contradiction(pairs) {
-        return Err(format!("pair {} is labelled both 1 and 0", k + 1));
+        return Err(format!("pair {} is labelled both 1 and 0", k + 1).into());
     }
     if settings.learner != Learner::L2 && !pairs.iter().any(|p| p.is_alike) {
         return Err("no pair has label 1".into());

@@ -4,6 +4,7 @@ use super::boost;
 use super::features::PoseFeatures;
 use super::learners::lms;
 use super::pose_metric::{Norm, PoseMetric, Projection};
+use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
 /// How weights are learnt.
@@ -21,14 +22,14 @@ pub(super) enum WeightRule {
 /// each for their magnitudes (Tang et al.: JRF+LMS), other features one each for their squares.
 ///
 /// # Errors
-/// A phrase: one of the labels is missing.
+/// [`crate::Error::Unfit`]: one of the labels is missing.
 pub(super) fn learn(
     full: &PoseMetric,
     rule: WeightRule,
     vectors: ArrayView2<'_, f32>,
     pairs: &[[usize; 2]],
     is_alike: &[bool],
-) -> Result<PoseMetric, String> {
+) -> Result<PoseMetric> {
     let magnitudes = boost::magnitudes(vectors, pairs);
     let is_city = rule == WeightRule::Boosting || full.features == PoseFeatures::JointDistances;
     let weights: Vec<f32> = match rule {

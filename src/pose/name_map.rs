@@ -482,7 +482,10 @@ mod tests {
         let with_thing: Vec<String> = one.iter().cloned().chain(["Box:Hips".into()]).collect();
         assert_eq!(NameMap::fitting(&with_thing), Some(mixamo));
         let none = NameMap::advice(&names(&["hipL", "kneeA"]));
-        assert!(none.contains("the option `map`") && none.contains("mixamo"), "{none}");
+        assert!(
+            none.contains("the option `map ") && none.contains("mixamo"),
+            "{none}"
+        );
     }
 
     #[test]

@@ -46,8 +46,8 @@ impl Poses {
     /// interpolated (PCHIP) between measured neighbours; across a gap or a pause it stays missing.
     ///
     /// # Errors
-    /// What is wrong: no times, times that do not rise, or more than 2^27 values.
-    pub fn resampled(&self, rate: f64) -> Result<Poses, String> {
+    /// [`crate::Error::Unfit`]: no times, times that do not rise, or more than 2^27 values.
+    pub fn resampled(&self, rate: f64) -> crate::Result<Poses> {
         let time = self.time.as_ref().ok_or("has no times to resample")?;
         let (mut rows, mut times, mut takes) = (Vec::new(), Vec::new(), Vec::new());
         for (frames, own) in self.takes().into_iter().zip(self.rates()) {
@@ -58,14 +58,14 @@ impl Poses {
                     "the time of frame {t} (counted from 0) is {}, after {}: it has to rise",
                     time[t],
                     time[t - 1]
-                ));
+                )
+                .into());
             }
             let count = ((last - first) * rate + 1e-6).floor() + 1.0;
             if count * self.xyz.ncols().max(1) as f64 > MOST_VALUES {
-                return Err(format!(
-                    "a take lasts {} s: too long to resample",
-                    last - first
-                ));
+                return Err(
+                    format!("a take lasts {} s: too long to resample", last - first).into(),
+                );
             }
             let count = count as usize;
             let at: Vec<f64> = (0..count).map(|i| first + i as f64 / rate).collect();
@@ -118,8 +118,8 @@ impl Poses {
     /// and are counted. `fps` is the rate of a table without times.
     ///
     /// # Errors
-    /// What is wrong, and nothing is filtered: a take has no rate, or the cutoff is not below .4 of it.
-    pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> Result<usize, String> {
+    /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not below .4 of it.
+    pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> crate::Result<usize> {
         let filter = |own: Option<f64>| {
             let rate = own
                 .or(fps)
@@ -134,7 +134,7 @@ impl Poses {
             .rates()
             .into_iter()
             .map(filter)
-            .collect::<Result<Vec<_>, String>>()?;
+            .collect::<crate::Result<Vec<_>>>()?;
         let mut short = 0;
         for (frames, (rate, filter)) in self.takes().into_iter().zip(filters) {
             for c in 0..self.xyz.ncols() {
@@ -211,13 +211,19 @@ mod tests {
     #[test]
     fn filters_and_chooses() {
         let mut filtered = poses();
-        assert_eq!(filtered.low_pass(6.0, None), Ok(0));
+        assert_eq!(filtered.low_pass(6.0, None).unwrap(), 0);
         assert!(filtered.xyz[[12, 0]].is_nan());
         assert!((filtered.xyz[[45, 0]] - 15.0).abs() < 0.1);
         assert!(poses().low_pass(60.0, None).is_err());
         let mut restarted = poses();
         restarted.take = None;
-        assert!(restarted.resampled(50.0).unwrap_err().contains("frame 30"));
+        assert!(
+            restarted
+                .resampled(50.0)
+                .unwrap_err()
+                .to_string()
+                .contains("frame 30")
+        );
         assert_eq!(poses().with_points(&["b".to_string()]).unwrap_err(), "b");
     }
 }

@@ -1,6 +1,7 @@
 //! Units of length and up axes.
 
 use super::ASF_UNIT_CM;
+use crate::Result;
 use glam::DMat3;
 use ndarray::Array2;
 
@@ -65,7 +66,7 @@ impl LengthUnit {
 }
 
 /// A length with or without a unit: `3`, `3cm`, `1asf`, `0.02m`; centimeters when none is named.
-pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
+pub fn parse_length(text: &str) -> Result<f64> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let unit = match &text[digits.len()..] {
         "" => LengthUnit::Cm,
@@ -206,8 +207,8 @@ mod tests {
 
     #[test]
     fn lengths_have_units() {
-        assert_eq!(parse_length("3"), Ok(3.0));
-        assert_eq!(parse_length("2m"), Ok(200.0));
+        assert_eq!(parse_length("3").unwrap(), 3.0);
+        assert_eq!(parse_length("2m").unwrap(), 200.0);
         assert!((parse_length("1asf").unwrap() - 5.644).abs() <= 1e-3);
         for bad in ["", "x", "3ft", "-1", "inf", "nan", "1e308m"] {
             assert!(parse_length(bad).is_err(), "{bad}");

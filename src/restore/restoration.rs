@@ -2,6 +2,7 @@
 
 use super::gap::{Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
+use crate::Result;
 use crate::io::Table;
 use crate::pose::FillMethod;
 use crate::pose::{Poses, Status};
@@ -149,11 +150,7 @@ impl<'t> Restoration<'t> {
     ///
     /// # Errors
     /// Fails as [`Poses::low_pass`] does.
-    pub fn low_passed(
-        mut self,
-        cutoff: f64,
-        fps: Option<f64>,
-    ) -> Result<(Restoration<'t>, usize), String> {
+    pub fn low_passed(mut self, cutoff: f64, fps: Option<f64>) -> Result<(Restoration<'t>, usize)> {
         let source = &self.source.poses;
         let mut poses = Poses {
             points: source.points.clone(),

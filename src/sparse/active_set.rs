@@ -12,6 +12,7 @@
 
 use super::incremental_qr::{QrColumn, dot};
 use super::{StopReason, Tolerance};
+use crate::Result;
 use crate::numeric::simd::{self, dispatch_widest, padded};
 use ndarray::ArrayView1;
 
@@ -71,13 +72,13 @@ impl ActiveSet {
     /// Starts on a pose (D) with weights (D). Where a weight is 0 the pose may be NaN.
     ///
     /// # Errors
-    /// The message: an observed number or a weight is not finite, or a weight is negative.
+    /// [`crate::Error::Unfit`]: an observed number or a weight is not finite, or a weight is negative.
     pub fn start<T, W>(
         &mut self,
         pose: ArrayView1<T>,
         weights: Option<ArrayView1<W>>,
         tolerance: Tolerance,
-    ) -> Result<(), String>
+    ) -> Result<()>
     where
         T: Into<f64> + Copy,
         W: Into<f64> + Copy,
@@ -112,9 +113,9 @@ impl ActiveSet {
         if !self.energy.is_finite()
             && let Some(i) = self.residual.iter().position(|r| !r.is_finite())
         {
-            return Err(format!(
-                "coordinate {i} is missing or not finite; give it the weight 0"
-            ));
+            return Err(
+                format!("coordinate {i} is missing or not finite; give it the weight 0").into(),
+            );
         }
         if self.energy > LARGEST {
             return Err("its numbers are too large: a pose may be at most 1e15 long".into());
@@ -217,17 +218,14 @@ impl ActiveSet {
 }
 
 /// Writes √(w / max w) to `root`. Returns the sum and the maximum of the weights.
-fn roots<W: Into<f64> + Copy>(
-    weights: ArrayView1<W>,
-    root: &mut [f64],
-) -> Result<(f64, f64), String> {
+fn roots<W: Into<f64> + Copy>(weights: ArrayView1<W>, root: &mut [f64]) -> Result<(f64, f64)> {
     let (mut total, mut heaviest) = (0f64, 0f64);
     for (i, &w) in weights.iter().enumerate() {
         let w: f64 = w.into();
         if !(0.0..=1e100).contains(&w) {
-            return Err(format!(
-                "the weight {w} of number {i}: it must be between 0 and 1e100"
-            ));
+            return Err(
+                format!("the weight {w} of number {i}: it must be between 0 and 1e100").into(),
+            );
         }
         total += w;
         heaviest = heaviest.max(w);

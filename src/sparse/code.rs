@@ -86,7 +86,7 @@ pub(super) fn started(
     }
     let mut fit = ActiveSet::new(capacity, d);
     fit.start(pose, weights, tolerance)
-        .map_err(|what| Error::data(Place::file("pose"), what))?;
+        .map_err(|e| e.at(Place::file("pose")))?;
     Ok(fit)
 }
 

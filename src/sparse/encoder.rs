@@ -275,7 +275,7 @@ impl<'a> Encoder<'a> {
             let i = *row as usize;
             let weights = poses.weights.as_ref().map(|w| w.index_axis(Axis(0), i));
             fit.start(poses.values.row(i), weights, self.omp.tolerance)
-                .map_err(|what| Error::data(Place::line("poses", i as u64 + 1), what))?;
+                .map_err(|e| e.at(Place::line("poses", i as u64 + 1)))?;
         }
         Ok(())
     }

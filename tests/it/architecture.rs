@@ -345,3 +345,56 @@ fn words_stay_at_home() {
     }
     assert!(strays.is_empty(), "{}", strays.join("\n"));
 }
+
+/// Whether a line names a flag, such as `--map` or `--{name}`. `var(--line)` is CSS.
+fn names_flag(line: &str) -> bool {
+    let is_flag = |(at, _): (usize, &str)| {
+        let is_name = |c: char| c.is_ascii_lowercase() || c == '{';
+        line[at + 2..].starts_with(is_name) && !line[..at].ends_with("var(")
+    };
+    line.match_indices("--").any(is_flag)
+}
+
+/// The signatures of functions that others can call and whose error is a text.
+fn text_errors(source: &str) -> Vec<&str> {
+    let is_shown = |line: &str| line.trim_start().starts_with("pub") && line.contains("fn ");
+    let mut found = Vec::new();
+    let mut at = 0;
+    for line in source.split_inclusive('\n') {
+        let signature = source[at..].split(['{', ';']).next().unwrap_or_default();
+        let result = signature.split("where").next().unwrap_or_default();
+        let result = result.rsplit("->").next().unwrap_or_default().trim();
+        if is_shown(line) && result.contains("Result<") && result.ends_with(", String>") {
+            found.push(signature.trim());
+        }
+        at += line.len();
+    }
+    found
+}
+
+#[test]
+fn the_library_names_no_flags_and_its_errors_have_one_type() {
+    let mut wrong = Vec::new();
+    for (name, source) in sources() {
+        if name.starts_with("cli/") || name.starts_with("bin/") {
+            continue;
+        }
+        let flags = source.lines().filter(|line| names_flag(line));
+        wrong.extend(flags.map(|line| format!("src/{name}: a flag: {}", line.trim())));
+        let texts = text_errors(&source).into_iter();
+        wrong.extend(texts.map(|f| format!("src/{name}: no crate::Error: {f}")));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_flag_and_an_error_of_text_are_seen() {
+    assert!(names_flag("\"give --fps F\"") && names_flag("--{name} 3"));
+    assert!(!names_flag("stroke=\"var(--line)\"") && !names_flag("a -- b"));
+    let source = "pub(super) fn a(\n    x: u8,\n) -> Result<u8, String> {\n}\nfn b() -> Result<u8, String> {}\n";
+    assert_eq!(text_errors(source).len(), 1);
+    let source = "    pub fn c<T>() -> Result<(), String>\n    where\n        T: Copy,\n    {\n";
+    assert_eq!(text_errors(source).len(), 1);
+    let source = "pub fn d() -> Result<BTreeMap<String, String>> {}\npub fn e() -> String {}\n";
+    assert!(text_errors(source).is_empty());
+}

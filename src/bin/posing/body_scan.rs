@@ -11,7 +11,7 @@ use posing::cli::{input, messages};
 use posing::io::Mesh;
 use posing::io::mesh_output::MeshOutput;
 use posing::pose::units::Units;
-use posing::{Error, Place, Result};
+use posing::{Place, Result};
 use std::path::PathBuf;
 
 /// Complete a body from a partial scan and a few points
@@ -63,8 +63,7 @@ pub fn work(args: &Args) -> Result<()> {
     let template = &body.template.vertices;
     let placed = RegistrationPoints::read(&args.points, template.len(), units)?;
     placed.check(template, &scan)?;
-    let fit = fit_scan(&body, &scan, &placed.points)
-        .map_err(|what| Error::data(Place::file(&source), what))?;
+    let fit = fit_scan(&body, &scan, &placed.points).map_err(|e| e.at(Place::file(&source)))?;
     if fit.is_inside_out {
         messages::info("the faces of the scan look inwards: they were turned round");
     }

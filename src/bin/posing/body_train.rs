@@ -97,7 +97,7 @@ pub fn work(args: &Args) -> Result<()> {
             bar.set(done);
         },
     )
-    .map_err(|what| Error::data(Place::file(&poses.names[0]), what))?;
+    .map_err(|e| e.at(Place::file(&poses.names[0])))?;
     drop(bar);
     if let Some(path) = &args.joints {
         body.joint_names = joint_names(path, body.template.parts())?;
@@ -139,7 +139,7 @@ fn report_findings(poses: &MeshSet) {
 
 fn template(args: &Args, poses: &MeshSet, meshes: &[Vec<DVec3>]) -> Result<Template> {
     let name = &poses.names[0];
-    let fail = |what: String| Error::data(Place::file(name), what);
+    let fail = |e: Error| e.at(Place::file(name));
     let faces: Vec<[usize; 3]> = (poses.faces.iter())
         .map(|f| f.map(|v| v as usize))
         .collect();

@@ -94,6 +94,6 @@ fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
         (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
             "--fps {fps} contradicts the file's Frame Time ({rate} frames per second); leave --fps out"
         ))),
-        (_, fps) => (bvh.rate_or(fps)).map_err(|what| Error::data(Place::file(name), what)),
+        (_, fps) => (bvh.rate_or(fps)).map_err(|e| e.at(Place::file(name))),
     }
 }

@@ -94,8 +94,8 @@ pub fn work(args: &Args) -> Result<()> {
                     );
                     Error::data(place(format!("atom{}", k + 1)), what)
                 })?;
-            let coefficient = parse_number(coefficient)
-                .map_err(|what| Error::data(place(format!("coef{}", k + 1)), what))?;
+            let coefficient =
+                parse_number(coefficient).map_err(|e| e.at(place(format!("coef{}", k + 1))))?;
             atoms.push(index);
             coefficients.push(coefficient);
         }

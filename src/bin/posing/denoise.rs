@@ -49,7 +49,7 @@ fn parse_noise(text: &str) -> std::result::Result<Noise, String> {
     if text == "auto" {
         Ok(Noise(None))
     } else {
-        match parse_length(text)? {
+        match parse_length(text).map_err(|e| e.to_string())? {
             n if n <= MOST_NOISE => Ok(Noise(Some(n))),
             _ => Err(format!(
                 "expected at most {MOST_NOISE} cm: no body is larger"

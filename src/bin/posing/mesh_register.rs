@@ -67,7 +67,7 @@ pub fn work(args: &Args) -> Result<()> {
         done += 1;
         bar.set(done);
     })
-    .map_err(|what| Error::data(Place::file(args.template.display().to_string()), what))?;
+    .map_err(|e| e.at(Place::file(args.template.display().to_string())))?;
     drop(bar);
     report(&found);
     mesh(&found.vertices, template.surface(), units).save(&args.output)
@@ -91,7 +91,7 @@ fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
     }
     let faces = set.faces.iter().map(|f| f.map(|v| v as usize)).collect();
     let parts = vec![0; set.vertices.dim().1];
-    Template::new(vertices(&set, 0), faces, parts).map_err(fail)
+    Template::new(vertices(&set, 0), faces, parts).map_err(|e| e.at(Place::file(&set.names[0])))
 }
 
 /// The scan in centimetres, y up.

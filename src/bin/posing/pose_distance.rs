@@ -126,7 +126,7 @@ fn learn_baseline(args: &Args, map: &JointMap, tables: &[MetricTakes]) -> Result
     };
     let takes: Vec<_> = tables.iter().flat_map(|t| t.takes.clone()).collect();
     let metric = baseline.metric(map, &takes, &labels);
-    metric.map_err(|what| Error::data(Place::file(&tables[0].source), what))
+    metric.map_err(|e| e.at(Place::file(&tables[0].source)))
 }
 
 const HEAD: &[u8] = b"a_take,a_frame,b_take,b_frame,distance\n";

@@ -7,7 +7,7 @@ use posing::cli::{feature_table, input, messages, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
-use posing::{Error, Place, Result};
+use posing::{Place, Result};
 use std::path::PathBuf;
 
 /// Learn how alike poses are from labelled pairs
@@ -142,8 +142,8 @@ pub fn work(args: &Args) -> Result<()> {
     let needs_rate = settings.needs_rate();
     let takes = read_takes(&args.input, args.input.files.clone(), &map, needs_rate)?;
     let pairs = takes.read_pairs(&args.pairs)?;
-    let trained = train(&takes.takes, &pairs, &settings)
-        .map_err(|what| Error::data(Place::file(&takes.source), what))?;
+    let trained =
+        train(&takes.takes, &pairs, &settings).map_err(|e| e.at(Place::file(&takes.source)))?;
     report(&trained);
     let mut model = trained.metric.to_model();
     let flags = [

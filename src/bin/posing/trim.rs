@@ -63,7 +63,7 @@ fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let table = read_table(&args.input, false, false)?;
-    let bad = |what: String| Error::data(Place::file(&table.name), what);
+    let bad = |e: Error| e.at(Place::file(&table.name));
     let fps = args.input.rate(&table.poses)?;
     let mut poses = chosen(args, &table.poses).map_err(bad)?;
     if let Some(cutoff) = args.butterworth {
@@ -88,7 +88,7 @@ pub fn work(args: &Args) -> Result<()> {
     if let Some(list) = &args.points {
         let names = parse_point_names(list)?;
         let with = poses.with_points(&names);
-        poses = with.map_err(|name| bad(format!("has no point \"{name}\"")))?;
+        poses = with.map_err(|name| bad(format!("has no point \"{name}\"").into()))?;
     }
     rename(args, &mut poses).map_err(bad)?;
     let mut result = Table::from_poses(poses);
@@ -105,11 +105,11 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The frames that the flags choose.
-fn chosen(args: &Args, poses: &Poses) -> std::result::Result<Poses, String> {
+fn chosen(args: &Args, poses: &Poses) -> Result<Poses> {
     let names = poses.take.as_ref();
     let unknown = |take: &&String| names.is_none_or(|names| !names.iter().any(|n| **n == ***take));
     if let Some(take) = args.take.iter().find(unknown) {
-        return Err(format!("has no take \"{take}\""));
+        return Err(format!("has no take \"{take}\"").into());
     }
     if (args.from.is_some() || args.to.is_some()) && poses.time.is_none() {
         return Err("has no times: --from and --to need them".into());
@@ -130,7 +130,7 @@ fn chosen(args: &Args, poses: &Poses) -> std::result::Result<Poses, String> {
 }
 
 /// Gives points their new names, all at once: left and right may be exchanged.
-fn rename(args: &Args, poses: &mut Poses) -> std::result::Result<(), String> {
+fn rename(args: &Args, poses: &mut Poses) -> Result<()> {
     let mut names = poses.points.clone();
     for (old, new) in &args.rename {
         let at = poses.points.iter().position(|p| p == old);
@@ -140,7 +140,7 @@ fn rename(args: &Args, poses: &mut Poses) -> std::result::Result<(), String> {
     let mut sorted = names.clone();
     sorted.sort();
     if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(format!("would have two points \"{}\"", pair[0]));
+        return Err(format!("would have two points \"{}\"", pair[0]).into());
     }
     poses.points = names;
     Ok(())

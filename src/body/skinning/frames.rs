@@ -6,6 +6,7 @@
 use super::weights::blend;
 use super::{Frame, Sample, Skinning};
 use crate::numeric::linalg::cholesky_solve;
+use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
@@ -16,10 +17,10 @@ impl Skinning {
     /// Fits the translations of the bones and the weights of the corrective shapes to a mesh. O(V (K² + B)).
     ///
     /// # Errors
-    /// A phrase: sizes that differ from the skin's, or numbers that are not finite.
-    pub fn frame(&self, sample: &Sample<'_>) -> Result<Frame, String> {
+    /// [`Error::Unfit`]: sizes that differ from the skin's, or numbers that are not finite.
+    pub fn frame(&self, sample: &Sample<'_>) -> Result<Frame> {
         super::check_sizes(self.vertices.len(), self.parents.len(), sample)?;
-        let fail = || "the mesh or its rotations are not finite".to_string();
+        let fail = || Error::unfit("the mesh or its rotations are not finite");
         let bones: Vec<DAffine3> = sample
             .rotations
             .iter()

@@ -12,6 +12,7 @@
 use super::tree::{Tree, borders};
 use super::weights::{self, BoneWeights, blend, used};
 use super::{ROUNDS, Sample, check};
+use crate::Result;
 use crate::body::template::Template;
 use crate::numeric::linalg::cholesky_solve;
 use glam::{DAffine3, DMat3, DVec3};
@@ -37,8 +38,8 @@ impl JointSkinning {
     /// Fits weights and joints to samples.
     ///
     /// # Errors
-    /// A phrase: too few samples, sizes that differ from the template's, or numbers that are not finite.
-    pub fn fit(template: &Template, samples: &[Sample<'_>]) -> Result<JointSkinning, String> {
+    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers that are not finite.
+    pub fn fit(template: &Template, samples: &[Sample<'_>]) -> Result<JointSkinning> {
         check(template, samples)?;
         let tree = Tree::of(template);
         let mut skin = JointSkinning {
@@ -83,7 +84,7 @@ pub fn fit_joints(
     tree: &Tree,
     samples: &[Sample<'_>],
     weights: &[BoneWeights],
-) -> Result<Vec<DVec3>, String> {
+) -> Result<Vec<DVec3>> {
     let start = borders(template);
     let count = start.len();
     let hanging = shares(tree, weights, count);

@@ -31,6 +31,7 @@ mod tree;
 mod weights;
 
 use super::template::Template;
+use crate::Result;
 use glam::{DMat3, DVec3};
 use translations::Solver;
 use tree::Tree;
@@ -83,18 +84,14 @@ impl Skinning {
     /// Fits a skin with `shapes` corrective shapes to samples.
     ///
     /// # Errors
-    /// A phrase: too few samples, sizes that differ from the template's, or numbers that are not finite.
-    pub fn fit(
-        template: &Template,
-        samples: &[Sample<'_>],
-        shapes: usize,
-    ) -> Result<Skinning, String> {
+    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers that are not finite.
+    pub fn fit(template: &Template, samples: &[Sample<'_>], shapes: usize) -> Result<Skinning> {
         check(template, samples)?;
         if shapes > samples.len() {
             let n = samples.len();
-            return Err(format!(
-                "{shapes} corrective shapes need as many samples, {n} are given"
-            ));
+            return Err(
+                format!("{shapes} corrective shapes need as many samples, {n} are given").into(),
+            );
         }
         let tree = Tree::of(template);
         let mut skinning = Skinning {
@@ -106,7 +103,7 @@ impl Skinning {
             solver: Solver::new(&weights::rigid(template), tree.len())?,
         };
         for _ in 0..ROUNDS {
-            let motions: Result<Vec<_>, String> = (samples.iter())
+            let motions: Result<Vec<_>> = (samples.iter())
                 .map(|s| Ok(skinning.frame(s)?.motions()))
                 .collect();
             skinning.weights = weights::fit(template, &tree, samples, &motions?);
@@ -119,7 +116,7 @@ impl Skinning {
     }
 }
 
-fn check(template: &Template, samples: &[Sample<'_>]) -> Result<(), String> {
+fn check(template: &Template, samples: &[Sample<'_>]) -> Result<()> {
     if samples.is_empty() {
         return Err("a skin is fitted to one sample or more; none is given".into());
     }
@@ -129,7 +126,7 @@ fn check(template: &Template, samples: &[Sample<'_>]) -> Result<(), String> {
         .try_for_each(|s| check_sizes(vertices, parts, s))
 }
 
-fn check_sizes(vertices: usize, bones: usize, sample: &Sample<'_>) -> Result<(), String> {
+fn check_sizes(vertices: usize, bones: usize, sample: &Sample<'_>) -> Result<()> {
     let found = (sample.vertices.len(), sample.rotations.len());
     if found == (vertices, bones) {
         return Ok(());
@@ -137,7 +134,8 @@ fn check_sizes(vertices: usize, bones: usize, sample: &Sample<'_>) -> Result<(),
     Err(format!(
         "expected {vertices} vertices and {bones} rotations, found {} and {}",
         found.0, found.1
-    ))
+    )
+    .into())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use super::weights::blend;
 use super::{Frame, Sample, Skinning};
+use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
@@ -13,12 +14,8 @@ use ndarray::Array2;
 const DAMPING: f64 = 1e-2;
 
 /// The `count` largest components (count, V), scaled so that the weights of the samples have mean square 1.
-pub fn fit(
-    skinning: &Skinning,
-    samples: &[Sample<'_>],
-    count: usize,
-) -> Result<Vec<Vec<DVec3>>, String> {
-    let offsets: Result<Vec<Vec<DVec3>>, String> = (samples.iter())
+pub fn fit(skinning: &Skinning, samples: &[Sample<'_>], count: usize) -> Result<Vec<Vec<DVec3>>> {
+    let offsets: Result<Vec<Vec<DVec3>>> = (samples.iter())
         .map(|s| Ok(carried_back(skinning, s, &skinning.frame(s)?)))
         .collect();
     let offsets = offsets?;

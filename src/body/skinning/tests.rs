@@ -147,7 +147,10 @@ fn turning_a_mesh_turns_its_fit() {
 fn samples_that_cannot_be_fitted_to_are_refused() {
     let template = column(6);
     let meshes = planted(&template, 0.0, 0.0);
-    let fit = |s: &[Sample<'_>], shapes| Skinning::fit(&template, s, shapes).unwrap_err();
+    let fit = |s: &[Sample<'_>], shapes| {
+        let fitted = Skinning::fit(&template, s, shapes);
+        fitted.unwrap_err().to_string()
+    };
     assert!(fit(&[], 0).contains("one sample or more"));
     assert!(fit(&samples(&meshes), 13).contains("13 corrective shapes"));
     let short = Sample {

@@ -7,6 +7,7 @@
 //! The matrix Wᵀ W (B, B) depends on the weights alone: it is factored once for all meshes.
 
 use super::weights::{BoneWeights, used};
+use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use ndarray::{Array2, ArrayView2};
 
@@ -19,7 +20,7 @@ pub struct Solver(Cholesky);
 
 impl Solver {
     /// Factors Wᵀ W for `bones` bones.
-    pub fn new(weights: &[BoneWeights], bones: usize) -> Result<Solver, String> {
+    pub fn new(weights: &[BoneWeights], bones: usize) -> Result<Solver> {
         let mut normal = Array2::zeros((bones, bones));
         for weights in weights {
             for (a, wa) in used(weights) {

@@ -16,10 +16,10 @@ pub struct Share {
 }
 
 impl FromStr for Share {
-    type Err = String;
+    type Err = Error;
 
     /// Parses `I/N`, I from 1 to N.
-    fn from_str(text: &str) -> std::result::Result<Share, String> {
+    fn from_str(text: &str) -> Result<Share> {
         let numbers = text.split_once('/').and_then(|(index, count)| {
             let (index, count) = (index.parse().ok()?, count.parse().ok()?);
             (1..=count)

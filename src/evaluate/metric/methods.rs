@@ -1,5 +1,6 @@
 //! The distances that are compared.
 
+use crate::Result;
 use crate::metric::train::Learner;
 use crate::metric::{
     Baseline, BodyFramePoses, JointMap, LabelledPair, PoseFeatures, PoseMetric, TrainSettings,
@@ -30,13 +31,13 @@ impl Method {
     /// Learns the distance; also the seconds of its steps.
     ///
     /// # Errors
-    /// A phrase: labels that it needs are missing, or nothing can be learnt.
+    /// [`crate::Error::Unfit`]: labels that it needs are missing, or nothing can be learnt.
     pub fn fit(
         &self,
         map: &JointMap,
         takes: &[BodyFramePoses],
         pairs: &[LabelledPair],
-    ) -> Result<(PoseMetric, StepSeconds), String> {
+    ) -> Result<(PoseMetric, StepSeconds)> {
         match &self.kind {
             Kind::Baseline(baseline) => Ok((baseline.metric(map, takes, pairs)?, Vec::new())),
             Kind::Trained(settings) => {

@@ -18,6 +18,7 @@ pub use report::{Cell, MetricReport, Sheet};
 pub use score::{Precision, SCOPES};
 pub use takes::{ClassifiedTake, TakeSet};
 
+use crate::Result;
 use crate::metric::{JointMap, LabelledPair, PoseMetric};
 use methods::{Method, Methods};
 
@@ -42,19 +43,19 @@ const PICTURED: [&str; 2] = ["wjod", "gpd+rdsr"];
 /// Tests distances of poses. `progress` is called with what is being done, and how much of the whole is done, 0 to 1.
 ///
 /// # Errors
-/// A phrase: no subject is left to learn from or to test on, or no rule finds pairs.
+/// [`crate::Error::Unfit`]: no subject is left to learn from or to test on, or no rule finds pairs.
 pub fn test(
     set: &TakeSet,
     map: &JointMap,
     settings: &MetricSettings,
     progress: &mut dyn FnMut(&str, f64),
-) -> Result<MetricReport, String> {
+) -> Result<MetricReport> {
     let [learnt, tested] = set.split(&settings.tested);
     if learnt.takes.is_empty() || tested.takes.is_empty() {
         return Err(format!(
             "has takes of {}; distances learn from some subjects and are tested on others (the option `test` names them)",
             set.subjects().join(", ")
-        ));
+        ).into());
     }
     let mut report = MetricReport {
         learnt: learnt.subjects(),
@@ -66,7 +67,7 @@ pub fn test(
         let mut trial = match Trial::new(*rule, [&learnt, &tested], map, settings) {
             Ok(trial) => trial,
             Err(why) => {
-                report.left_out.push(why);
+                report.left_out.push(why.to_string());
                 continue;
             }
         };
@@ -79,7 +80,7 @@ pub fn test(
         report.pictures.extend(trial.pictures);
     }
     match report.sheets.is_empty() {
-        true => Err(report.left_out.join("; ")),
+        true => Err(report.left_out.join("; ").into()),
         false => Ok(report),
     }
 }
@@ -103,7 +104,7 @@ impl<'a> Trial<'a> {
         [learnt, tested]: [&'a TakeSet; 2],
         map: &'a JointMap,
         settings: &MetricSettings,
-    ) -> Result<Trial<'a>, String> {
+    ) -> Result<Trial<'a>> {
         let pairs = [(learnt, 1), (tested, 2)].map(|(set, stream)| {
             rule.label(set, settings.pairs, settings.seed.wrapping_mul(8) + stream)
         });
@@ -112,7 +113,8 @@ impl<'a> Trial<'a> {
                 "no pairs of both labels are found by the rule {} ({})",
                 rule.name(),
                 rule.describe()
-            ));
+            )
+            .into());
         }
         Ok(Trial {
             rule,
@@ -130,7 +132,7 @@ impl<'a> Trial<'a> {
         &mut self,
         settings: &MetricSettings,
         progress: &mut dyn FnMut(&str, f64),
-    ) -> Result<(), String> {
+    ) -> Result<()> {
         let methods = Methods::new(self.map, self.rule.reach(), settings.seed);
         let mut tables = vec![("distances (figures 5 and 8)", methods.distances())];
         if !settings.is_short {
@@ -164,7 +166,7 @@ impl<'a> Trial<'a> {
                         }
                         cells
                     }
-                    Err(why) => vec![Err(why)],
+                    Err(why) => vec![Err(why.to_string())],
                 };
                 sheet.rows.push((method.name, cells));
                 done += 1.0;
@@ -178,7 +180,7 @@ impl<'a> Trial<'a> {
         Ok(())
     }
 
-    fn fit(&mut self, method: &Method) -> Result<PoseMetric, String> {
+    fn fit(&mut self, method: &Method) -> Result<PoseMetric> {
         let (metric, seconds) = method.fit(self.map, &self.learnt.takes, &self.pairs[0])?;
         if method.name == "gpd+rdsr" && self.seconds.is_empty() {
             self.seconds = seconds;

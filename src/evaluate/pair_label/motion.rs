@@ -1,5 +1,6 @@
 //! The motion around a pair of poses: both takes in the body's frame of the labelled pose, and the cut from one to the other.
 
+use crate::Result;
 use crate::metric::joint_map::{JointMap, PARENTS, joint};
 use crate::pose::Poses;
 use glam::{DMat3, DVec3};
@@ -34,14 +35,8 @@ impl Motion {
     /// The joints of a take at `rate` frames a second, whose bodies are `scale` times as high on the page.
     ///
     /// # Errors
-    /// A phrase: the joints whose points are missing.
-    pub fn new(
-        name: &str,
-        take: &Poses,
-        map: &JointMap,
-        rate: f64,
-        scale: f64,
-    ) -> Result<Motion, String> {
+    /// [`crate::Error::Unfit`]: the joints whose points are missing.
+    pub fn new(name: &str, take: &Poses, map: &JointMap, rate: f64, scale: f64) -> Result<Motion> {
         let points = map.find(&take.points)?;
         let joints = Array2::from_shape_fn((take.frames(), 48), |(t, c)| {
             points.at(&take.xyz, t, c / 3)[c % 3]

@@ -446,8 +446,8 @@ impl<'a> AmcReader<'a> {
                 });
                 match value {
                     Ok(value) => frame.values[range.start + count] = value,
-                    Err(what) => {
-                        fault = Some(what);
+                    Err(e) => {
+                        fault = Some(e);
                         break;
                     }
                 }
@@ -459,8 +459,8 @@ impl<'a> AmcReader<'a> {
                 .here()
                 .part(excerpt(&skeleton.bones()[bone].name))
         };
-        if let Some(what) = fault {
-            return Err(Fault::Cut(Error::data(here(), what)));
+        if let Some(fault) = fault {
+            return Err(Fault::Cut(fault.at(here())));
         }
         if count != range.len() {
             let what = format!("expected {} values, found {count}", range.len());

@@ -107,16 +107,16 @@ impl Bvh {
     /// [`Bvh::rate`], else the rate given.
     ///
     /// # Errors
-    /// What is wrong with the Frame Time, as a phrase: neither is there. The Frame Time 0 of a single frame is no fault; its rate is 1.
-    pub fn rate_or(&self, given: Option<f64>) -> std::result::Result<f64, String> {
+    /// [`Error::Unfit`]: neither is there. The Frame Time 0 of a single frame is no fault; its rate is 1.
+    pub fn rate_or(&self, given: Option<f64>) -> Result<f64> {
         let is_still = self.motion.nrows() <= 1 && self.frame_time == 0.0;
         let rate = self.rate().or(given).or(is_still.then_some(1.0));
         let (least, most) = (FRAME_TIMES.start(), FRAME_TIMES.end());
         rate.ok_or_else(|| {
-            format!(
+            Error::unfit(format!(
                 "its Frame Time is {} s, outside {least} to {most} s; give the frames per second with the option `fps`",
                 self.frame_time
-            )
+            ))
         })
     }
 
@@ -126,7 +126,7 @@ impl Bvh {
     /// [`Error::Usage`]: the Frame Time gives no rate ([`Bvh::rate_or`]), or the joints are no tree.
     pub fn to_poses(&self) -> Result<Poses> {
         let skeleton = BvhSkeleton::new(&self.joints, DMat3::IDENTITY, true)?;
-        let rate = self.rate_or(None).map_err(Error::usage)?;
+        let rate = self.rate_or(None).map_err(Error::into_usage)?;
         Ok(self.positions(&skeleton, BvhPoints::Origins, rate))
     }
 
@@ -254,18 +254,18 @@ mod tests {
         };
         for time in ["18446744073709551615", "0", "-0.01", "0.00001", "11"] {
             let bvh = timed(time);
-            let fault = bvh.rate_or(None).unwrap_err();
+            let fault = bvh.rate_or(None).unwrap_err().to_string();
             assert!(
                 fault.contains("Frame Time") && fault.contains("the option `fps`"),
                 "{fault}"
             );
-            assert_eq!(bvh.rate_or(Some(30.0)), Ok(30.0));
+            assert_eq!(bvh.rate_or(Some(30.0)).unwrap(), 30.0);
             assert!(bvh.to_poses().is_err());
         }
         assert_eq!(timed("0.0001").rate(), Some(10_000.0));
         assert_eq!(timed("10").rate(), Some(0.1));
         let still = |time: &str| load(odd(FRAME).replace(".0083333", time), false).unwrap();
-        assert_eq!(still("0").rate_or(None), Ok(1.0));
+        assert_eq!(still("0").rate_or(None).unwrap(), 1.0);
         assert!(still("1e12").rate_or(None).is_err());
     }
 
@@ -300,7 +300,8 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            e.contains("frame 2 (2 of 10 values) after 1 complete") && e.contains("the option `keep_whole`"),
+            e.contains("frame 2 (2 of 10 values) after 1 complete")
+                && e.contains("the option `keep_whole`"),
             "{e}"
         );
         assert_eq!(

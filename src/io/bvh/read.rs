@@ -589,19 +589,20 @@ impl<'a> Tokens<'a> {
                     "expected a number; the file is cut off".into(),
                 )
             })?;
-            *v = bounded(word).map_err(|what| BvhFault(at, what))?;
+            *v = bounded(word).map_err(|e| BvhFault(at, e.to_string()))?;
         }
         Ok(out)
     }
 }
 
 /// A finite number of a size that a body can have.
-fn bounded(word: &str) -> std::result::Result<f64, String> {
+fn bounded(word: &str) -> Result<f64> {
     match parse_number(word)? {
         v if v.abs() <= LARGEST_NUMBER => Ok(v),
         _ => Err(format!(
             "\"{}\" is too large for a length or angle of a body",
             excerpt(word)
-        )),
+        )
+        .into()),
     }
 }

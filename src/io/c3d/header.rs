@@ -4,6 +4,7 @@ use super::BLOCK;
 use super::extent::{Extent, Words};
 use super::numbers::Processor;
 use super::parameters::Parameters;
+use crate::Result;
 
 /// Where the frames are and what each holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,7 @@ impl Layout {
         parameters_at: usize,
         keep_whole: bool,
         notes: &mut Vec<String>,
-    ) -> Result<Layout, String> {
+    ) -> Result<Layout> {
         let header = bytes.get(..BLOCK).ok_or("ends within its header")?;
         // Words of the header are counted from 1.
         let word = |i: usize| processor.u16([header[2 * i - 2], header[2 * i - 1]]);
@@ -46,7 +47,7 @@ impl Layout {
             f64::from(processor.f32(bytes))
         };
         if word(2) == 0 && parameters.number("POINT:USED").unwrap_or(0.0) < 1.0 {
-            return Err(without_points(word(3), parameters));
+            return Err(without_points(word(3), parameters).into());
         }
         let mut scale = real(7);
         if scale == 0.0 || !scale.is_finite() {
@@ -60,7 +61,7 @@ impl Layout {
             block => block as usize,
         };
         if block < 2 {
-            return Err(format!("says that its frames begin in block {block}"));
+            return Err(format!("says that its frames begin in block {block}").into());
         }
         let start = (block - 1).saturating_mul(BLOCK);
         let words = Words {
@@ -88,7 +89,7 @@ impl Layout {
         if there < promised {
             let what = format!("ends after {there} of its {promised} frames");
             if !keep_whole || there == 0 {
-                return Err(format!("{what}; the option `keep_whole` reads those"));
+                return Err(format!("{what}; the option `keep_whole` reads those").into());
             }
             notes.push(what);
             layout.frames = there;

@@ -66,13 +66,14 @@ impl C3d {
     pub fn read(input: Input, keep_whole: bool) -> Result<C3d> {
         let name = input.name.clone();
         let bad = |what: String| Error::data(Place::file(&name), what);
+        let at = |e: Error| e.at(Place::file(&name));
         let other = what_else(input.first_bytes());
         let bytes = input.read_all(LIMIT)?;
         if !C3d::is_c3d(&bytes[..bytes.len().min(BLOCK)]) {
             return Err(bad(other.into()));
         }
         let mut notes = Vec::new();
-        let (processor, section) = parameter_section(&bytes, &mut notes).map_err(bad)?;
+        let (processor, section) = parameter_section(&bytes, &mut notes).map_err(at)?;
         let parameters = Parameters::read(section, processor);
         if let Some(broken) = &parameters.broken {
             notes.push(format!("{broken}; the parameters after it are not read"));
@@ -86,7 +87,7 @@ impl C3d {
             keep_whole,
             &mut notes,
         );
-        let layout = layout.map_err(bad)?;
+        let layout = layout.map_err(at)?;
         // The first block alone: beyond it, some files say more parameters than they have.
         if layout.start < first + BLOCK && first < layout.end() {
             return Err(bad("has frames where its parameters begin".into()));
@@ -131,7 +132,7 @@ fn what_else(start: &[u8]) -> &'static str {
 fn parameter_section<'a>(
     bytes: &'a [u8],
     notes: &mut Vec<String>,
-) -> std::result::Result<(Processor, &'a [u8]), String> {
+) -> Result<(Processor, &'a [u8])> {
     let block = (bytes[0] as usize).max(2);
     if bytes[0] < 2 {
         notes.push(format!(

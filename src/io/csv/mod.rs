@@ -167,13 +167,13 @@ impl CsvReader {
             for (axis, column) in place.iter().enumerate() {
                 let value = match column {
                     None => f64::NAN,
-                    Some(column) => coordinate(&row.cells[*column]).map_err(|what| {
+                    Some(column) => coordinate(&row.cells[*column]).map_err(|e| {
                         let part = format!(
                             "{}.{}",
                             excerpt(&self.columns.points[point]),
                             ["x", "y", "z"][axis]
                         );
-                        Error::data(Place::line(&self.name, line).part(part), what)
+                        e.at(Place::line(&self.name, line).part(part))
                     })?,
                 };
                 row.xyz.push(value);
@@ -182,10 +182,10 @@ impl CsvReader {
         row.time = match self.columns.time {
             None => None,
             Some(column) => {
-                let fail = |what| Error::data(Place::line(&self.name, line).part("time"), what);
+                let fail = |e: Error| e.at(Place::line(&self.name, line).part("time"));
                 let time = parse_cell(&row.cells[column]).map_err(fail)?;
                 if time.is_nan() {
-                    return Err(fail("a time is missing".to_string()));
+                    return Err(fail("a time is missing".into()));
                 }
                 Some(time)
             }
@@ -235,7 +235,7 @@ fn known(last: &mut Arc<str>, name: &[u8], (file, line): (&str, u64)) -> Result<
 }
 
 /// A cell's number: NaN for an empty cell or `NaN`.
-pub(super) fn parse_cell(cell: &[u8]) -> std::result::Result<f64, String> {
+pub(super) fn parse_cell(cell: &[u8]) -> Result<f64> {
     let text = std::str::from_utf8(cell).unwrap_or("\u{fffd}").trim();
     if text.is_empty() || text.eq_ignore_ascii_case("nan") {
         return Ok(f64::NAN);
@@ -244,7 +244,7 @@ pub(super) fn parse_cell(cell: &[u8]) -> std::result::Result<f64, String> {
 }
 
 /// A cell's coordinate: NaN is a missing one.
-fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
+fn coordinate(cell: &[u8]) -> Result<f64> {
     match parse_cell(cell)? {
         v if v.is_nan() => Ok(v),
         v => check_length(v),

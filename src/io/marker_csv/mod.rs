@@ -43,7 +43,9 @@ pub fn read(
     let is_empty = input.first_bytes().is_empty();
     let too_long = too_long(input.first_bytes());
     let mut lines = Lines::new(&name, input.into_reader());
-    let first = |lines: &mut Lines<_>| Ok(lines.next_line()?.unwrap_or_default().to_string());
+    let first = |lines: &mut Lines<_>| -> Result<String> {
+        Ok(lines.next_line()?.unwrap_or_default().to_string())
+    };
     match format {
         MotionFormat::MotiveCsv => motive::read(&first(&mut lines)?, lines, points, keep_whole),
         MotionFormat::QualisysTsv => qualisys::read(&first(&mut lines)?, lines, keep_whole),

@@ -57,7 +57,7 @@ pub fn read(
     let head = cells(first);
     let columns = Columns::read(&mut lines)?;
     let chosen = choose(&head, &columns, wanted);
-    let (at, stated) = chosen.map_err(|what| Error::data(lines.here(), what))?;
+    let (at, stated) = chosen.map_err(|e| e.at(lines.here()))?;
     let mut rows = MarkerRows::default();
     loop {
         let number = lines.number + 1;
@@ -75,7 +75,7 @@ pub fn read(
             cells.get(1).copied(),
             chosen,
         );
-        pushed.map_err(|what| Error::data(lines.here(), what))?;
+        pushed.map_err(|e| e.at(lines.here()))?;
     }
     let name = lines.name.clone();
     let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
@@ -89,7 +89,7 @@ fn choose(
     head: &[String],
     columns: &Columns,
     wanted: Option<MotivePoints>,
-) -> std::result::Result<(Vec<usize>, Stated), String> {
+) -> Result<(Vec<usize>, Stated)> {
     let value = |key: &str| {
         let at = head.iter().position(|c| c == key)?;
         head.get(at + 1).filter(|value| !value.is_empty())
@@ -100,7 +100,7 @@ fn choose(
     let kind = wanted.or(first).unwrap_or(Markers);
     let points: Vec<(usize, String)> = columns.of(kind).collect();
     if points.is_empty() {
-        return Err(format!("there are no columns of {}", kind.name()));
+        return Err(format!("there are no columns of {}", kind.name()).into());
     }
     if kind == Bones && value("Coordinate Space").is_some_and(|s| s == "Local") {
         return Err("bones are relative to their parents; export with global coordinates".into());
@@ -268,7 +268,10 @@ mod tests {
             assert!(said.contains(part), "{said}");
         };
         fails("Format Version,1.2\n", "x.csv:1: expected the titles");
-        fails(&NEW.replace("Frames,2", "Frames,3"), "the option `keep_whole`");
+        fails(
+            &NEW.replace("Frames,2", "Frames,3"),
+            "the option `keep_whole`",
+        );
         fails(&NEW.replace("1,2,3", "1,x,3"), "x.csv:8: expected a number");
         fails(NEW.split_once("\n0,").unwrap().0, "has no frames");
         let none = NEW.replace("Marker", "x").replace("Bone", "x");

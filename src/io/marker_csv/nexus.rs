@@ -75,7 +75,7 @@ fn trajectories(
     let Some(byte) = titles.separator.byte() else {
         return Err(bad(lines, "expected cells that commas or tabs part"));
     };
-    let units = titles.unit().map_err(|what| bad(lines, &what))?;
+    let units = titles.unit().map_err(|e| e.at(lines.here()))?;
     let width = titles.width;
     let at: Vec<usize> = titles.points.iter().flat_map(|(_, at)| *at).collect();
     let mut rows = MarkerRows::default();
@@ -117,7 +117,7 @@ fn trajectories(
         }
         let chosen = at.iter().map_while(|&c| cells.get(c).map(|c| &**c));
         let pushed = rows.push(number, cells.first().map(|c| &**c), None, chosen);
-        pushed.map_err(|what| Error::data(place, what))?;
+        pushed.map_err(|e| e.at(place))?;
         number += 1;
     }
     let stated = Stated {

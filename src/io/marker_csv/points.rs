@@ -132,7 +132,7 @@ impl Table<'_> {
             cell => Some(cell.unwrap_or_default()),
         });
         let pushed = self.rows.push(number, None, None, chosen);
-        pushed.map_err(bad)?;
+        pushed.map_err(|e| e.at(Place::line(self.name, number)))?;
         if let Some((column, unit)) = self.time {
             let seconds = parse_number(cell(column).unwrap_or_default());
             let seconds = seconds.map_err(|what| bad(format!("time: {what}")))?;
@@ -166,7 +166,7 @@ impl Table<'_> {
             .map(|(name, _)| name.clone())
             .collect();
         let units = self.titles.unit();
-        let units = units.map_err(|what| Error::data(Place::file(self.name), what))?;
+        let units = units.map_err(|e| e.at(Place::file(self.name)))?;
         let stated = Stated {
             labels,
             units,

@@ -9,7 +9,7 @@ use super::qualisys_head::{Head, KEYS, value_of};
 use crate::io::marker_rows::{MarkerRows, Stated, is_missing};
 use crate::io::marker_take::MarkerTake;
 use crate::io::text::Lines;
-use crate::{Error, Place, Result};
+use crate::{Place, Result};
 use std::io::BufRead;
 
 /// Where the cells of a row are.
@@ -32,7 +32,7 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
     if value_of(&head, "DATA_INCLUDED").is_some_and(|d| d.eq_ignore_ascii_case("6D")) {
         return qualisys_6d::read(&head, &titles, row, lines, keep_whole);
     }
-    let stated = stated(head).map_err(|what| Error::data(Place::file(&lines.name), what))?;
+    let stated = stated(head).map_err(|e| e.at(Place::file(&lines.name)))?;
     let points = stated.labels.len();
     let mut rows = MarkerRows::default();
     while let Some(line) = row {
@@ -42,7 +42,7 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
             let cell = |at: Option<usize>| at.and_then(|at| cells.get(at).copied());
             let xyz = cells.iter().skip(layout.xyz).take(3 * points).copied();
             let pushed = rows.push(lines.number, cell(layout.frame), cell(layout.time), xyz);
-            pushed.map_err(|what| Error::data(lines.here(), what))?;
+            pushed.map_err(|e| e.at(lines.here()))?;
         }
         row = lines.next_line()?.map(str::to_string);
     }
@@ -125,10 +125,10 @@ impl Layout {
 }
 
 /// What the header says.
-fn stated(mut head: Head) -> std::result::Result<Stated, String> {
+fn stated(mut head: Head) -> Result<Stated> {
     let value = |key: &str| value_of(&head, key);
     if let Some(other) = value("DATA_INCLUDED").filter(|d| !d.eq_ignore_ascii_case("3D")) {
-        return Err(qualisys_6d::refused(other));
+        return Err(qualisys_6d::refused(other).into());
     }
     let number = |key: &str| value(key)?.parse::<f64>().ok().filter(|n| *n > 0.0);
     let (frames, rate) = (number("NO_OF_FRAMES"), number("FREQUENCY"));
@@ -141,7 +141,7 @@ fn stated(mut head: Head) -> std::result::Result<Stated, String> {
     }
     let named = labels.len();
     if let Some(markers) = markers.filter(|&n| n != named as f64) {
-        return Err(format!("announces {markers} markers but names {named}"));
+        return Err(format!("announces {markers} markers but names {named}").into());
     }
     Ok(Stated {
         labels,

@@ -25,7 +25,7 @@ pub fn read(
     keep_whole: bool,
 ) -> Result<MarkerTake> {
     let name = lines.name.clone();
-    let bodies = bodies(head).map_err(|what| Error::data(Place::file(&name), what))?;
+    let bodies = bodies(head).map_err(|e| e.at(Place::file(&name)))?;
     let axes = axes_of(titles);
     let angle = |body: &String| ["rx", "ry", "rz"].map(|axis| format!("{body}.{axis}"));
     let angles: Vec<String> = bodies.iter().flat_map(angle).collect();
@@ -38,14 +38,13 @@ pub fn read(
             if starts.is_none() {
                 starts = starts_of(titles, &cells, bodies.len());
             }
-            let bad = |what: String| Error::data(lines.here(), what);
             let Some(starts) = &starts else {
                 let what = format!(
                     "expected {WIDTH} cells for each of {} bodies, found {}",
                     bodies.len(),
                     cells.len()
                 );
-                return Err(bad(what));
+                return Err(Error::data(lines.here(), what));
             };
             push(
                 &mut rows,
@@ -55,7 +54,7 @@ pub fn read(
                 frame_and_time(titles, starts),
                 lines.number,
             )
-            .map_err(bad)?;
+            .map_err(|e| e.at(lines.here()))?;
         }
         row = lines.next_line()?.map(str::to_string);
     }
@@ -83,17 +82,16 @@ pub fn read(
 }
 
 /// The names of the bodies.
-fn bodies(head: &Head) -> std::result::Result<Vec<String>, String> {
+fn bodies(head: &Head) -> Result<Vec<String>> {
     let names = head.get("BODY_NAMES");
     let names = names.ok_or("has no line BODY_NAMES, so it has no bodies that are known")?;
     let last = names.iter().rposition(|n| !n.is_empty());
     let names = &names[..last.map_or(0, |last| last + 1)];
     let announced = value_of(head, "NO_OF_BODIES").and_then(|n| n.parse::<usize>().ok());
     match announced {
-        Some(count) if count != names.len() => Err(format!(
-            "announces {count} bodies but names {}",
-            names.len()
-        )),
+        Some(count) if count != names.len() => {
+            Err(format!("announces {count} bodies but names {}", names.len()).into())
+        }
         _ if names.is_empty() => Err("has no bodies".into()),
         _ => Ok(unique_names(names.iter().map(String::as_str))),
     }
@@ -167,7 +165,7 @@ fn push(
     (starts, axes): (&[usize], [usize; 3]),
     [frame, time]: [Option<usize>; 2],
     number: u64,
-) -> std::result::Result<(), String> {
+) -> Result<()> {
     let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
     let value = |at: usize| cell(at).parse::<f64>().ok();
     let is_lost = |start: &usize| {

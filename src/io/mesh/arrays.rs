@@ -52,7 +52,7 @@ fn array(
     archive: &mut Archive,
     place: &Place,
     part: &str,
-    size: impl Fn(&Header) -> std::result::Result<u64, String>,
+    size: impl Fn(&Header) -> Result<u64>,
 ) -> Result<(Header, Vec<u8>)> {
     let fail = |what: String| Error::data(place.clone(), what);
     let damaged = |e: String| fail(format!("is damaged: {}", excerpt(&e)));
@@ -72,7 +72,7 @@ fn array(
         .shape
         .iter()
         .fold(1, |n: u64, d| n.saturating_mul(*d));
-    let bytes = values.saturating_mul(size(&header).map_err(fail)?);
+    let bytes = values.saturating_mul(size(&header).map_err(|e| e.at(place.clone()))?);
     if bytes > LARGEST {
         return Err(fail(format!("is larger than {} GiB", LARGEST >> 30)));
     }
@@ -140,7 +140,7 @@ fn faces(archive: &mut Archive, name: &str, vertices: usize) -> Result<Vec<[u32;
             "has the shape {shape:?}, expected (faces, 3)"
         )));
     }
-    let size = whole_size(&header.descr).map_err(fail)? as usize;
+    let size = whole_size(&header.descr).map_err(|e| e.at(place.clone()))? as usize;
     let signed = header.descr.as_bytes().get(1) == Some(&b'i');
     let mut faces = Vec::with_capacity(bytes.len() / size / 3);
     for (i, row) in bytes.chunks_exact(3 * size).enumerate() {
@@ -160,7 +160,7 @@ fn faces(archive: &mut Archive, name: &str, vertices: usize) -> Result<Vec<[u32;
 }
 
 /// The bytes of a value of a whole type such as `<i4`.
-fn whole_size(descr: &str) -> std::result::Result<u64, String> {
+fn whole_size(descr: &str) -> Result<u64> {
     match descr {
         "|i1" | "|u1" => Ok(1),
         "<i2" | "<u2" => Ok(2),
@@ -168,7 +168,7 @@ fn whole_size(descr: &str) -> std::result::Result<u64, String> {
         "<i8" | "<u8" => Ok(8),
         other => {
             let other = excerpt(other);
-            Err(format!("has values of type {other}, expected <i4 or <i8"))
+            Err(format!("has values of type {other}, expected <i4 or <i8").into())
         }
     }
 }

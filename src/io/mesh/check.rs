@@ -1,6 +1,7 @@
 //! What is wrong with a mesh: faces, edges and the size of a body.
 
 use super::Mesh;
+use crate::Result;
 use glam::DVec3;
 use std::fmt;
 
@@ -193,8 +194,8 @@ impl Mesh {
     /// mesh's unit: 0.01 for centimetres.
     ///
     /// # Errors
-    /// A phrase with the extent and the remedy, `--units`.
-    pub fn plausible_height(&self, metres_per_unit: f64) -> Result<(), String> {
+    /// [`crate::Error::Unfit`] with the extent and the remedy, the option `units`.
+    pub fn plausible_height(&self, metres_per_unit: f64) -> Result<()> {
         let extent = |axis: usize| {
             let values = || self.vertices.iter().map(move |v| v[axis]);
             values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
@@ -220,7 +221,8 @@ impl Mesh {
         };
         Err(format!(
             "the largest extent is {size} m, expected {least} to {most} m for a body; {remedy}"
-        ))
+        )
+        .into())
     }
 }
 

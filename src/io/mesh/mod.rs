@@ -175,30 +175,30 @@ impl Mesh {
     }
 
     /// Adds a vertex that a file holds.
-    fn add_vertex(&mut self, at: [f64; 3]) -> std::result::Result<(), String> {
+    fn add_vertex(&mut self, at: [f64; 3]) -> Result<()> {
         if let Some(v) = at.iter().find(|v| !(v.abs() <= MAX_COORDINATE)) {
-            return Err(format!(
-                "expected coordinates within {MAX_COORDINATE:e}, found {v}"
-            ));
+            return Err(
+                format!("expected coordinates within {MAX_COORDINATE:e}, found {v}").into(),
+            );
         }
         if self.vertices.len() == MOST {
-            return Err(format!("the mesh has more than {MOST} vertices"));
+            return Err(format!("the mesh has more than {MOST} vertices").into());
         }
         self.vertices.push(at);
         Ok(())
     }
 
     /// Adds a polygon, as triangles around its first corner.
-    fn add_polygon(&mut self, corners: &[u32]) -> std::result::Result<(), String> {
+    fn add_polygon(&mut self, corners: &[u32]) -> Result<()> {
         let [first, rest @ ..] = corners else {
             return Err("the face has no corners".into());
         };
         if rest.len() < 2 {
             let n = corners.len();
-            return Err(format!("the face has {n} corners, expected three or more"));
+            return Err(format!("the face has {n} corners, expected three or more").into());
         }
         if self.faces.len() + rest.len() - 1 > MOST {
-            return Err(format!("the mesh has more than {MOST} triangles"));
+            return Err(format!("the mesh has more than {MOST} triangles").into());
         }
         self.faces
             .extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));

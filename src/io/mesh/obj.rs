@@ -22,7 +22,7 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
             Some("f") => face(words, &mut mesh, &mut corners),
             _ => continue,
         };
-        done.map_err(|what| Error::data(lines.here(), what))?;
+        done.map_err(|e| e.at(lines.here()))?;
         if let Some(&corner) = corners.iter().max().filter(|c| **c >= largest.0) {
             largest = (corner, lines.number);
         }
@@ -37,10 +37,7 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
     Ok(mesh)
 }
 
-fn vertex<'a>(
-    words: impl Iterator<Item = &'a str>,
-    mesh: &mut Mesh,
-) -> std::result::Result<(), String> {
+fn vertex<'a>(words: impl Iterator<Item = &'a str>, mesh: &mut Mesh) -> Result<()> {
     let mut at = [0.0; 3];
     let mut count = 0;
     for (place, word) in at.iter_mut().zip(words) {
@@ -48,7 +45,7 @@ fn vertex<'a>(
         count += 1;
     }
     if count < 3 {
-        return Err(format!("expected three numbers after v, found {count}"));
+        return Err(format!("expected three numbers after v, found {count}").into());
     }
     mesh.add_vertex(at)
 }
@@ -57,7 +54,7 @@ fn face<'a>(
     words: impl Iterator<Item = &'a str>,
     mesh: &mut Mesh,
     corners: &mut Vec<u32>,
-) -> std::result::Result<(), String> {
+) -> Result<()> {
     for word in words.take_while(|w| !w.starts_with('#')) {
         corners.push(corner(word, mesh.vertices.len())?);
     }
@@ -65,14 +62,14 @@ fn face<'a>(
 }
 
 /// The vertex of a corner such as `7/1/3` or `-1`, counted from 0; `known` vertices stand above.
-fn corner(word: &str, known: usize) -> std::result::Result<u32, String> {
+fn corner(word: &str, known: usize) -> Result<u32> {
     let end = word.bytes().position(|b| b == b'/');
     let text = &word[..end.unwrap_or(word.len())];
     let bad = || {
-        format!(
+        Error::unfit(format!(
             "expected a corner such as 7, 7/1 or 7//3, found \"{}\"",
             excerpt(word)
-        )
+        ))
     };
     let number: i64 = text.parse().map_err(|_| bad())?;
     let index = match number {
@@ -81,9 +78,7 @@ fn corner(word: &str, known: usize) -> std::result::Result<u32, String> {
         _ => known as i64 + number,
     };
     if index < 0 {
-        return Err(format!(
-            "the face names vertex {number}, {known} stand above"
-        ));
+        return Err(format!("the face names vertex {number}, {known} stand above").into());
     }
     u32::try_from(index).map_err(|_| bad())
 }

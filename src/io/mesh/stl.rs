@@ -40,8 +40,7 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
     let size = bytes.len() as u64;
     // Binary files may begin with "solid" too; their size tells them.
     if declared_size(bytes) == Some(size) {
-        read_binary(&bytes[COMMENT + 4..], &mut merged)
-            .map_err(|(i, what)| Error::data(Place::file(name).part(format!("face {i}")), what))?;
+        read_binary(&bytes[COMMENT + 4..], name, &mut merged)?;
     } else if is_text(bytes) {
         read_text(bytes, name, &mut merged)?;
     } else {
@@ -56,14 +55,15 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
     Ok(merged.mesh)
 }
 
-/// The triangle of an error is counted from 0.
-fn read_binary(triangles: &[u8], merged: &mut Merged) -> std::result::Result<(), (usize, String)> {
+/// A triangle in an error is counted from 0.
+fn read_binary(triangles: &[u8], name: &str, merged: &mut Merged) -> Result<()> {
     for (i, triangle) in triangles.as_chunks::<TRIANGLE>().0.iter().enumerate() {
         let values = triangle.as_chunks::<4>().0;
         let value = |at: usize| f64::from(f32::from_le_bytes(values[at]));
         // The first three values are the normal.
         let corners = [3, 6, 9].map(|at| [value(at), value(at + 1), value(at + 2)]);
-        merged.add(corners).map_err(|what| (i, what))?;
+        let added = merged.add(corners);
+        added.map_err(|e| e.at(Place::file(name).part(format!("face {i}"))))?;
     }
     Ok(())
 }
@@ -74,7 +74,7 @@ fn read_text(bytes: &[u8], name: &str, merged: &mut Merged) -> Result<()> {
     let mut ended = false;
     while let Some(line) = lines.next_line()? {
         let done = text_line(line, &mut corners, merged, &mut ended);
-        done.map_err(|what| Error::data(lines.here(), what))?;
+        done.map_err(|e| e.at(lines.here()))?;
     }
     if !ended || !corners.is_empty() {
         return Err(Error::data(lines.here(), "ends before endsolid"));
@@ -87,7 +87,7 @@ fn text_line(
     corners: &mut Vec<[f64; 3]>,
     merged: &mut Merged,
     ended: &mut bool,
-) -> std::result::Result<(), String> {
+) -> Result<()> {
     let words: Vec<&str> = line.split_ascii_whitespace().take(4).collect();
     let first = words
         .first()
@@ -109,9 +109,7 @@ fn text_line(
         ("" | "solid" | "facet" | "outer" | "endfacet", _) => {}
         _ => {
             let found = excerpt(words[0]);
-            return Err(format!(
-                "expected facet, vertex or endsolid, found \"{found}\""
-            ));
+            return Err(format!("expected facet, vertex or endsolid, found \"{found}\"").into());
         }
     }
     Ok(())
@@ -125,7 +123,7 @@ struct Merged {
 }
 
 impl Merged {
-    fn add(&mut self, corners: [[f64; 3]; 3]) -> std::result::Result<(), String> {
+    fn add(&mut self, corners: [[f64; 3]; 3]) -> Result<()> {
         let mut face = [0; 3];
         for (index, corner) in face.iter_mut().zip(corners) {
             // The sum turns -0 into 0.

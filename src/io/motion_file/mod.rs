@@ -331,8 +331,8 @@ fn of_bvh(
     options: &ReadOptions,
 ) -> Result<MotionFile> {
     let rate = rate_of(bvh.rate(), options);
-    let bad = |what| Error::data(Place::file(path.display().to_string()), what);
-    let value = bvh.rate_or(options.fps).map_err(bad)?;
+    let value = bvh.rate_or(options.fps);
+    let value = value.map_err(|e| e.at(Place::file(path.display().to_string())))?;
     let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
     let mut poses = bvh.positions(&skeleton, BvhPoints::Origins, value);
     poses.take = Some(vec![take_name(path).into(); poses.frames()]);

@@ -1,6 +1,7 @@
 //! What is taken for many files that do not say it: values for all, for those of a format, or for those of a folder.
 
 use super::ReadOptions;
+use crate::Result;
 use crate::io::motion_format::MotionFormat;
 use crate::pose::{LengthUnit, UpAxis};
 use std::path::{Path, PathBuf};
@@ -70,8 +71,8 @@ impl Scope {
     /// `c3d`, or the path of a folder.
     ///
     /// # Errors
-    /// The message: it is neither.
-    pub fn parse(word: &str) -> Result<Scope, String> {
+    /// [`crate::Error::Unfit`]: it is neither.
+    pub fn parse(word: &str) -> Result<Scope> {
         let format = word.to_ascii_lowercase();
         if FORMATS.contains(&format.as_str()) {
             return Ok(Scope::Format(format));
@@ -81,7 +82,8 @@ impl Scope {
             _ => Err(format!(
                 "\"{word}\" is neither a format ({}) nor a folder",
                 FORMATS.join(", ")
-            )),
+            )
+            .into()),
         }
     }
 

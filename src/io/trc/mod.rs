@@ -65,7 +65,7 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
         }
         let (frame, time) = (Some(cells[0]), cells.get(1).copied());
         let pushed = rows.push(number, frame, time, cells.iter().skip(2).copied());
-        pushed.map_err(|what| Error::data(lines.here(), what))?;
+        pushed.map_err(|e| e.at(lines.here()))?;
     }
     let mut take = rows.take(&name, header.stated, lines.whole, keep_whole)?;
     take.cells.separator = separator;
@@ -205,7 +205,7 @@ mod tests {
         let more = take(&ended.replace("  2", "109")).unwrap();
         assert_eq!(more.notes, ["announces 109 frames but has 2"]);
         let cut = ended.replace("7\t8\t9\t", "7\t8");
-        assert!(take(&cut).unwrap_err().to_string().contains("the option `keep_whole`"));
+        assert!(take(&cut).unwrap_err().to_string().contains("`keep_whole`"));
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
                 &whole.replace("\t4\t5", "\tx\t5"),
                 "x.trc:7: expected a number",
             ),
-            (&whole.replace("nan\tNaN\tnan\n", "nan"), "the option `keep_whole`"),
+            (&whole.replace("nan\tNaN\tnan\n", "nan"), "`keep_whole`"),
         ] {
             let said = take(text).unwrap_err().to_string();
             assert!(said.contains(part), "{said}");

@@ -23,6 +23,7 @@ use super::hinge::{Anchor, objective};
 use super::scatter::centred;
 use super::start::principal_start;
 use super::{Learnt, Needs, RANK, TrainingPairs};
+use crate::Result;
 use crate::numeric::lbfgs::minimise;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::product;
@@ -58,8 +59,8 @@ impl Default for Settings {
 /// Learns W (d, at most rank). It converged when a round gained too little, before the largest number of rounds.
 ///
 /// # Errors
-/// No pairs of one label, or pairs, poses or settings that cannot be used, as a phrase.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt, String> {
+/// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
     pairs.check("lmnn", Needs::Both, settings.rank)?;
     let start = principal_start(pairs, settings.rank)?;
     let labelled = Labelled::new(pairs);

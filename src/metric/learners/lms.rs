@@ -9,6 +9,7 @@
 //! where P is the number of pairs and m_j the mean of t_pj² over them, so that the ridge does not depend on the terms' units.
 //! Solved on the Gram matrix of the terms ([`crate::numeric::nnls`]). Cost: O(P k²) for k terms, and O(k³).
 
+use crate::Result;
 use crate::numeric::nnls::nonnegative_least_squares;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array1, ArrayView2, Axis};
@@ -19,9 +20,9 @@ const RIDGE: f64 = 1e-6;
 /// Learns the weights w (terms) from the `terms` of pairs (pairs, terms) and whether each pair is alike.
 ///
 /// # Errors
-/// No pairs of one label, a term that is negative or not finite, shapes that do not fit, or unlike pairs whose terms are all
-/// 0, as a phrase.
-pub fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>, String> {
+/// [`crate::Error::Unfit`]: no pairs of one label, a term that is negative or not finite, shapes that do not fit, or unlike pairs
+/// whose terms are all 0.
+pub fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>> {
     check(terms, is_alike)?;
     let target: Array1<f64> = is_alike
         .iter()
@@ -44,12 +45,10 @@ pub fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>, St
     Ok((w / size).to_vec())
 }
 
-fn check(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<(), String> {
+fn check(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<()> {
     if terms.nrows() != is_alike.len() {
         let (pairs, labels) = (terms.nrows(), is_alike.len());
-        return Err(format!(
-            "lms needs one label for each pair: {labels} for {pairs}"
-        ));
+        return Err(format!("lms needs one label for each pair: {labels} for {pairs}").into());
     }
     if !is_alike.contains(&true) {
         return Err("lms needs pairs of label 1".into());
@@ -149,7 +148,7 @@ mod tests {
     fn what_cannot_be_learnt_from_is_told() {
         let told = |terms: Array2<f64>, labels: &[bool], phrase: &str| {
             let told = fit(terms.view(), labels).unwrap_err();
-            assert!(told.contains(phrase), "{told}");
+            assert!(told.to_string().contains(phrase), "{told}");
         };
         let both = [true, false];
         told(array![[1.0], [2.0]], &[true, true], "label 0 too");

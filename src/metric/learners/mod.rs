@@ -29,6 +29,7 @@ mod start;
 mod testdata;
 pub mod xing;
 
+use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
 /// The number of directions that the learners keep by default; the paper's useful range is 30 to 90 (section 5.2).
@@ -68,28 +69,28 @@ enum Needs {
 }
 
 impl TrainingPairs<'_> {
-    /// Refuses what `learner` cannot learn a map of `rank` directions from, as a phrase.
-    fn check(&self, learner: &str, needs: Needs, rank: usize) -> Result<(), String> {
+    /// Refuses what `learner` cannot learn a map of `rank` directions from.
+    fn check(&self, learner: &str, needs: Needs, rank: usize) -> Result<()> {
         let (n, d) = self.x.dim();
         if rank == 0 {
-            return Err(format!("{learner} needs a rank of at least 1"));
+            return Err(format!("{learner} needs a rank of at least 1").into());
         }
         if d == 0 {
-            return Err(format!("{learner} needs poses of at least 1 dimension"));
+            return Err(format!("{learner} needs poses of at least 1 dimension").into());
         }
         if self.alike.is_empty() {
-            return Err(format!("{learner} needs pairs of label 1"));
+            return Err(format!("{learner} needs pairs of label 1").into());
         }
         if needs == Needs::Both && self.unlike.is_empty() {
-            return Err(format!("{learner} needs pairs of label 0 too"));
+            return Err(format!("{learner} needs pairs of label 0 too").into());
         }
         let ends = self.alike.iter().chain(self.unlike).flatten();
         if let Some(row) = ends.into_iter().find(|&&row| row >= n) {
-            return Err(format!("a pair names row {row}, but there are {n} poses"));
+            return Err(format!("a pair names row {row}, but there are {n} poses").into());
         }
         let bad = |row: usize| !self.x.row(row).iter().all(|v| v.is_finite());
         match (0..n).find(|&row| bad(row)) {
-            Some(row) => Err(format!("row {row} holds a value that is not finite")),
+            Some(row) => Err(format!("row {row} holds a value that is not finite").into()),
             None => Ok(()),
         }
     }
@@ -110,7 +111,7 @@ mod tests {
     use super::*;
 
     /// All learners of a map, by name.
-    fn learn(name: &str, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Array2<f64>, String> {
+    fn learn(name: &str, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Array2<f64>> {
         match name {
             "xing" => xing::fit(
                 pairs,
@@ -217,7 +218,7 @@ mod tests {
         let told = |pairs: &TrainingPairs<'_>, rank: usize, phrase: &str, names: &[&str]| {
             for name in names {
                 let told = learn(name, pairs, rank).unwrap_err();
-                assert!(told.contains(phrase), "{name}: {told}");
+                assert!(told.to_string().contains(phrase), "{name}: {told}");
             }
         };
         let none = TrainingPairs {

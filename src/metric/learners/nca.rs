@@ -18,6 +18,7 @@ use super::components::components;
 use super::scatter::centred;
 use super::start::principal_start;
 use super::{Learnt, Needs, RANK, TrainingPairs};
+use crate::Result;
 use crate::numeric::lbfgs::minimise;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::{product, transposed_product};
@@ -54,8 +55,8 @@ impl Default for Settings {
 /// Learns W (d, at most rank). It converged when a step gained too little, before the largest number of steps.
 ///
 /// # Errors
-/// No alike pairs, or all labelled poses alike by a chain; pairs, poses or settings that cannot be used; as a phrase.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt, String> {
+/// [`crate::Error::Unfit`]: no alike pairs, or all labelled poses alike by a chain; pairs, poses or settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
     pairs.check("nca", Needs::Alike, settings.rank)?;
     let rows = pairs.labelled();
     let of = components(pairs.x.nrows(), pairs.alike).of;
@@ -229,7 +230,7 @@ mod tests {
             ..data.pairs()
         };
         let told = fit(&pairs, &Settings::default()).unwrap_err();
-        assert!(told.contains("at least 2 groups"), "{told}");
+        assert!(told.to_string().contains("at least 2 groups"), "{told}");
         let pairs = TrainingPairs {
             unlike: &[[1, 3]],
             ..pairs

@@ -11,6 +11,7 @@
 use super::components::components;
 use super::scatter::{add_ridge, total_scatter};
 use super::{Needs, RANK, RIDGE, TrainingPairs};
+use crate::Result;
 use crate::numeric::linalg::generalised_eigen;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array2, ArrayView2, Axis, s};
@@ -37,8 +38,8 @@ impl Default for Settings {
 /// total variance.
 ///
 /// # Errors
-/// No alike pairs, or pairs, poses or settings that cannot be used, as a phrase.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>, String> {
+/// [`crate::Error::Unfit`]: no alike pairs, or pairs, poses or settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
     pairs.check("rca", Needs::Alike, settings.rank)?;
     let mut within = chunklet_covariance(pairs.x, pairs.alike);
     add_ridge(&mut within, settings.ridge)?;
@@ -101,6 +102,9 @@ mod tests {
 
     #[test]
     fn alike_poses_that_are_the_same_are_told() {
+        let fit = |pairs: &TrainingPairs<'_>, settings: &Settings| {
+            fit(pairs, settings).map_err(|e| e.to_string())
+        };
         let x = array![[0.0, 1.0], [0.0, 1.0], [5.0, 2.0]];
         let pairs = TrainingPairs {
             x: x.view(),

@@ -1,5 +1,6 @@
 //! Scatter matrices of poses and of pairs.
 
+use crate::Result;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -44,8 +45,8 @@ pub(super) fn total_scatter(x: ArrayView2<'_, f64>) -> Array2<f64> {
 /// Adds `ridge` times the mean of the diagonal to the diagonal.
 ///
 /// # Errors
-/// A scatter of alike pairs that is 0, which no ridge can mend.
-pub(super) fn add_ridge(a: &mut Array2<f64>, ridge: f64) -> Result<(), String> {
+/// [`crate::Error::Unfit`]: a scatter of alike pairs that is 0, which no ridge can mend.
+pub(super) fn add_ridge(a: &mut Array2<f64>, ridge: f64) -> Result<()> {
     let mean = a.diag().sum() / a.nrows().max(1) as f64;
     if !(mean > 0.0) {
         return Err("in every pair of label 1 both poses are the same".into());

@@ -17,6 +17,7 @@
 use super::neighbours::edges;
 use super::scatter::{add_ridge, pair_scatter};
 use super::{Needs, RANK, RIDGE, TrainingPairs};
+use crate::Result;
 use crate::numeric::linalg::generalised_eigen;
 use ndarray::{Array2, s};
 
@@ -53,8 +54,8 @@ impl Default for Settings {
 /// W has no more columns than the rank of S_B, which is at most the number of unlike pairs.
 ///
 /// # Errors
-/// No pairs of one label, or pairs, poses or settings that cannot be used, as a phrase.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>, String> {
+/// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
     pairs.check("sda", Needs::Both, settings.rank)?;
     let between = pair_scatter(pairs.x, pairs.unlike);
     let mut small = pair_scatter(pairs.x, pairs.alike);
@@ -144,7 +145,8 @@ mod tests {
             ..Settings::default()
         };
         let whole = data.pairs();
-        assert_ne!(fit(&whole, &with(0.0)), fit(&whole, &with(1.0)));
+        let fit = |pairs: &TrainingPairs<'_>, beta| fit(pairs, &with(beta)).unwrap();
+        assert_ne!(fit(&whole, 0.0), fit(&whole, 1.0));
         let rows = whole.labelled();
         let x = data.x.select(Axis(0), &rows);
         let among = |pairs: &[[usize; 2]]| -> Vec<[usize; 2]> {
@@ -157,8 +159,8 @@ mod tests {
             alike: &alike,
             unlike: &unlike,
         };
-        assert_eq!(fit(&labelled, &with(0.0)), fit(&labelled, &with(1.0)));
-        assert_eq!(fit(&labelled, &with(1.0)), fit(&whole, &with(0.0)));
+        assert_eq!(fit(&labelled, 0.0), fit(&labelled, 1.0));
+        assert_eq!(fit(&labelled, 1.0), fit(&whole, 0.0));
     }
 
     #[test]
@@ -174,6 +176,6 @@ mod tests {
             ..pairs
         };
         let told = fit(&same, &Settings::default()).unwrap_err();
-        assert!(told.contains("differ"), "{told}");
+        assert!(told.to_string().contains("differ"), "{told}");
     }
 }

@@ -2,6 +2,7 @@
 
 use super::TrainingPairs;
 use super::scatter::{pair_scatter, total_scatter};
+use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array2, s};
 
@@ -18,8 +19,8 @@ pub(super) struct Start {
 /// The start with `rank` directions, or d where that is less.
 ///
 /// # Errors
-/// Poses that are all the same.
-pub(super) fn principal_start(pairs: &TrainingPairs<'_>, rank: usize) -> Result<Start, String> {
+/// [`crate::Error::Unfit`]: poses that are all the same.
+pub(super) fn principal_start(pairs: &TrainingPairs<'_>, rank: usize) -> Result<Start> {
     let total = total_scatter(pairs.x);
     let d = total.nrows();
     let variance = total.diag().sum();

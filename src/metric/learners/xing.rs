@@ -18,6 +18,7 @@
 
 use super::scatter::{add_ridge, differences, pair_scatter};
 use super::{Learnt, Needs, RANK, RIDGE, TrainingPairs};
+use crate::Result;
 use crate::numeric::lbfgs::minimise;
 use crate::numeric::linalg::{Cholesky, symmetric_eigen};
 use crate::numeric::product::{product, transposed_product};
@@ -50,8 +51,8 @@ impl Default for Settings {
 /// Learns W (d, at most rank): the leading eigenvectors of M, each times the root of its eigenvalue, so M is about W Wᵀ.
 ///
 /// # Errors
-/// No pairs of one label, or pairs, poses or settings that cannot be used, as a phrase.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt, String> {
+/// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
     pairs.check("xing", Needs::Both, settings.rank)?;
     let mut alike = pair_scatter(pairs.x, pairs.alike) * pairs.alike.len() as f64;
     add_ridge(&mut alike, settings.ridge)?;
@@ -225,6 +226,7 @@ mod tests {
         assert!(
             fit(&copies, &Settings::default())
                 .unwrap_err()
+                .to_string()
                 .contains("differ")
         );
     }

@@ -13,6 +13,7 @@ mod candidates;
 mod spread;
 
 use super::body_frame::BodyFramePoses;
+use crate::Result;
 use crate::numeric::median::median;
 use candidates::{Found, Sample};
 use std::collections::HashSet;
@@ -61,25 +62,24 @@ impl PairRules {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// A phrase that names the flag and its limits.
-    pub fn check(&self) -> Result<(), String> {
+    /// [`crate::Error::Unfit`], with the option and its limits.
+    pub fn check(&self) -> Result<()> {
         if !(1..=MOST).contains(&self.count) {
-            return Err(format!(
-                "the option `count {}`: expected 1 to {MOST}",
-                self.count
-            ));
+            return Err(format!("the option `count {}`: expected 1 to {MOST}", self.count).into());
         }
         if !(self.near > SAME_POSE && self.near <= 1000.0) {
             return Err(format!(
                 "the option `near {}`: expected above {SAME_POSE} to 1000 cm",
                 self.near
-            ));
+            )
+            .into());
         }
         if !(0.1..=5.0).contains(&self.margin) {
             return Err(format!(
                 "the option `seconds {}`: expected 0.1 to 5 seconds",
                 self.margin
-            ));
+            )
+            .into());
         }
         Ok(())
     }
@@ -121,19 +121,16 @@ pub struct Proposal {
 /// Proposes pairs of poses of `takes`, whose names are `names`.
 ///
 /// # Errors
-/// A phrase: the rules are out of range, two takes have one name, a take has no rate, takes are too few or too short, or no
-/// pair is near enough.
-pub fn propose(
-    takes: &[BodyFramePoses],
-    names: &[String],
-    rules: &PairRules,
-) -> Result<Proposal, String> {
+/// [`crate::Error::Unfit`]: the rules are out of range, two takes have one name, a take has no rate, takes are too few or too
+/// short, or no pair is near enough.
+pub fn propose(takes: &[BodyFramePoses], names: &[String], rules: &PairRules) -> Result<Proposal> {
     rules.check()?;
     let mut seen = HashSet::new();
     if let Some(twice) = names.iter().find(|name| !seen.insert(*name)) {
         return Err(format!(
             "two takes are named \"{twice}\", and labels tell takes apart by name"
-        ));
+        )
+        .into());
     }
     let rates: Option<Vec<f64>> = takes.iter().map(|t| t.rate).collect();
     let rates =
@@ -144,12 +141,12 @@ pub fn propose(
     let height = median(takes.iter().map(|t| t.height).collect()).ok_or("has no frames")?;
     let sample = Sample::new(takes, &rates, height, rules.margin);
     if sample.poses.is_empty() {
-        return Err(too_short(takes, &rates, rules.margin));
+        return Err(too_short(takes, &rates, rules.margin).into());
     }
     let found = Found::search(&sample, rules);
     let pairs = spread::choose(&sample, &found, rules);
     if pairs.is_empty() {
-        return Err(nothing_near(takes, &rates, rules));
+        return Err(nothing_near(takes, &rates, rules).into());
     }
     Ok(Proposal {
         pairs,

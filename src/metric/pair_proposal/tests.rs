@@ -116,7 +116,7 @@ fn missing_joints_and_short_runs_are_left_out() {
 #[test]
 fn each_failure_has_its_phrase() {
     let fails = |takes: &[BodyFramePoses], names: &[String], rules: PairRules, part: &str| {
-        let said = propose(takes, names, &rules).unwrap_err();
+        let said = propose(takes, names, &rules).unwrap_err().to_string();
         assert!(said.contains(part), "{said}");
     };
     let (takes, usual) = (waves(), PairRules::default);
@@ -126,12 +126,18 @@ fn each_failure_has_its_phrase() {
         rules
     };
     for (rules, part) in [
-        (with(|r| r.count = 0), "the option `count 0`: expected 1 to 2000"),
+        (
+            with(|r| r.count = 0),
+            "the option `count 0`: expected 1 to 2000",
+        ),
         (with(|r| r.count = 2001), "the option `count 2001`"),
         (with(|r| r.near = f64::NAN), "the option `near NaN`"),
         (with(|r| r.near = 0.0), "the option `near 0`"),
         (with(|r| r.margin = 6.0), "the option `seconds 6`"),
-        (with(|r| r.margin = f64::INFINITY), "the option `seconds inf`"),
+        (
+            with(|r| r.margin = f64::INFINITY),
+            "the option `seconds inf`",
+        ),
     ] {
         fails(&takes, &names(4), rules, part);
     }
@@ -139,7 +145,12 @@ fn each_failure_has_its_phrase() {
     let twice = vec!["walk".to_string(); 4];
     fails(&takes, &twice, usual(), "two takes are named \"walk\"");
     let alone = with(|r| r.other_takes = true);
-    fails(&takes[..1], &names(1), alone, "the option `other_takes` needs two");
+    fails(
+        &takes[..1],
+        &names(1),
+        alone,
+        "the option `other_takes` needs two",
+    );
     let short = |frames| [lifting(frames, |t| t)];
     fails(&short(9), &names(1), usual(), "lasts 0.80 s");
     fails(&short(15), &names(1), usual(), "one take of 1.40 s");

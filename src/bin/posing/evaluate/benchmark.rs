@@ -378,7 +378,7 @@ fn list(text: &str) -> std::result::Result<Vec<String>, String> {
 }
 
 /// Reads a comma-separated list of lengths, cm.
-fn lengths(text: &str) -> std::result::Result<Vec<f64>, String> {
+fn lengths(text: &str) -> Result<Vec<f64>> {
     text.split(',').map(|t| parse_length(t.trim())).collect()
 }
 

@@ -68,7 +68,6 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
     let map = joint_map(&args.map)?;
     let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
     let source = takes.source.clone();
-    let fail = |what: String| Error::data(Place::file(&source), what);
     let set = classified(takes, &args.classes, &map)?;
     let subjects = set.subjects();
     if let Some(unknown) = args.test.iter().find(|t| !subjects.contains(t)) {
@@ -91,7 +90,7 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
         bar.set((STEPS * share) as u64);
         messages::debug(what);
     })
-    .map_err(fail)?;
+    .map_err(|e| e.at(Place::file(source)))?;
     drop(bar);
     if let Some(folder) = &args.output {
         write(
@@ -119,7 +118,7 @@ fn classified(takes: MetricTakes, path: &Path, map: &JointMap) -> Result<TakeSet
         };
         let rate = body.rate.unwrap_or(1.0);
         let clip = Clip::new(takes.poses.slice(range), rate, map)
-            .map_err(|what| Error::data(Place::file(&takes.source), what))?;
+            .map_err(|e| e.at(Place::file(&takes.source)))?;
         set.about.push(ClassifiedTake {
             name: name.clone(),
             class: line.class.clone(),

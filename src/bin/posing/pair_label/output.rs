@@ -51,8 +51,8 @@ impl PairSet {
     /// # Errors
     /// Usage: the rules are out of range. Data: no pair can be proposed.
     pub fn propose(table: &MetricTakes, map: &JointMap, rules: &PairRules) -> Result<PairSet> {
-        rules.check().map_err(Error::usage)?;
-        let fail = |what: String| Error::data(Place::file(&table.source), what);
+        rules.check().map_err(Error::into_usage)?;
+        let fail = |e: Error| e.at(Place::file(&table.source));
         let proposal = propose(&table.takes, &table.names, rules).map_err(fail)?;
         let frames = table.poses.takes();
         let takes = frames.into_iter().zip(&table.names).zip(&table.takes);
@@ -60,7 +60,7 @@ impl PairSet {
             let (rate, scale) = (body.rate.unwrap_or(1.0), proposal.height / body.height);
             Motion::new(name, &table.poses.slice(range), map, rate, scale)
         });
-        let takes = takes.collect::<std::result::Result<_, _>>().map_err(fail)?;
+        let takes = takes.collect::<Result<_>>().map_err(fail)?;
         messages::info(&summary(&proposal, rules));
         Ok(PairSet {
             takes,

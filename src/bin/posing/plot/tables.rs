@@ -177,8 +177,8 @@ impl PlotTable {
         let units = flags.table_units();
         let bvh = Bvh::read(input, units.unit.centimeters(), false)?;
         let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
-        let bad = |what| Error::data(Place::file(&file), what);
-        let rate = bvh.rate_or(flags.fps).map_err(bad)?;
+        let rate = bvh.rate_or(flags.fps);
+        let rate = rate.map_err(|e| e.at(Place::file(&file)))?;
         let which = BvhPoints::Origins;
         Ok(PlotTable {
             bones: Some(skeleton.bones(which)),

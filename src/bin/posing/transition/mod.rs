@@ -151,7 +151,7 @@ fn plain(takes: &MetricTakes, map: JointMap) -> Result<PoseMetric> {
     let trained = train(&takes.takes, &[], &settings);
     trained
         .map(|t| t.metric)
-        .map_err(|what| Error::data(Place::file(&takes.source), what))
+        .map_err(|e| e.at(Place::file(&takes.source)))
 }
 
 fn report(found: &[Transition]) {

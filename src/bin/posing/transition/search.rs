@@ -280,7 +280,7 @@ impl End {
         // Rates were checked.
         let rate = takes.takes[take].rate.unwrap_or(0.0);
         let clip = Clip::new(takes.poses.slice(range), rate, &metric.map)
-            .map_err(|what| Error::data(Place::file(&takes.source), what))?;
+            .map_err(|e| e.at(Place::file(&takes.source)))?;
         let can_fade = clip.can_fade(clip.frames_in(settings.over / 2.0));
         let mut vectors = metric.embed(&takes.takes[take]);
         for (mut row, can) in vectors.rows_mut().into_iter().zip(&can_fade) {

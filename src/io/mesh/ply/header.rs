@@ -28,7 +28,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    fn of(word: &str) -> std::result::Result<Kind, String> {
+    fn of(word: &str) -> Result<Kind> {
         Ok(match word {
             "char" | "int8" => Kind::I8,
             "uchar" | "uint8" => Kind::U8,
@@ -40,7 +40,7 @@ impl Kind {
             "double" | "float64" => Kind::F64,
             _ => {
                 let found = excerpt(word);
-                return Err(format!("expected a type such as float, found \"{found}\""));
+                return Err(format!("expected a type such as float, found \"{found}\"").into());
             }
         })
     }
@@ -111,7 +111,7 @@ pub(super) fn read(lines: &mut Lines<&[u8]>) -> Result<Header> {
             "element" | "property" => declaration(&words, &mut elements),
             _ => other(&words),
         };
-        done.map_err(|what| Error::data(lines.here(), what))?;
+        done.map_err(|e| e.at(lines.here()))?;
     }
     let fail = |what: String| Err(Error::data(lines.here(), what));
     let Some(encoding) = encoding else {
@@ -127,7 +127,7 @@ pub(super) fn read(lines: &mut Lines<&[u8]>) -> Result<Header> {
     Ok(Header { encoding, elements })
 }
 
-fn format(words: &[&str]) -> std::result::Result<Encoding, String> {
+fn format(words: &[&str]) -> Result<Encoding> {
     match words {
         ["format", "ascii", ..] => Ok(Encoding::Text),
         ["format", "binary_little_endian", ..] => Ok(Encoding::LittleEndian),
@@ -138,31 +138,30 @@ fn format(words: &[&str]) -> std::result::Result<Encoding, String> {
     }
 }
 
-fn other(words: &[&str]) -> std::result::Result<(), String> {
+fn other(words: &[&str]) -> Result<()> {
     match words {
         [] | ["ply" | "comment" | "obj_info", ..] => Ok(()),
         [word, ..] => Err(format!(
             "expected element, property or end_header, found \"{}\"",
             excerpt(word)
-        )),
+        )
+        .into()),
     }
 }
 
 /// Adds an element, or a property to the last one.
-fn declaration(words: &[&str], elements: &mut Vec<Element>) -> std::result::Result<(), String> {
+fn declaration(words: &[&str], elements: &mut Vec<Element>) -> Result<()> {
     let declared: usize = elements.iter().map(|e| 1 + e.properties.len()).sum();
     if declared >= MOST {
-        return Err(format!(
-            "the header has more than {MOST} elements and properties"
-        ));
+        return Err(format!("the header has more than {MOST} elements and properties").into());
     }
     let (name, kind, list) = match words {
         ["element", name, count] => {
             if elements.iter().any(|e| e.name == *name) {
-                return Err(format!("a second element {}", excerpt(name)));
+                return Err(format!("a second element {}", excerpt(name)).into());
             }
             let count = count.parse();
-            let count = count.map_err(|_| "expected a count after the element".to_string())?;
+            let count = count.map_err(|_| "expected a count after the element")?;
             elements.push(Element {
                 name: (*name).into(),
                 count,
@@ -178,7 +177,7 @@ fn declaration(words: &[&str], elements: &mut Vec<Element>) -> std::result::Resu
         return Err("a property stands before the first element".into());
     };
     if element.properties.iter().any(|p| p.name == *name) {
-        return Err(format!("a second property {}", excerpt(name)));
+        return Err(format!("a second property {}", excerpt(name)).into());
     }
     element.properties.push(Property {
         name: (*name).into(),

@@ -44,13 +44,13 @@ enum Role {
 }
 
 fn read_elements(header: &Header, name: &str, values: &mut impl Values) -> Result<Mesh> {
-    let fail = |what: String| Error::data(Place::file(name), what);
     let vertices = header.vertices();
-    let vertices = vertices.ok_or_else(|| fail("has no element vertex".into()))?;
+    let none = || Error::data(Place::file(name), "has no element vertex");
+    let vertices = vertices.ok_or_else(none)?;
     let mut mesh = Mesh::default();
     let mut corners = Vec::new();
     for element in &header.elements {
-        let roles = roles(element).map_err(fail)?;
+        let roles = roles(element).map_err(|e| e.at(Place::file(name)))?;
         values.check_size(element)?;
         for row in 0..element.count {
             values.start_row()?;
@@ -61,7 +61,7 @@ fn read_elements(header: &Header, name: &str, values: &mut impl Values) -> Resul
                 "face" => mesh.add_polygon(&corners),
                 _ => Ok(()),
             })
-            .map_err(|what| values.error(element, row, what))?;
+            .map_err(|e| e.at(values.place(element, row)))?;
         }
     }
     values.finish()?;
@@ -69,7 +69,7 @@ fn read_elements(header: &Header, name: &str, values: &mut impl Values) -> Resul
 }
 
 /// The roles of an element's properties.
-fn roles(element: &Element) -> std::result::Result<Vec<Role>, String> {
+fn roles(element: &Element) -> Result<Vec<Role>> {
     let role = |p: &Property| match (element.name.as_str(), p.name.as_str(), p.list) {
         ("vertex", "x", None) => Role::Axis(0),
         ("vertex", "y", None) => Role::Axis(1),
@@ -97,7 +97,7 @@ fn read_row(
     values: &mut impl Values,
     corners: &mut Vec<u32>,
     vertices: u64,
-) -> std::result::Result<[f64; 3], String> {
+) -> Result<[f64; 3]> {
     let mut at = [0.0; 3];
     for (property, role) in element.properties.iter().zip(roles) {
         let count = match property.list {
@@ -117,21 +117,21 @@ fn read_row(
     Ok(at)
 }
 
-fn list_length(value: f64, property: &Property) -> std::result::Result<u64, String> {
+fn list_length(value: f64, property: &Property) -> Result<u64> {
     if value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX) {
         return Ok(value as u64);
     }
     let name = excerpt(&property.name);
-    Err(format!("the list {name} has the length {value}"))
+    Err(format!("the list {name} has the length {value}").into())
 }
 
-fn corner(value: f64, vertices: u64) -> std::result::Result<u32, String> {
+fn corner(value: f64, vertices: u64) -> Result<u32> {
     let whole = value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX);
     if whole && (value as u64) < vertices {
         return Ok(value as u32);
     }
     let count = format!("the file has {vertices} (counted from 0)");
-    Err(format!("the face names vertex {value}, {count}"))
+    Err(format!("the face names vertex {value}, {count}").into())
 }
 
 /// The bytes of a little-endian file, in single precision.

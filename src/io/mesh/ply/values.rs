@@ -11,11 +11,11 @@ pub(super) trait Values {
     /// Begins a row.
     fn start_row(&mut self) -> Result<()>;
     /// The next value of the row.
-    fn value(&mut self, kind: Kind) -> std::result::Result<f64, String>;
+    fn value(&mut self, kind: Kind) -> Result<f64>;
     /// Ends a row.
-    fn end_row(&self) -> std::result::Result<(), String>;
-    /// What is wrong with the row begun last.
-    fn error(&self, element: &Element, row: u64, what: String) -> Error;
+    fn end_row(&self) -> Result<()>;
+    /// Where the row begun last is.
+    fn place(&self, element: &Element, row: u64) -> Place;
     /// Ends the file.
     fn finish(&mut self) -> Result<()>;
 }
@@ -70,23 +70,23 @@ impl Values for TextValues<'_> {
         Err(Error::data(self.lines.here(), what))
     }
 
-    fn value(&mut self, _: Kind) -> std::result::Result<f64, String> {
+    fn value(&mut self, _: Kind) -> Result<f64> {
         let value = self.row.get(self.next);
         self.next += 1;
         let too_few = || format!("has only {} values", self.row.len());
-        value.copied().ok_or_else(too_few)
+        Ok(value.copied().ok_or_else(too_few)?)
     }
 
-    fn end_row(&self) -> std::result::Result<(), String> {
+    fn end_row(&self) -> Result<()> {
         let (expected, found) = (self.next, self.row.len());
         if expected == found {
             return Ok(());
         }
-        Err(format!("expected {expected} values, found {found}"))
+        Err(format!("expected {expected} values, found {found}").into())
     }
 
-    fn error(&self, _: &Element, _: u64, what: String) -> Error {
-        Error::data(self.lines.here(), what)
+    fn place(&self, _: &Element, _: u64) -> Place {
+        self.lines.here()
     }
 
     fn finish(&mut self) -> Result<()> {
@@ -106,7 +106,7 @@ pub(super) struct BinaryValues<'a> {
 }
 
 impl BinaryValues<'_> {
-    fn bytes<const N: usize>(&mut self) -> std::result::Result<[u8; N], String> {
+    fn bytes<const N: usize>(&mut self) -> Result<[u8; N]> {
         let Some((bytes, rest)) = self.rest.split_first_chunk() else {
             return Err("the file ends inside it".into());
         };
@@ -134,7 +134,7 @@ impl Values for BinaryValues<'_> {
         Ok(())
     }
 
-    fn value(&mut self, kind: Kind) -> std::result::Result<f64, String> {
+    fn value(&mut self, kind: Kind) -> Result<f64> {
         Ok(match kind {
             Kind::I8 => f64::from(i8::from_le_bytes(self.bytes()?)),
             Kind::U8 => f64::from(u8::from_le_bytes(self.bytes()?)),
@@ -147,13 +147,12 @@ impl Values for BinaryValues<'_> {
         })
     }
 
-    fn end_row(&self) -> std::result::Result<(), String> {
+    fn end_row(&self) -> Result<()> {
         Ok(())
     }
 
-    fn error(&self, element: &Element, row: u64, what: String) -> Error {
-        let part = format!("{} {row}", excerpt(&element.name));
-        Error::data(Place::file(self.name).part(part), what)
+    fn place(&self, element: &Element, row: u64) -> Place {
+        Place::file(self.name).part(format!("{} {row}", excerpt(&element.name)))
     }
 
     fn finish(&mut self) -> Result<()> {
