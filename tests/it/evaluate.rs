@@ -400,7 +400,7 @@ fn what_cannot_be_run_is_said_in_a_line() {
         .replace("07_a,0,0,0,0", "07_a,0,0,90,0");
     let world = dir.file("world.csv", &world);
     let said = fails("evaluate", &["-q", &world], b"", 1);
-    assert!(said.contains("posing amc2xyz --space body"), "{said}");
+    assert!(said.contains("amc2xyz makes with --space body"), "{said}");
 }
 
 /// The take of a subject that lies in testdata, in world space.

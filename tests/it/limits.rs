@@ -9,7 +9,6 @@ use std::io::Write;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The signals that end a process, and are handled.
 const ENDING: [(&str, i32); 12] = [
@@ -76,12 +75,6 @@ fn is_ignored(number: i32) -> bool {
     u64::from_str_radix(bits.trim(), 16).unwrap() >> (number - 1) & 1 == 1
 }
 
-/// Keeps tests apart whose processes have many files open, and need a file without a name.
-fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
     entries
@@ -92,36 +85,25 @@ fn names(folder: &Path) -> Vec<String> {
 #[test]
 fn a_signal_leaves_nothing_half_written() {
     let (folder, cwd) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let _alone = alone();
-    let mut held: Vec<fs::File> = Vec::new();
+    let out = folder.path().join("x.csv");
     // With so many files open, the unfinished one has a name, which the handler has to remove.
-    let hold = |held: &mut Vec<fs::File>, count: usize| {
-        for _ in 0..count {
-            let file = fs::File::open("/dev/null").unwrap();
-            rustix::io::fcntl_setfd(&file, rustix::io::FdFlags::empty()).unwrap();
-            held.push(file);
-        }
-    };
-    hold(&mut held, 77);
+    let line = format!(
+        "exec 3<&0 4<&0 5<&0 6<&0 7<&0 8<&0 9<&0; for i in {{1..90}}; do exec {{file}}</dev/null; done; exec {} --dense 0 -o {}",
+        bin().join("corrupt").display(),
+        out.display()
+    );
     for (signal, number) in ENDING.into_iter().filter(|s| !is_ignored(s.1)) {
-        let mut start = || {
-            let mut child = corrupt(&folder.path().join("x.csv"), cwd.path());
-            let mut pipe = child.stdin.take().unwrap();
-            pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
-            while !has_open(&child, folder.path()) {
-                assert!(child.try_wait().unwrap().is_none(), "it ended before");
-                std::thread::sleep(std::time::Duration::from_millis(1));
-            }
-            if names(folder.path()).is_empty() {
-                // It got a low number, which another test had as the others were taken.
-                child.kill().unwrap();
-                child.wait().unwrap();
-                hold(&mut held, 5);
-                return None;
-            }
-            Some((child, pipe))
-        };
-        let (mut child, _pipe) = (0..50).find_map(|_| start()).unwrap();
+        let mut command = Command::new("bash");
+        let command = command.args(["-c", &line]).current_dir(cwd.path());
+        let command = command.stdin(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().unwrap();
+        let mut pipe = child.stdin.take().unwrap();
+        pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
+        while !has_open(&child, folder.path()) {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before");
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        assert_eq!(names(folder.path()).len(), 1, "{signal}");
         kill(&child, signal);
         assert_eq!(child.wait().unwrap().signal(), Some(number), "{signal}");
         assert_eq!(names(folder.path()), [""; 0], "{signal}");
@@ -130,7 +112,6 @@ fn a_signal_leaves_nothing_half_written() {
 
 #[test]
 fn whenever_it_is_killed_a_file_is_the_old_or_the_new_one() {
-    let _alone = alone();
     let (folder, cwd) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let rows: String = (0..3000).map(|i| format!("{i},2,3\n")).collect();
     let table = format!("a.x,a.y,a.z\n{rows}");

@@ -180,7 +180,11 @@ fn page(name: &str) -> Vec<u8> {
 
 /// The long help of a command.
 fn help(name: &str) -> Vec<u8> {
-    let help = manual::typed(parser(name)).render_long_help();
+    let mut command = manual::typed(parser(name));
+    let help = match name {
+        "posing" => command.render_help(),
+        _ => command.render_long_help(),
+    };
     help.to_string().into_bytes()
 }
 

@@ -116,7 +116,7 @@ impl Dataset {
             if let Some(root) = root
                 && (0..3).any(|a| frame[3 * root + a].abs() > MAX_ROOT_OFFSET)
             {
-                let what = "has a root away from the origin; evaluate needs body space (amc2xyz, the option `space body`)";
+                let what = "has a root away from the origin; evaluate needs body space, which amc2xyz makes with the option `space body`";
                 let place = Place::file(table).part(format!("take {name}"));
                 return Err(Error::data(place, what));
             }
