@@ -361,7 +361,7 @@ fn text_errors(source: &str) -> Vec<&str> {
     let mut found = Vec::new();
     let mut at = 0;
     for line in source.split_inclusive('\n') {
-        let signature = source[at..].split(['{', ';']).next().unwrap_or_default();
+        let signature = source[at..].split('{').next().unwrap_or_default();
         let result = signature.split("where").next().unwrap_or_default();
         let result = result.rsplit("->").next().unwrap_or_default().trim();
         if is_shown(line) && result.contains("Result<") && result.ends_with(", String>") {
