@@ -154,7 +154,7 @@ impl Figure {
                 Ok(Amc::from_values(asf, first, motion.values.view()).to_bytes())
             }
             ("amc", _) => Err(Error::usage(
-                "AMC needs an ASF skeleton; give one with --skeleton",
+                "AMC needs an ASF skeleton; give one with the option `skeleton`",
             )),
             _ => {
                 let said: String = format.chars().take(20).collect();

@@ -40,7 +40,7 @@ impl SessionPath {
                 Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => {}
                 Err(TryLockError::WouldBlock) => {
                     return Err(wrong(
-                        "is open in another posing edit; end that, or name another --session",
+                        "is open in another posing edit; end that, or name another with the option `session`",
                     ));
                 }
                 Err(TryLockError::Error(e)) => return Err(Error::io(&lock_path, e)),
