@@ -64,7 +64,7 @@ impl TakeOutput {
     /// Writes a take in the unit and axis `units`.
     ///
     /// # Errors
-    /// Those of [`MeshOutput::write`] and [`save_glb`].
+    /// Those of [`MeshOutput::write`] and `save_glb`.
     pub fn write(&self, take: &BodyTake, body: &BodyModel, units: Units) -> Result<()> {
         let faces = body.template.surface();
         let (count, digits) = (take.frames.len(), take.frames.len().max(10_000));

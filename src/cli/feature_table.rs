@@ -23,7 +23,7 @@ const BATCH: usize = 4096;
 /// The joint map that `--map` names: `CMU`, a shipped map of names, or a TOML file.
 ///
 /// # Errors
-/// [`Error::Data`] if the file cannot be read, or a joint is missing or unknown.
+/// [`crate::Error::Data`] if the file cannot be read, or a joint is missing or unknown.
 pub fn joint_map(name: &str) -> Result<JointMap> {
     if name == "CMU" {
         return Ok(JointMap::cmu());
@@ -38,7 +38,7 @@ pub fn joint_map(name: &str) -> Result<JointMap> {
 /// The takes of a table in the body's own frame; `rates` are theirs.
 ///
 /// # Errors
-/// [`Error::Data`] where joints are missing, or a take shows no body height.
+/// [`crate::Error::Data`] where joints are missing, or a take shows no body height.
 pub fn body_frames(
     poses: &Poses,
     rates: &[Option<f64>],
