@@ -178,6 +178,9 @@ impl CleanSettings {
         let found = (redone, &before[..]);
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
+        if to == Some(OutputFormat::Npy) && file.format != MotionFormat::Npy {
+            summary.notes.extend(file.table.columns.lost_in_array());
+        }
         summary.copied = self.is_copied(job, to, &file, &restored, capture);
         summary.findings.extend(self.kept(&file, to, &restored));
         // The result is whole also where its page is not written.

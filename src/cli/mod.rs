@@ -53,9 +53,9 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code (`version` is what
-/// `--version` says): 0 done (a reader that
-/// closes the pipe included), 1 bad data (also of some files of several), 2 wrong usage, 3 done with findings.
+/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0 done (a reader that
+/// closes the pipe included), 1 bad data (also of some files of several), 2 wrong usage, 3 done with findings. `version`
+/// is what `--version` says.
 pub fn run<A, O>(
     words: Vec<OsString>,
     version: String,

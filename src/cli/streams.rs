@@ -45,7 +45,8 @@ pub fn create_table(
     let format = args.format();
     format.check_added(added)?;
     if format == TableFormat::Npy {
-        tell_lost_columns(columns);
+        let lost = columns.lost_in_array();
+        lost.iter().for_each(|what| messages::info(what));
     }
     let output = open_output(args.output.as_deref(), format == TableFormat::Npy)?;
     UnitWriter::new(
@@ -55,31 +56,6 @@ pub fn create_table(
         columns,
         added,
     )
-}
-
-/// Says which columns an array does not hold.
-fn tell_lost_columns(columns: &Columns) {
-    let points = columns.coordinates.iter().flatten().flatten();
-    let points: Vec<usize> = points.copied().collect();
-    let lost = columns.names.iter().enumerate();
-    let lost: Vec<&str> = lost
-        .filter(|(i, _)| !points.contains(i))
-        .map(|(_, name)| name.as_str())
-        .collect();
-    if !lost.is_empty() {
-        let what = format!("NPY holds coordinates only: without {}", some_of(&lost));
-        messages::info(&what);
-    }
-}
-
-/// A list of names, the first of many.
-fn some_of(names: &[&str]) -> String {
-    match names {
-        [some @ .., _] if some.len() >= 8 => {
-            format!("{} and {} more", some[..8].join(", "), names.len() - 8)
-        }
-        _ => names.join(", "),
-    }
 }
 
 /// Writes a whole table with the coordinates `xyz` (frames, 3 J); `cells` gives the added cells of a frame. See [`create_table`].

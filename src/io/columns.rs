@@ -8,6 +8,9 @@ use crate::pose::{joints, smpl_names};
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
 
+/// The most columns that a line names.
+const MOST_LOST: usize = 8;
+
 /// The meaning of a table's columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Columns {
@@ -24,6 +27,33 @@ pub struct Columns {
 }
 
 impl Columns {
+    /// What an array does not hold of a table, in a line; `None`: it holds all.
+    pub fn lost_in_array(&self) -> Option<String> {
+        let held: Vec<usize> = self
+            .coordinates
+            .iter()
+            .flatten()
+            .flatten()
+            .copied()
+            .collect();
+        let lost = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| !held.contains(i));
+        let lost: Vec<&str> = lost.map(|(_, name)| name.as_str()).collect();
+        let some = match lost.len() {
+            0 => return None,
+            0..=MOST_LOST => lost.join(", "),
+            n => format!(
+                "{} and {} more",
+                lost[..MOST_LOST].join(", "),
+                n - MOST_LOST
+            ),
+        };
+        Some(format!("NPY holds coordinates only: without {some}"))
+    }
+
     /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the paper's 2-D input.
     ///
     /// # Errors

@@ -47,8 +47,7 @@ impl MotionFormat {
         match start {
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => MotionFormat::Npy,
             [b'P', b'K', 3, 4, ..] | [b'P', b'K', 5, 6, ..] => MotionFormat::Npz,
-            // The first block of parameters and the key of all C3D files, then numbers, never text alone.
-            [_, 0x50, ..] if is_binary(&start[..start.len().min(12)]) => MotionFormat::C3d,
+            _ if is_c3d(start) => MotionFormat::C3d,
             _ if is("HIERARCHY") => MotionFormat::Bvh,
             _ if is("#!OML:") || is(":FULLY") || is(":DEGREES") => MotionFormat::Amc,
             _ if is("# AST") || is("# ASF") || is(":version") => MotionFormat::Asf,
@@ -120,6 +119,12 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
         }
         MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz => return None,
     })
+}
+
+/// Whether a file that begins so is a C3D file: the second byte is the key of all, and what stands around it are numbers, never text
+/// alone.
+pub fn is_c3d(start: &[u8]) -> bool {
+    matches!(start, [_, 0x50, ..]) && is_binary(&start[..start.len().min(12)])
 }
 
 /// Whether these first bytes tell the format: no later ones would change it.

@@ -54,6 +54,9 @@ fn a_c3d_file_is_opened_filled_and_written_back() {
         same.clone()
             .all(|(a, b)| a.is_nan() || a.to_bits() == b.to_bits())
     );
+    // Positions of another shape are refused, not cut.
+    let refused = gappy.write_back(&to, ndarray::Array2::zeros((9, 15)).view());
+    assert!(refused.unwrap_err().to_string().contains("200 x 5"));
     // The swing goes on in the gap.
     let x = whole.poses().xyz[[87, 12]];
     assert!(

@@ -59,14 +59,6 @@ fn kill(child: &Child, signal: &str) {
     );
 }
 
-/// Whether a process has a file of a folder open.
-fn has_open(child: &Child, folder: &Path) -> bool {
-    let open = fs::read_dir(format!("/proc/{}/fd", child.id()));
-    let links = open.into_iter().flatten().flatten();
-    let mut links = links.filter_map(|entry| fs::read_link(entry.path()).ok());
-    links.any(|link| link.starts_with(folder))
-}
-
 /// Whether this process ignores a signal, as its children then do.
 fn is_ignored(number: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap();

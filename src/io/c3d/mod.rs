@@ -19,7 +19,7 @@ use self::numbers::Processor;
 use self::parameters::Parameters;
 use super::input::Input;
 use super::marker_take::{MarkerTake, Quantity, unique_names};
-use super::motion_format::recognized;
+use super::motion_format::{is_c3d, recognized};
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::path::Path;
@@ -41,11 +41,6 @@ pub struct C3d {
 }
 
 impl C3d {
-    /// Whether a file that begins so is a C3D file: the second byte is the key of all, and none is text alone.
-    pub fn is_c3d(start: &[u8]) -> bool {
-        matches!(start, [_, 0x50, ..]) && start.iter().any(|b| *b < 9)
-    }
-
     /// Whether the numbers of the file hold a point (in its units and axes).
     pub fn holds(&self, point: [f64; 3]) -> bool {
         points::encode(Some(point), &self.layout).is_ok()
@@ -69,7 +64,7 @@ impl C3d {
         let at = |e: Error| e.at(Place::file(&name));
         let other = what_else(input.first_bytes());
         let bytes = input.read_all(LIMIT)?;
-        if !C3d::is_c3d(&bytes[..bytes.len().min(BLOCK)]) {
+        if !is_c3d(&bytes) {
             return Err(bad(other.into()));
         }
         let mut notes = Vec::new();

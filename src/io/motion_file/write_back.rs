@@ -1,13 +1,13 @@
 //! The way back into the file's own format, or into a table.
 
 use super::{MotionFile, Original};
-use crate::Result;
 use crate::io::marker_take::MarkerTake;
 use crate::io::motion_format::MotionFormat;
 use crate::io::output::{Output, write_file};
 use crate::io::table_writer::TableFormat;
 use crate::io::unit_writer::UnitWriter;
 use crate::pose::Units;
+use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2};
 use std::path::Path;
 
@@ -22,10 +22,10 @@ impl MotionFile {
     /// many positions the numbers of the format do not hold, which stay as they were.
     ///
     /// # Errors
-    /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the format does not hold the new values.
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold the new values.
     pub fn write_back(&self, path: impl AsRef<Path>, xyz: ArrayView2<'_, f64>) -> Result<usize> {
-        let path = path.as_ref();
-        let mut left = 0;
+        let (path, mut left) = (path.as_ref(), 0);
+        self.check_shape(xyz)?;
         let bytes = match &self.original {
             Original::C3d(c3d) => {
                 let holds = |point| {
@@ -56,30 +56,30 @@ impl MotionFile {
     }
 
     /// Writes a BVH file with the missing values of its channels at `motion` (frames, channels; centimeters, radians); NaN stays
-    /// missing, and every other byte of the file stays. Another file stays as it is.
+    /// missing, and every other byte of the file stays.
     ///
     /// # Errors
-    /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the file has no such values.
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: it is no BVH file, or has no such values.
     pub fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
-        let bytes = match &self.original {
-            Original::Bvh(bytes, bvh) => {
-                bvh.fill_missing(bytes, motion, self.units.unit.centimeters())?
-            }
-            _ => return self.write_back(path, self.table.poses.xyz.view()).map(drop),
+        let Original::Bvh(bytes, bvh) = &self.original else {
+            let what = "has no channels: it is no BVH file";
+            return Err(Error::data(Place::file(&self.table.name), what));
         };
-        write_file(path, &bytes)
+        let unit = self.units.unit.centimeters();
+        write_file(path, &bvh.fill_missing(bytes, motion, unit)?)
     }
 
     /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in centimeters, y up.
     ///
     /// # Errors
-    /// [`crate::Error::Io`]: writing fails.
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape.
     pub fn write_table(
         &self,
         path: &Path,
         format: TableFormat,
         xyz: ArrayView2<'_, f64>,
     ) -> Result<()> {
+        self.check_shape(xyz)?;
         let units = match self.original {
             Original::Table => self.units,
             _ => Units::CM_Y,
@@ -95,6 +95,18 @@ impl MotionFile {
             xyz,
             |frame| carried.as_ref().map_or(Vec::new(), |c| c.cells(frame)),
         )
+    }
+
+    /// Fails where positions are not those of the file's frames and points.
+    fn check_shape(&self, xyz: ArrayView2<'_, f64>) -> Result<()> {
+        let own = self.table.poses.xyz.dim();
+        if xyz.dim() == own {
+            return Ok(());
+        }
+        let size = |(frames, columns): (usize, usize)| format!("{frames} x {}", columns / 3);
+        let (own, given) = (size(own), size(xyz.dim()));
+        let what = format!("has {own} frames and points; positions of {given} do not fit");
+        Err(Error::data(Place::file(&self.table.name), what))
     }
 
     /// The points of a take, in the file's unit and axes; those that did not move, or that the file does not hold, have the numbers that
