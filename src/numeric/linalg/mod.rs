@@ -68,7 +68,8 @@ impl Cholesky {
 
     /// L⁻¹ `b`, for b (n, m). A column with a value that is not finite gives such a column. `None` when b has not n rows.
     pub fn half_solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
-        (self.fits(b).then(|| Chosen::half_solve(&self.0, b))).flatten()
+        self.fits(b)?;
+        Chosen::half_solve(&self.0, b)
     }
 
     /// A⁻¹ `b`, for b (n, m), else as [`Cholesky::half_solve`].
@@ -78,14 +79,12 @@ impl Cholesky {
 
     /// L⁻ᵀ `b`, for b (n, m), else as [`Cholesky::half_solve`].
     pub fn half_solve_transposed(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
-        (self
-            .fits(b)
-            .then(|| Chosen::half_solve_transposed(&self.0, b)))
-        .flatten()
+        self.fits(b)?;
+        Chosen::half_solve_transposed(&self.0, b)
     }
 
-    fn fits(&self, b: &Array2<f64>) -> bool {
-        b.nrows() == self.0.nrows()
+    fn fits(&self, b: &Array2<f64>) -> Option<()> {
+        (b.nrows() == self.0.nrows()).then_some(())
     }
 }
 
