@@ -62,7 +62,7 @@
 //!
 //! | module | contents | imports |
 //! |---|---|---|
-//! | [`numeric`] | LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism | |
+//! | [`numeric`] | dense, sparse and small linear algebra, Gaussians, SIMD, deterministic parallelism | |
 //! | [`pose`] | poses, skeletons, kinematics, rotations, similarity transforms, placements | `numeric` |
 //! | [`io`] | readers and writers: ASF, AMC, BVH, C3D, TRC, CSV, NPY, meshes, glTF, models | `pose` |
 //! | [`cluster`] | k-means, hierarchical k-means | `pose` |

@@ -3,7 +3,7 @@
 //! OpenBLAS takes 128 MB of addresses for each thread that calls it, and tries again for ever where it gets none; the C library takes
 //! 64 MB for the heap of each thread. So under a limit OpenBLAS's own threads are switched off and all threads have one heap, which
 //! only the environment that a program starts in can say; there are as many threads of ours as the limit has room for; and
-//! their memory is taken before anything else.
+//! their memory is taken before anything else. A build without OpenBLAS needs less, but keeps to the same numbers.
 
 use crate::numeric::linalg::cholesky_solve;
 use crate::{Error, Place, Result};

@@ -85,7 +85,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("process::exit", &["cli/", "bin/"]),
     ("stdin(", &["cli/", "bin/"]),
     ("stdout(", &["cli/", "bin/"]),
-    ("ndarray_linalg", &["numeric/linalg.rs"]),
+    ("ndarray_linalg", &["numeric/linalg/"]),
     ("bvh_anim", &["io/bvh"]),
 ];
 
