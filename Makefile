@@ -85,7 +85,7 @@ fuzz: needs
 test-slurm: build
 	@sh tests/slurm/run.sh
 
-# Writes manual pages and expected outputs again: read the diff before you commit it.
+# Writes the manual pages again: read the diff before you commit it.
 bless: needs
 	POSING_BLESS=1 $(CARGO) test --release
 

@@ -71,9 +71,12 @@
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
 //! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
-//! | [`audit`] | what is not as it should be in a take: rate, unit, axis, gaps, swaps, fallen markers | `restore` |
+//! | [`audit`] | what is not as it should be in a take: rate, unit, axis, gaps, swaps, fallen markers | `restore`, `draw` |
+//! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `draw` |
 //! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore` |
-//! | [`evaluate`] | corruption, scores, benchmark, report, figures and players of poses and meshes, page of pairs to label | `restore` |
+//! | [`server`] | the page of posing by hand, and the local server behind it | `edit`, `draw` |
+//! | [`draw`] | figures as SVG, pages that play poses and meshes | `io` |
+//! | [`evaluate`] | corruption, scores, benchmark, report, page of pairs to label | `restore`, `draw` |
 //! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
 //!
 //! A module may also import what its imports import; tests/it/architecture.rs checks this. Only [`cli`] and the binaries
@@ -88,7 +91,7 @@
 //! `tests/it/denoise.rs` tests the command, `man/denoise.1` is its manual page. A new pose model is a file in
 //! [`prior`] and a line in its registry. A new format is a file in [`io`].
 //!
-//! `make test` runs all tests, `make bless` writes manual pages and expected outputs again, `make bench` measures speed.
+//! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures speed.
 
 pub mod audit;
 pub mod body;

@@ -113,7 +113,7 @@ pub fn bash(script: &str, folder: &Path) -> Output {
         .env("BODIES", bodies)
         // Else help wraps its examples.
         .env("COLUMNS", "1000")
-        // The launcher's `help` would open a pager.
+        // `posing help` would open a pager.
         .env("MANPAGER", "cat")
         .output()
         .unwrap()
