@@ -44,7 +44,7 @@ impl Columns {
         let lost: Vec<&str> = lost.map(|(_, name)| name.as_str()).collect();
         let some = match lost.len() {
             0 => return None,
-            0..=MOST_LOST => lost.join(", "),
+            1..=MOST_LOST => lost.join(", "),
             n => format!(
                 "{} and {} more",
                 lost[..MOST_LOST].join(", "),
