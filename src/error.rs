@@ -8,7 +8,8 @@ use std::sync::OnceLock;
 /// A shorthand for results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A failure, told in one line that names the place, what is wrong there and, where there is one, the remedy.
+/// A failure, told in one line that names the place, what is wrong there and, where there is one,
+/// the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The input holds something that cannot be used (exit 1).
@@ -102,7 +103,8 @@ impl Error {
             other => other,
         }
     }
-    /// An [`Error::Unfit`] becomes [`Error::Usage`]: what was given are arguments. Others stay as they are.
+    /// An [`Error::Unfit`] becomes [`Error::Usage`]: what was given are arguments. Others stay as
+    /// they are.
     pub fn into_usage(self) -> Self {
         match self {
             Error::Unfit(what) => Error::Usage(what),
@@ -148,8 +150,9 @@ impl From<&str> for Error {
 /// Names an option for a user: set once by a program that has its own words for them.
 static OPTION_NAMES: OnceLock<fn(&str) -> String> = OnceLock::new();
 
-/// Lets messages name options as `name` does. A message of the library says ``the option `up z` ``, which is the field `up` of
-/// options with the value `z`; `name` gets what stands in the backquotes. A command names its flag instead.
+/// Lets messages name options as `name` does. A message of the library says ``the option `up z` ``,
+/// which is the field `up` of options with the value `z`; `name` gets what stands in the
+/// backquotes. A command names its flag instead.
 pub fn name_options(name: fn(&str) -> String) {
     let _ = OPTION_NAMES.set(name);
 }
@@ -181,7 +184,8 @@ mod tests {
     #[test]
     fn options_get_the_names_that_a_program_has() {
         let flag = |option: &str| format!("--{}", option.replace('_', "-"));
-        let text = "does not say its unit; give it with the option `units mm` (or cm), or the option `max_gap`";
+        let text = "does not say its unit; give it with the option `units mm` (or cm), or the \
+                    option `max_gap`";
         assert_eq!(
             replace_options(text, flag),
             "does not say its unit; give it with --units mm (or cm), or --max-gap"

@@ -1,14 +1,15 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
-//! Cleans, completes, compares and poses human motion capture with pose models trained on real captures.
+//! Cleans, completes, compares and poses human motion capture with pose models trained on real
+//! captures.
 //!
 //! This library is what the commands of the project call. The README lists the commands.
 //!
 //! # Tour
 //!
-//! **Read.** A take is a table of poses: [`pose::Poses`], frames x points, in centimetres, y up, NaN for a missing
-//! value. [`io`] reads it from CSV or NPY, or computes it from the joint angles of ASF/AMC and BVH files by forward
-//! kinematics ([`pose::kinematics`]).
+//! **Read.** A take is a table of poses: [`pose::Poses`], frames x points, in centimeters, y up,
+//! NaN for a missing value. [`io`] reads it from CSV or NPY, or computes it from the joint angles
+//! of ASF/AMC and BVH files by forward kinematics ([`pose::kinematics`]).
 //!
 //! ```
 //! use posing::pose::{Body, Poses, joints};
@@ -21,17 +22,20 @@
 //! assert_eq!(body.lengths[1], 0.0); // the length of the left hip bone
 //! ```
 //!
-//! **Train.** Each training pose is moved to the model's space: root at the origin, no global rotation, one body size.
-//! [`cluster`] groups poses. [`sparse`] learns a dictionary by K-SVD, so that each pose is approximately a sum of a few
-//! atoms. [`prior`] trains this and other pose models. A trained model is one NPZ file ([`io::Model`]).
+//! **Train.** Each training pose is moved to the model's space: root at the origin, no global
+//! rotation, one body size. [`cluster`] groups poses. [`sparse`] learns a dictionary by K-SVD, so
+//! that each pose is approximately a sum of a few atoms. [`prior`] trains this and other pose
+//! models. A trained model is one NPZ file ([`io::Model`]).
 //!
-//! **Restore.** A frame is an observation: values, each with the variance of its noise (0: exact; infinity: missing).
-//! [`restore`] finds the placement of the pose in the world, asks the [`prior`] for the posterior of the pose, rejects
-//! outliers, keeps rigid distances, and smooths over time. Single frames are completed and denoised by the same posterior; takes by regression over their gaps, and by smoothing over time.
-//! Inverse kinematics turns points back into joint angles, which [`io`] writes as BVH or AMC.
+//! **Restore.** A frame is an observation: values, each with the variance of its noise (0: exact;
+//! infinity: missing). [`restore`] finds the placement of the pose in the world, asks the [`prior`]
+//! for the posterior of the pose, rejects outliers, keeps rigid distances, and smooths over time.
+//! Single frames are completed and denoised by the same posterior; takes by regression over their
+//! gaps, and by smoothing over time. Inverse kinematics turns points back into joint angles, which
+//! [`io`] writes as BVH or AMC.
 //!
-//! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against the truth, compares
-//! models on unseen takes, and draws figures.
+//! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against
+//! the truth, compares models on unseen takes, and draws figures.
 //!
 //! # Symbols
 //!
@@ -44,8 +48,8 @@
 //! | kappa, k | largest number of atoms in a code (sparsity) | | |
 //! | Y | poses, one a row (the transpose of the paper's Y) | (m, D) | cm |
 //! | A | atoms, one a row, unit norm (the transpose of the paper's A) | (n, D) | none |
-//! | X, x | sparse codes; the code of one pose: Y is about X A | (m, n) stored as (m, k); (k) | cm |
-//! | R, t, s | rotation, shift and scale of a placement: world = s R model + t | (3, 3); (3); 1 | none; cm; none |
+//! | X, x | sparse codes; of one pose: Y is about X A | (m, n) stored as (m, k); (k) | cm |
+//! | R, t, s | placement: world = s R model + t | (3, 3); (3); 1 | none; cm; none |
 //! | tau | Euler angles, about x, then y, then z: R = Rz Ry Rx | (3) | radians |
 //! | q | degrees of freedom of a skeleton | (dofs) | radians or cm |
 //! | C | axes of a bone in the rest pose | (3, 3) | none |
@@ -55,43 +59,46 @@
 //! | S | covariance of the residual of sparse coding | (D, D) | cm^2 |
 //! | W, w | precisions: 1 / variance of each coordinate's noise | (D) | 1/cm^2 |
 //!
-//! Rows are frames, atoms and centroids everywhere. Angles are in radians, except in files. The paper gives errors as
-//! mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
+//! Rows are frames, atoms and centroids everywhere. Angles are in radians, except in files. The
+//! paper gives errors as mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
 //!
 //! # Modules
 //!
 //! | module | contents | imports |
 //! |---|---|---|
-//! | [`numeric`] | dense, sparse and small linear algebra, Gaussians, SIMD, deterministic parallelism | |
-//! | [`pose`] | poses, skeletons, kinematics, rotations, similarity transforms, placements | `numeric` |
-//! | [`io`] | readers and writers: ASF, AMC, BVH, C3D, TRC, CSV, NPY, meshes, glTF, models | `pose` |
+//! | [`numeric`] | linear algebra, Gaussians, SIMD, deterministic parallelism | |
+//! | [`pose`] | poses, skeletons, kinematics, rotations, placements, units | `numeric` |
+//! | [`io`] | motion files (ASF, AMC, BVH, C3D, TRC, CSV, NPY), meshes, models | `pose` |
 //! | [`cluster`] | k-means, hierarchical k-means | `pose` |
-//! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, exact search over atoms | `pose` |
-//! | [`metric`] | geometric pose descriptors, how alike two poses are, pairs to label, transitions | `pose` |
+//! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms | `pose` |
+//! | [`metric`] | pose descriptors, how alike two poses are, transitions | `pose` |
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
-//! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
-//! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
-//! | [`audit`] | what is not as it should be in a take: rate, unit, axis, gaps, swaps, fallen markers | `restore`, `draw` |
+//! | [`prior`] | pose models behind one trait; a registry by name | `cluster`, `sparse` |
+//! | [`restore`] | completion, denoising, outliers, gaps, rigid distances | `prior` |
+//! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps | `restore`, `draw` |
 //! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `draw` |
 //! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore` |
 //! | [`server`] | the page of posing by hand, and the local server behind it | `edit`, `draw` |
 //! | [`draw`] | figures as SVG, pages that play poses and meshes | `io` |
-//! | [`evaluate`] | corruption, scores, benchmark, report, page of pairs to label | `restore`, `draw` |
+//! | [`evaluate`] | damage, scores, benchmark, report, page of pairs to label | `restore`, `draw` |
 //! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
 //!
-//! A module may also import what its imports import; tests/it/architecture.rs checks this. Only [`cli`] and the binaries
-//! read arguments, read standard input, or print.
+//! A module may also import what its imports import; tests/it/architecture.rs checks this. Only
+//! [`cli`] and the binaries read arguments, read standard input, or print.
 //!
-//! Random numbers are seeded, and parallel work is split into fixed chunks that are combined in order
-//! ([`numeric::parallel`]). The same input and seed therefore give the same bytes with any number of threads.
+//! Random numbers are seeded, and parallel work is split into fixed chunks that are combined in
+//! order ([`numeric::parallel`]). The same input and seed therefore give the same bytes with any
+//! number of threads.
 //!
 //! # Contributing
 //!
-//! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags, `src/restore/denoise.rs` is the method,
-//! `tests/it/denoise.rs` tests the command, `man/denoise.1` is its manual page. A new pose model is a file in
-//! [`prior`] and a line in its registry. A new format is a file in [`io`].
+//! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags,
+//! `src/restore/denoise.rs` is the method, `tests/it/denoise.rs` tests the command, `man/denoise.1`
+//! is its manual page. A new pose model is a file in [`prior`] and a line in its registry. A new
+//! format is a file in [`io`].
 //!
-//! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures speed.
+//! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures
+//! speed.
 
 pub mod audit;
 pub mod body;

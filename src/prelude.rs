@@ -6,7 +6,10 @@
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let whole = folder.path().join("whole.csv");
 //! # let asf = Asf::open(concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cmu/07/07.asf"))?;
-//! # let mut take = Amc::open(concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cmu/07/07_01.amc"), &asf)?.to_poses(120.0)?.slice(0..60);
+//! # let amc = concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cmu/07/07_01.amc");
+//! # let mut take = Amc::open(amc, &asf)?
+//! #     .to_poses(120.0)?
+//! #     .slice(0..60);
 //! # let wrist = take.points.iter().position(|p| p == "lwrist").unwrap();
 //! # take.xyz.slice_mut(ndarray::s![20..30, 3 * wrist..3 * wrist + 3]).fill(f64::NAN);
 //! # let walk = Table::from_poses(take);

@@ -5,11 +5,12 @@ use crate::pose::stray::PointApart;
 
 /// Fewer points are no body.
 const FEWEST_POINTS: usize = 8;
-/// How many times as long as upwards a body is along another axis, in the median, that stands along that one.
+/// How many times as long as upwards a body is along another axis, in the median, that stands along
+/// that one.
 const LONGER: f64 = 1.5;
 
-/// The extents of the points of a frame along each axis, in the median, without those that stand apart, cm; `None` for too few
-/// points.
+/// The extents of the points of a frame along each axis, in the median, without those that stand
+/// apart, cm; `None` for too few points.
 pub(super) fn size(take: &Take<'_>, apart: &[PointApart]) -> Option<[f64; 3]> {
     let mut of_body = vec![true; take.points.len()];
     apart.iter().for_each(|a| of_body[a.point] = false);
@@ -32,7 +33,8 @@ pub(super) fn stray(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
         let remedy = match moves(take, a.point) {
             true => "it is far from all other points",
             false => {
-                "it is of no body; make its cells empty, or leave it out (trim, the option `points`)"
+                "it is of no body; make its cells empty, or leave it out (trim, the option \
+                 `points`)"
             }
         };
         let what = format!(
@@ -55,7 +57,8 @@ fn moves(take: &Take<'_>, point: usize) -> bool {
     })
 }
 
-/// Whether the points are as high as a person, and farther apart than one: several people, or props.
+/// Whether the points are as high as a person, and farther apart than one: several people, or
+/// props.
 fn are_several([x, y, z]: [f64; 3], limits: &Limits) -> bool {
     let [low, high] = limits.size;
     (low..=high).contains(&y) && x.max(z) > high
@@ -72,7 +75,8 @@ pub(super) fn wrong_unit(size: Option<[f64; 3]>, limits: &Limits) -> Option<Find
         points: Vec::new(),
         frames: None,
         what: format!(
-            "the body measures {longest:.1} cm (people: {low:.0} to {high:.0}): give the unit of the file with the option `units`"
+            "the body measures {longest:.1} cm (people: {low:.0} to {high:.0}): give the unit of \
+             the file with the option `units`"
         ),
     })
 }
@@ -87,7 +91,8 @@ pub(super) fn wrong_axis(size: Option<[f64; 3]>, limits: &Limits) -> Option<Find
         points: Vec::new(),
         frames: None,
         what: format!(
-            "the body measures {y:.0} cm along y and {longest:.0} cm along {axis}: it lies, or {axis} is up (the option `up {axis}`)"
+            "the body measures {y:.0} cm along y and {longest:.0} cm along {axis}: it lies, or \
+             {axis} is up (the option `up {axis}`)"
         ),
     })
 }

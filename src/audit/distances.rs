@@ -5,12 +5,12 @@ use super::other_speeds::OtherSpeeds;
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
 use std::collections::HashSet;
 
-/// Points that go together: their distance stays within this share of itself, and this, cm, in the middle half of the frames of a
-/// quarter of the take.
+/// Points that go together: their distance stays within this share of itself, and this, cm, in the
+/// middle half of the frames of a quarter of the take.
 const STEADY: f64 = 0.05;
 const STEADY_CM: f64 = 1.0;
-/// A point that is farther off than this from where those it goes with have it, cm, and slower than this, cm/s, for so many frames
-/// while the others move this fast, has fallen off.
+/// A point that is farther off than this from where those it goes with have it, cm, and slower than
+/// this, cm/s, for so many frames while the others move this fast, has fallen off.
 const FALLEN_OFF: f64 = 10.0;
 const STILL: f64 = 0.5;
 const STILL_FRAMES: usize = 10;
@@ -19,8 +19,8 @@ const MOVING: f64 = 5.0;
 const FRAMES: usize = 400;
 const FEWEST: usize = 10;
 
-/// The point that each goes with, and their usual distance, cm: that of the two quarters of the take in which it is steadiest, as it
-/// may drift, and a point may fall off.
+/// The point that each goes with, and their usual distance, cm: that of the two quarters of the
+/// take in which it is steadiest, as it may drift, and a point may fall off.
 fn partners(take: &Take<'_>) -> Vec<Option<(usize, f64)>> {
     let (points, frames) = (take.points.len(), take.xyz.nrows());
     let step = frames.div_ceil(FRAMES).max(1);
@@ -122,7 +122,8 @@ fn fallen(
     let found = long.filter(|r| others.median(r.clone(), p, rate) > MOVING);
     let longest = found.max_by_key(|r| r.len())?;
     let what = format!(
-        "{} lies still for {} frames, {FALLEN_OFF} cm and more from where {} has it: it has fallen off",
+        "{} lies still for {} frames, {FALLEN_OFF} cm and more from where {} has it: it has \
+         fallen off",
         take.points[p],
         longest.len(),
         take.points[q]

@@ -29,8 +29,8 @@ pub struct FileAuditor {
 }
 
 impl FileAuditor {
-    /// The audit of a file, the `number`th, whose bytes, unpacked, are `bytes`; one that cannot be read stops no other. Where
-    /// something was found, or is missing, its page is written.
+    /// The audit of a file, the `number`th, whose bytes, unpacked, are `bytes`; one that cannot be
+    /// read stops no other. Where something was found, or is missing, its page is written.
     ///
     /// # Errors
     /// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
@@ -62,7 +62,8 @@ impl FileAuditor {
         let is_named = self.named.iter().any(|named| named == path);
         match (file.rate(), options.fps.filter(|_| is_named)) {
             (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
-                "the option `fps {fps}` contradicts {}, which has {own} frames per second; leave it out",
+                "the option `fps {fps}` contradicts {}, which has {own} frames per second; leave \
+                 it out",
                 file.table.name
             ))),
             _ => Ok(file),
@@ -84,7 +85,8 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     takes
 }
 
-/// The files and those of folders, in order, and audits of the folders that cannot be read or have no files of motion.
+/// The files and those of folders, in order, and audits of the folders that cannot be read or have
+/// no files of motion.
 pub fn files_to_audit(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<FileAudit>) {
     let refused = |path: &Path, error: &Error| FileAudit {
         file: path.display().to_string(),

@@ -8,7 +8,8 @@ use serde::Serialize;
 pub struct GapSummary {
     /// The share of all points of all frames that are missing.
     pub missing: f64,
-    /// By point with a gap: its name, its gaps, its missing frames, and the frames of its longest gap.
+    /// By point with a gap: its name, its gaps, its missing frames, and the frames of its longest
+    /// gap.
     pub by_point: Vec<PointGaps>,
 }
 
@@ -101,7 +102,8 @@ pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
             continue;
         }
         let what = format!(
-            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty (the option `zeros_are_missing`)",
+            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty \
+             (the option `zeros_are_missing`)",
             take.points[p],
             zeros.len()
         );

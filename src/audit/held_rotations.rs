@@ -1,4 +1,5 @@
-//! Rotations that stand still beside moving ones: a value that was held while the joint was not seen.
+//! Rotations that stand still beside moving ones: a value that was held while the joint was not
+//! seen.
 
 use super::{Finding, FindingKind, median, ranges};
 use crate::pose::JointAngles;
@@ -6,20 +7,24 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-/// A rotation that stands still for longer than this, seconds, may be held; and for no fewer frames.
+/// A rotation that stands still for longer than this, seconds, may be held; and for no fewer
+/// frames.
 const SECONDS: f64 = 0.2;
 const LEAST_FRAMES: usize = 5;
 /// Angles that differ by less are the same, radians: the last digit of a file.
 const SAME: f64 = 1e-6;
-/// A joint that rests in a larger share of its other steps (a finger, a toe, a keyed animation) is not held by a fault, nor one that
-/// rests in more of the take.
+/// A joint that rests in a larger share of its other steps (a finger, a toe, a keyed animation) is
+/// not held by a fault, nor one that rests in more of the take.
 const RESTING: f64 = 0.3;
 const LONGEST: f64 = 0.5;
-/// An angle this near to its least or largest in the take, as a share of their distance, is at a limit of the joint.
+/// An angle this near to its least or largest in the take, as a share of their distance, is at a
+/// limit of the joint.
 const AT_LIMIT: f64 = 1e-3;
-/// A step after a rest that is this many times as large as any within a motion ends a value that was held, at a limit too.
+/// A step after a rest that is this many times as large as any within a motion ends a value that
+/// was held, at a limit too.
 const BREAK: f64 = 1.5;
-/// What the joint would have turned by meanwhile at its usual speed, radians, and how fast others turn, radians a second: less is a pause.
+/// What the joint would have turned by meanwhile at its usual speed, radians, and how fast others
+/// turn, radians a second: less is a pause.
 const LEAST_TURN: f64 = 3.0 * PI / 180.0;
 const LEAST_SPEED: f64 = 10.0 * PI / 180.0;
 
@@ -32,8 +37,9 @@ pub struct HeldRotations {
     pub frames: Range<usize>,
 }
 
-/// The rotations that were held, in the order of their frames: those of joints that move in most of the take, while others move. Files
-/// hold them where sensors or solvers fail. `rate`: frames a second.
+/// The rotations that were held, in the order of their frames: those of joints that move in most of
+/// the take, while others move. Files hold them where sensors or solvers fail. `rate`: frames a
+/// second.
 pub fn held_rotations(joints: &[JointAngles], rate: f64) -> Vec<HeldRotations> {
     let motions: Vec<JointMotion> = joints.iter().map(JointMotion::of).collect();
     let least = LEAST_FRAMES.max((SECONDS * rate) as usize + 1);
@@ -71,7 +77,8 @@ pub fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> 
             kind: FindingKind::Held,
             frames: Some([held.frames.start, held.frames.end]),
             what: format!(
-                "{} {verb} still in frames {} to {} while others turn: {own} held (clean fills them in BVH files with the option `held_is_missing`)",
+                "{} {verb} still in frames {} to {} while others turn: {own} held (clean fills \
+                 them in BVH files with the option `held_is_missing`)",
                 names.join(", "),
                 held.frames.start,
                 held.frames.end - 1
@@ -159,7 +166,8 @@ impl JointMotion {
         };
         let is_held = |r: &Range<usize>| {
             let is_long = r.len() as f64 > 0.5 * SECONDS * rate;
-            // A hinge may rest where it likes, and leaves its rest smoothly; a ball joint never has the very same three angles.
+            // A hinge may rest where it likes, and leaves its rest smoothly; a ball joint never has
+            // the very same three angles.
             let is_unusual = !self.at_limit[r.start] && (!self.is_hinge || leaps(r));
             let is_odd = is_unusual || breaks(r);
             is_long && is_alone(r) && is_odd && usual_turn(r) >= LEAST_TURN
@@ -169,7 +177,8 @@ impl JointMotion {
     }
 }
 
-/// By frame, whether each of the angles that vary is the least or the largest of the take: knees rest at the limits of their hinges.
+/// By frame, whether each of the angles that vary is the least or the largest of the take: knees
+/// rest at the limits of their hinges.
 fn at_limits(joint: &JointAngles, varying: &[usize]) -> Vec<bool> {
     let angles = &joint.angles;
     let bounds = varying.iter().map(|&c| {
@@ -194,7 +203,8 @@ mod tests {
     use crate::pose::rotation::Axis;
     use ndarray::Array2;
 
-    /// Joints of `axes` angles that swing, 60 a second, with `hold` frames of the first `joints` held.
+    /// Joints of `axes` angles that swing, 60 a second, with `hold` frames of the first `joints`
+    /// held.
     fn swinging(axes: usize, count: usize, joints: usize, hold: Range<usize>) -> Vec<JointAngles> {
         let joint = |j: usize| {
             let angle = |t: usize, c: usize| (0.07 * t as f64 + j as f64 + c as f64).sin();
@@ -250,7 +260,8 @@ mod tests {
 
     #[test]
     fn pauses_rests_and_short_stops_are_not_held() {
-        // A fifth of a second; the whole body; a joint that mostly rests; nothing moves; missing values.
+        // A fifth of a second; the whole body; a joint that mostly rests; nothing moves; missing
+        // values.
         assert_eq!(held_rotations(&swinging(3, 8, 1, 40..52), 60.0), []);
         assert_eq!(held_rotations(&swinging(3, 8, 8, 40..70), 60.0), []);
         assert_eq!(held_rotations(&swinging(3, 8, 1, 20..90), 60.0), []);

@@ -1,7 +1,7 @@
 //! Auditing takes: what in a capture is not as it should be, before anything is changed.
 //!
-//! Rates, units and axes are wrong more often than positions are, and gaps are written in many ways. Each check says what it found, where,
-//! and the limit that it is over.
+//! Rates, units and axes are wrong more often than positions are, and gaps are written in many
+//! ways. Each check says what it found, where, and the limit that it is over.
 
 mod body;
 mod distances;
@@ -28,8 +28,8 @@ use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;
 
-/// What is wrong with the rotations of a take: angles that jump though their joints hardly turn, and rotations that were held. `rate`: frames a second; without
-/// one, nothing is held.
+/// What is wrong with the rotations of a take: angles that jump though their joints hardly turn,
+/// and rotations that were held. `rate`: frames a second; without one, nothing is held.
 pub fn rotation_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
     let mut out = rotations::flips(joints);
     out.extend(held_rotations::held_findings(joints, rate));
@@ -49,7 +49,8 @@ pub struct Limits {
     pub jump: f64,
     /// How tall a body is, cm: the largest extent of its points, in the median.
     pub size: [f64; 2],
-    /// How far a distance between points that go together may drift from the first to the last quarter of a take, cm.
+    /// How far a distance between points that go together may drift from the first to the last
+    /// quarter of a take, cm.
     pub drift: f64,
 }
 
@@ -90,7 +91,8 @@ pub enum FindingKind {
     Swap,
     /// A point leaves its path for some frames.
     Jump,
-    /// A point has the very same place, or a joint the very same rotation, for many frames while others move: a value that was held.
+    /// A point has the very same place, or a joint the very same rotation, for many frames while
+    /// others move: a value that was held.
     Held,
     /// A point lies still, far from those it goes with, while they move.
     Fallen,
@@ -124,7 +126,8 @@ pub struct TakeAudit {
     pub rate: Option<f64>,
     /// The number of points.
     pub points: usize,
-    /// The largest extent of the points of a frame, without those that stand far off, in the median, cm.
+    /// The largest extent of the points of a frame, without those that stand far off, in the
+    /// median, cm.
     pub size: Option<f64>,
     /// What is missing.
     pub gaps: GapSummary,

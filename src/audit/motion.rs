@@ -17,7 +17,8 @@ const TOLD_APART: f64 = 3.0;
 const SWAPPED: f64 = 4.0;
 /// Up to this number of points that move far, each is compared with all others.
 const FEW: usize = 500;
-/// A value that is held for so many frames, while the others move this fast in the median, cm/s, was not measured.
+/// A value that is held for so many frames, while the others move this fast in the median, cm/s,
+/// was not measured.
 const HELD_FRAMES: usize = 10;
 const MOVING: f64 = 5.0;
 
@@ -39,7 +40,8 @@ pub(super) fn too_fast(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
     let (p, fastest) = speeds.max_by(|a, b| a.1.total_cmp(&b.1))?;
     (fastest > limits.speed).then(|| {
         let what = format!(
-            "{} moves at {:.1} m/s (limit {:.1}): is the rate {:.2} frames per second, and is the unit right?",
+            "{} moves at {:.1} m/s (limit {:.1}): is the rate {:.2} frames per second, and is the \
+             unit right?",
             take.points[p],
             fastest / 100.0,
             limits.speed / 100.0,
@@ -81,7 +83,8 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
     out
 }
 
-/// How far a point is at most from the line between the frames around a range, cm; `None` where one of them is not there.
+/// How far a point is at most from the line between the frames around a range, cm; `None` where one
+/// of them is not there.
 fn height(take: &Take<'_>, p: usize, range: &Range<usize>) -> Option<f64> {
     let before = take.at(range.start.checked_sub(1)?, p)?;
     let after = take.at((range.end < take.xyz.nrows()).then_some(range.end)?, p)?;
@@ -128,8 +131,9 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
     pairs.into_iter().map(finding).collect()
 }
 
-/// The pairs of `far` that may change places after frame `t`: all, or of many those whose places cross. Where a goes to b's place
-/// and b to a's, what both miss is less than their own steps / [`SWAPPED`], and so than 2 / 3 of a's step.
+/// The pairs of `far` that may change places after frame `t`: all, or of many those whose places
+/// cross. Where a goes to b's place and b to a's, what both miss is less than their own steps /
+/// [`SWAPPED`], and so than 2 / 3 of a's step.
 fn may_swap(take: &Take<'_>, t: usize, far: &[usize]) -> Vec<(usize, usize)> {
     if far.len() <= FEW {
         let pairs = |(i, &a): (usize, &usize)| far[i + 1..].iter().map(move |&b| (a, b));
@@ -173,7 +177,8 @@ fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {
     SWAPPED * crossed < own
 }
 
-/// Points with the very same place for many frames while others move; those that stand apart are no value that was held.
+/// Points with the very same place for many frames while others move; those that stand apart are no
+/// value that was held.
 pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let Some(rate) = take.rate else {
         return Vec::new();
@@ -194,7 +199,8 @@ pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
             continue;
         };
         let what = format!(
-            "{} is at the very same place for {} frames while others move: its last value was held, make these cells empty",
+            "{} is at the very same place for {} frames while others move: its last value was \
+             held, make these cells empty",
             take.points[p],
             longest.len()
         );

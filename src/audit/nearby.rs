@@ -1,4 +1,5 @@
-//! Pairs of points that may go together. Where there are many points, these are near each other in some frame: what goes together is near.
+//! Pairs of points that may go together. Where there are many points, these are near each other in
+//! some frame: what goes together is near.
 
 use super::Take;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};

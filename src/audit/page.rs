@@ -33,7 +33,9 @@ pub fn page(files: &[FileAudit]) -> String {
     PlainPage {
         title: "Takes audited",
         lead: vec![format!(
-            "Files: {}, with findings: {found}, not read: {failed}. Nothing was changed. In the pictures a take runs from left to right, a point a row: empty where it is missing, marked where something was found. A file's name leads to a page that plays it.",
+            "Files: {}, with findings: {found}, not read: {failed}. Nothing was changed. In the \
+             pictures a take runs from left to right, a point a row: empty where it is missing, \
+             marked where something was found. A file's name leads to a page that plays it.",
             files.len()
         )],
         main: files.iter().map(|file| section(file, bars)).collect(),
@@ -133,8 +135,9 @@ fn findings(take: &TakeAudit, link: &Link<'_>) -> String {
     format!("<ul>{items}</ul>{more}")
 }
 
-/// The gaps of each point over time, and marks where something was found; empty where there is nothing to draw. It has about as many
-/// bars as `bars`: gaps that are near each other are drawn as one where there are more.
+/// The gaps of each point over time, and marks where something was found; empty where there is
+/// nothing to draw. It has about as many bars as `bars`: gaps that are near each other are drawn as
+/// one where there are more.
 fn picture(take: &TakeAudit, bars: usize) -> String {
     let gaps = take.gaps.by_point.iter();
     let gaps_of: HashMap<&str, &PointGaps> = gaps.map(|g| (g.point.as_str(), g)).collect();
@@ -191,14 +194,15 @@ fn picture(take: &TakeAudit, bars: usize) -> String {
         n => format!("<p>{n} more points have gaps or findings.</p>"),
     };
     format!(
-        "<div class=\"wide\"><svg class=\"takes\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"gaps and findings over time\">{rows}</svg></div>{more}",
+        "<div class=\"wide\"><svg class=\"takes\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" \
+         aria-label=\"gaps and findings over time\">{rows}</svg></div>{more}",
         NAMES + WIDTH,
         ROW * points.len() as f64
     )
 }
 
-/// At most `most` ranges of frames that hold all gaps of a point, and how many gaps each holds: those that are nearest to each other go
-/// together.
+/// At most `most` ranges of frames that hold all gaps of a point, and how many gaps each holds:
+/// those that are nearest to each other go together.
 fn drawn(gaps: &[[usize; 2]], frames: usize, most: usize) -> Vec<([usize; 2], usize)> {
     let mut near = 0;
     loop {
@@ -229,7 +233,8 @@ fn push_bar(
     let x = |frame: usize| NAMES + WIDTH * frame as f64 / take.frames as f64;
     let _ = write!(
         out,
-        "<rect class=\"{class}\" x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\"><title>{}</title></rect>",
+        "<rect class=\"{class}\" x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" \
+         height=\"{:.1}\"><title>{}</title></rect>",
         x(start),
         ROW * row as f64 + 2.0,
         (x(end) - x(start)).max(1.5),

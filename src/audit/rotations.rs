@@ -9,8 +9,8 @@ const JUMP: f64 = std::f64::consts::FRAC_PI_2;
 /// A jump is a flip if the joint turns by less than this share of it.
 const TURN: f64 = 0.25;
 
-/// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly turns: what is interpolated between
-/// two such frames goes astray.
+/// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly
+/// turns: what is interpolated between two such frames goes astray.
 pub fn flips(joints: &[JointAngles]) -> Vec<Finding> {
     joints.iter().filter_map(JointAngles::flips).collect()
 }
@@ -29,7 +29,8 @@ impl JointAngles {
             points: vec![self.joint.clone()],
             frames: Some([first, first + 1]),
             what: format!(
-                "an angle of {} jumps {times}, by {:.0} degrees in frame {first}, though the joint hardly turns: do not interpolate there",
+                "an angle of {} jumps {times}, by {:.0} degrees in frame {first}, though the \
+                 joint hardly turns: do not interpolate there",
                 self.joint,
                 by.to_degrees()
             ),

@@ -25,8 +25,8 @@ impl TakePages {
         }
     }
 
-    /// Writes the page of a file, the `number`th; its address from the page of the audit. `None` where it cannot be played, or where
-    /// another file stands in its place.
+    /// Writes the page of a file, the `number`th; its address from the page of the audit. `None`
+    /// where it cannot be played, or where another file stands in its place.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
@@ -34,7 +34,7 @@ impl TakePages {
         let poses = &file.table.poses;
         let html = TakePage {
             name,
-            note: "The take as it is. Centimetres, y up.",
+            note: "The take as it is. Centimeters, y up.",
             poses,
             rate: file.rate(),
             bones: &file.bones()?,

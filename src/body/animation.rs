@@ -1,7 +1,8 @@
 //! A take of markers: one shape for all frames, each frame from the pose before.
 //!
-//! Where the markers are not quite on the vertices that are named, as the joints of a skeleton are not, the mean of what each one misses
-//! over the take, in the frame of its part, becomes its offset.
+//! Where the markers are not quite on the vertices that are named, as the joints of a skeleton are
+//! not, the mean of what each one misses over the take, in the frame of its part, becomes its
+//! offset.
 
 use super::fit::{BodyState, Fit, FitProblem, prior_weight};
 use super::fit_prior::{FitPrior, NormalEquations};
@@ -14,13 +15,13 @@ use ndarray::{Array1, Axis, s};
 
 /// Rounds of shape and offsets in turn.
 const OFFSET_ROUNDS: usize = 3;
-/// Frames that the shape is learnt from.
+/// Frames that the shape is learned from.
 const SHAPE_FRAMES: usize = 16;
 const SHAPE_ROUNDS: usize = 10;
-/// A frame whose markers are missed by more than this times the usual distance (a running mean), and by more than [`FAR`], is fitted
-/// afresh.
+/// A frame whose markers are missed by more than this times the usual distance (a running mean),
+/// and by more than [`FAR`], is fitted afresh.
 const LOST: f64 = 2.0;
-/// Centimetres.
+/// Centimeters.
 const FAR: f64 = 2.0;
 
 /// A take as poses of one body.
@@ -28,7 +29,8 @@ const FAR: f64 = 2.0;
 pub struct Animation {
     /// β, the same in all frames.
     pub shape: Vec<f64>,
-    /// The fit of each frame; its state has no shape. `None` where a frame has fewer than [`super::fit::FEWEST`] markers.
+    /// The fit of each frame; its state has no shape. `None` where a frame has fewer than
+    /// [`super::fit::FEWEST`] markers.
     pub fits: Vec<Option<Fit>>,
 }
 
@@ -40,11 +42,12 @@ pub type MarkerFrame = Vec<Option<DVec3>>;
 pub enum Offsets {
     /// Markers are where the model says.
     Known,
-    /// Each has an offset of its own, which is learnt from the take.
-    Learnt,
+    /// Each has an offset of its own, which is learned from the take.
+    Learned,
 }
 
-/// Fits a take. The shape is learnt first, from frames spread over the take that have the most markers.
+/// Fits a take. The shape is learned first, from frames spread over the take that have the most
+/// markers.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no frame has markers enough.
@@ -57,9 +60,9 @@ pub fn animate(
     let chosen = shape_frames(frames);
     let mut model = model.clone();
     let mut shape = shared_shape(&model, prior, &chosen)?;
-    if offsets == Offsets::Learnt {
+    if offsets == Offsets::Learned {
         for _ in 0..OFFSET_ROUNDS {
-            model = model.with_offsets(&learnt_offsets(&model, prior, &chosen, &shape));
+            model = model.with_offsets(&learned_offsets(&model, prior, &chosen, &shape));
             shape = shared_shape(&model, prior, &chosen)?;
         }
     }
@@ -99,8 +102,9 @@ fn shape_frames(frames: &[MarkerFrame]) -> Vec<&MarkerFrame> {
     (0..blocks).filter_map(block).collect()
 }
 
-/// The offset of each marker: the mean over the frames of where it is from its place on the body, in the frame of its part.
-fn learnt_offsets(
+/// The offset of each marker: the mean over the frames of where it is from its place on the body,
+/// in the frame of its part.
+fn learned_offsets(
     model: &MarkerModel,
     prior: &FitPrior,
     frames: &[&MarkerFrame],
@@ -133,7 +137,8 @@ fn learnt_offsets(
     sums.iter().enumerate().map(mean).collect()
 }
 
-/// The shape that all frames share: of the sum of their energies, the rotations of each frame are eliminated (Schur complement).
+/// The shape that all frames share: of the sum of their energies, the rotations of each frame are
+/// eliminated (Schur complement).
 fn shared_shape(
     model: &MarkerModel,
     prior: &FitPrior,
@@ -211,7 +216,7 @@ mod tests {
         let shape = [0.8, -0.5];
         let mut frames: Vec<MarkerFrame> = (body.training_rotations.iter())
             .map(|rotations| {
-                let mesh = body.synthesise(rotations, &shape);
+                let mesh = body.synthesize(rotations, &shape);
                 on.iter().map(|v| Some(mesh[*v])).collect()
             })
             .collect();
@@ -223,7 +228,7 @@ mod tests {
         let fits = found.fits.iter().flatten();
         assert!(fits.clone().all(|f| f.rms < 0.01));
         assert_eq!(fits.count(), frames.len() - 1);
-        // Markers that all stand off: their offsets are learnt.
+        // Markers that all stand off: their offsets are learned.
         for (frame, rotations) in frames.iter_mut().zip(&body.training_rotations) {
             for (seen, v) in frame.iter_mut().zip(&on) {
                 let turn = rotations[body.template.vertex_parts[*v]];
@@ -235,7 +240,7 @@ mod tests {
             let all: Vec<f64> = fits.iter().flatten().map(|f| f.rms).collect();
             all.iter().sum::<f64>() / all.len() as f64
         };
-        let (known, learnt) = (rms(Offsets::Known), rms(Offsets::Learnt));
-        assert!(learnt < 0.9 * known, "{known} {learnt}");
+        let (known, learned) = (rms(Offsets::Known), rms(Offsets::Learned));
+        assert!(learned < 0.9 * known, "{known} {learned}");
     }
 }

@@ -1,6 +1,6 @@
 //! The whole model of a body: a template, how it follows its joints, and how people differ.
 
-use super::decomposition::synthesise;
+use super::decomposition::synthesize;
 use super::fit_prior::{FitPrior, NOISE};
 use super::pose_model::{PoseModel, twists};
 use super::shape_model::ShapeModel;
@@ -10,10 +10,11 @@ use crate::numeric::product::gram;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// The least standard deviation of a component of a twist, radians: a joint that no training pose turns may turn after all.
+/// The least standard deviation of a component of a twist, radians: a joint that no training pose
+/// turns may turn after all.
 const LEAST_DEVIATION: f64 = 0.2;
 
-/// A body whose pose and shape are learnt from meshes.
+/// A body whose pose and shape are learned from meshes.
 #[derive(Debug, Clone)]
 pub struct BodyModel {
     /// The mesh and its parts.
@@ -22,37 +23,41 @@ pub struct BodyModel {
     pub pose: PoseModel,
     /// The matrix S of each triangle, from the shape.
     pub shape: ShapeModel,
-    /// The rotations of the parts in the poses that it was learnt from.
+    /// The rotations of the parts in the poses that it was learned from.
     pub training_rotations: Vec<Vec<DMat3>>,
-    /// Points of a pose table and the parts they belong to: the first point of a part where it begins, a second at its far end.
+    /// Points of a pose table and the parts they belong to: the first point of a part where it
+    /// begins, a second at its far end.
     pub joint_names: Vec<(usize, String)>,
 }
 
 impl BodyModel {
-    /// The vertices, about their mean, of a body with these rotations of its parts and this shape (numbers that are left out are 0).
+    /// The vertices, about their mean, of a body with these rotations of its parts and this shape
+    /// (numbers that are left out are 0).
     ///
-    /// The vertices minimise E_H(y) = Σ_k Σ_j |R_k S_k Q_k v̂_kj - (y_kj - y_k1)|².
-    pub fn synthesise(&self, rotations: &[DMat3], shape: &[f64]) -> Vec<DVec3> {
-        self.synthesise_shaped(rotations, &self.shape.matrices(shape))
+    /// The vertices minimize E_H(y) = Σ_k Σ_j |R_k S_k Q_k v̂_kj - (y_kj - y_k1)|².
+    pub fn synthesize(&self, rotations: &[DMat3], shape: &[f64]) -> Vec<DVec3> {
+        self.synthesize_shaped(rotations, &self.shape.matrices(shape))
     }
 
-    /// [`BodyModel::synthesise`] with the S of [`ShapeModel::matrices`], for many poses of one shape.
-    pub fn synthesise_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
+    /// [`BodyModel::synthesize`] with the S of [`ShapeModel::matrices`], for many poses of one
+    /// shape.
+    pub fn synthesize_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
         let q = self.pose.deformations(&self.template, rotations);
         let deformations: Vec<DMat3> = shape.iter().zip(&q).map(|(s, q)| *s * *q).collect();
-        synthesise(&self.template, rotations, &deformations)
+        synthesize(&self.template, rotations, &deformations)
     }
 
-    /// The first `count` numbers of the shape whose vertices are nearest to those of a mesh, given the rotations of its parts.
+    /// The first `count` numbers of the shape whose vertices are nearest to those of a mesh, given
+    /// the rotations of its parts.
     pub fn shape_of(&self, vertices: &[DVec3], rotations: &[DMat3], count: usize) -> Vec<f64> {
         let count = count.min(self.shape.len());
-        let mean = self.synthesise(rotations, &[]);
+        let mean = self.synthesize(rotations, &[]);
         let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
         let mut directions = Array2::zeros((3 * vertices.len(), count));
         for (k, mut column) in directions.columns_mut().into_iter().enumerate() {
             let mut unit = vec![0.0; count];
             unit[k] = 1.0;
-            let moved = self.synthesise(rotations, &unit);
+            let moved = self.synthesize(rotations, &unit);
             let difference = moved
                 .iter()
                 .zip(&mean)
@@ -77,7 +82,8 @@ impl BodyModel {
         }
     }
 
-    /// The mean and the standard deviation of each component of the joints' twists in the training poses, radians.
+    /// The mean and the standard deviation of each component of the joints' twists in the training
+    /// poses, radians.
     pub fn twist_prior(&self) -> Vec<(DVec3, DVec3)> {
         let poses: Vec<Vec<DVec3>> = (self.training_rotations.iter())
             .map(|r| twists(&self.template.joint_parts(), r))
@@ -105,7 +111,7 @@ mod tests {
         let body = bending_body();
         let rotations = body.training_rotations[3].clone();
         let shape = [0.7, -0.4];
-        let mesh: Vec<DVec3> = (body.synthesise(&rotations, &shape).into_iter())
+        let mesh: Vec<DVec3> = (body.synthesize(&rotations, &shape).into_iter())
             .map(|v| v + DVec3::new(3.0, 1.0, 2.0))
             .collect();
         let found = body.shape_of(&mesh, &rotations, 2);
@@ -122,8 +128,8 @@ mod tests {
         let rotations = &body.training_rotations[4];
         let turned: Vec<DMat3> = rotations.iter().map(|r| turn * *r).collect();
         let (a, b) = (
-            body.synthesise(rotations, &[0.3]),
-            body.synthesise(&turned, &[0.3]),
+            body.synthesize(rotations, &[0.3]),
+            body.synthesize(&turned, &[0.3]),
         );
         assert!(
             a.iter()

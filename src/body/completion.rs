@@ -5,7 +5,7 @@ use super::fit::Fit;
 use super::marker_model::MarkerModel;
 use glam::{DMat3, DVec3};
 
-/// The two surfaces of a fit, centimetres.
+/// The two surfaces of a fit, centimeters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Completion {
     /// The vertices of the model with the fitted rotations and shape, put where the markers are.
@@ -14,9 +14,10 @@ pub struct Completion {
     pub completed: Vec<DVec3>,
 }
 
-/// Makes the surfaces; `shape` are the matrices of the fitted shape (see [`super::ShapeModel::matrices`]).
+/// Makes the surfaces; `shape` are the matrices of the fitted shape (see
+/// [`super::ShapeModel::matrices`]).
 pub fn complete(body: &BodyModel, markers: &MarkerModel, fit: &Fit, shape: &[DMat3]) -> Completion {
-    let vertices = body.synthesise_shaped(&fit.state.rotations, shape);
+    let vertices = body.synthesize_shaped(&fit.state.rotations, shape);
     // The marker model's positions are relative to the first vertex.
     let shift = fit.shift - vertices[0];
     let predicted: Vec<DVec3> = vertices.iter().map(|v| *v + shift).collect();

@@ -1,14 +1,18 @@
 //! How a mesh differs from the template: a rotation for each part, and a matrix for each triangle.
 //!
-//! The edges v_kj of triangle k of an instance are R_l Q_k v̂_kj, with R_l the rotation of its part l and Q_k what is not rigid.
-//! Rotations are fitted to the vertices of each part (Kabsch). The Q minimise
+//! The edges v_kj of triangle k of an instance are R_l Q_k v̂_kj, with R_l the rotation of its part
+//! l and Q_k what is not rigid. Rotations are fitted to the vertices of each part (Kabsch). The Q
+//! minimize
 //!
 //! ```text
-//! Σ_k Σ_j |R_k Q_k v̂_kj - v_kj|² + w_s Σ |Q_k1 - Q_k2|²   over triangles k1, k2 of one part that share an edge
+//! Σ_k Σ_j |R_k Q_k v̂_kj - v_kj|² + w_s Σ |Q_k1 - Q_k2|²
+//!     over triangles k1, k2 of one part that share an edge
 //! ```
 //!
-//! with w_s = c ρ², ρ the mean length of the template's edges: the paper's 0.001 ρ depends on the unit. c = 0.007 leaves some 0.02 mm
-//! of a body. A term 10⁻⁶ ρ² |Q_k - I|² holds what edges leave open, as those of a flat part do. The matrix depends on the template alone; it is factored once, and the three rows of all Q are solved for at once.
+//! with w_s = c ρ², ρ the mean length of the template's edges: the paper's 0.001 ρ depends on the
+//! unit. c = 0.007 leaves some 0.02 mm of a body. A term 10⁻⁶ ρ² |Q_k - I|² holds what edges leave
+//! open, as those of a flat part do. The matrix depends on the template alone; it is factored once,
+//! and the three rows of all Q are solved for at once.
 
 use super::template::Template;
 use crate::numeric::parallel;
@@ -30,7 +34,8 @@ pub struct Decomposer<'a> {
 }
 
 impl<'a> Decomposer<'a> {
-    /// Factors the template's matrix, with the weight `c` of smoothness. `None` if it is not positive definite.
+    /// Factors the template's matrix, with the weight `c` of smoothness. `None` if it is not
+    /// positive definite.
     pub fn new(template: &'a Template, c: f64) -> Option<Decomposer<'a>> {
         let square = template.resolution().powi(2);
         let (weight, hold) = (c * square, TOWARDS_IDENTITY * square);
@@ -44,7 +49,7 @@ impl<'a> Decomposer<'a> {
                 }
             }
         }
-        for [p, q] in &template.neighbours {
+        for [p, q] in &template.neighbors {
             if template.face_parts[*p] == template.face_parts[*q] {
                 for a in 0..3 {
                     entries.push((3 * p + a, 3 * p + a, weight));
@@ -104,7 +109,7 @@ pub fn fit_rotations(template: &Template, vertices: &[DVec3]) -> Vec<DMat3> {
 }
 
 /// The vertices, about their mean, that rotations of the parts and matrices of the triangles give.
-pub fn synthesise(template: &Template, rotations: &[DMat3], deformations: &[DMat3]) -> Vec<DVec3> {
+pub fn synthesize(template: &Template, rotations: &[DMat3], deformations: &[DMat3]) -> Vec<DVec3> {
     let edges = parallel::map_chunks(deformations.len(), 4096, |range| {
         let edges = |k: usize| {
             let matrix = rotations[template.face_parts[k]] * deformations[k];
@@ -137,7 +142,7 @@ mod tests {
         assert!(rotations[1].abs_diff_eq(bend, 1e-9));
         let q = decomposer.deformations(&bent, &rotations);
         let mean = bent.iter().sum::<DVec3>() / bent.len() as f64;
-        let found = synthesise(&template, &rotations, &q);
+        let found = synthesize(&template, &rotations, &q);
         let worst = bent
             .iter()
             .zip(&found)
@@ -172,7 +177,7 @@ mod tests {
                 gradient[k] += DMat3::from_cols(miss * rest.x, miss * rest.y, miss * rest.z);
             }
         }
-        for [a, b] in &template.neighbours {
+        for [a, b] in &template.neighbors {
             if template.face_parts[*a] == template.face_parts[*b] {
                 let pull = (q[*a] - q[*b]) * weight;
                 gradient[*a] += pull;

@@ -1,6 +1,8 @@
-//! Deformation gradients of triangles: linear in the deformed vertices and normals; and the rotations nearest to them.
+//! Deformation gradients of triangles: linear in the deformed vertices and normals; and the
+//! rotations nearest to them.
 //!
-//! R. W. Sumner, J. Popović: Deformation Transfer for Triangle Meshes, SIGGRAPH 2004, equations 3 to 6.
+//! R. W. Sumner, J. Popović: Deformation Transfer for Triangle Meshes, SIGGRAPH 2004, equations 3
+//! to 6.
 
 use crate::numeric::parallel::map_chunks;
 use crate::pose::similarity::nearest_rotation;
@@ -20,7 +22,8 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// A triangle of vertices at rest, cm, and the place of its normal among the unknowns. `None` for one without area.
+    /// A triangle of vertices at rest, cm, and the place of its normal among the unknowns. `None`
+    /// for one without area.
     pub fn new(face: [usize; 3], rest: &[DVec3], normal_node: usize) -> Option<Triangle> {
         let [a, b, c] = face.map(|v| rest[v]);
         let cross = (b - a).cross(c - a);
@@ -56,8 +59,9 @@ impl Triangle {
         self.nodes.iter().copied().zip(shares)
     }
 
-    /// The weight of the difference of the gradients of two triangles with a common edge: the squared length of the edge by the
-    /// areas, so that sums of squared differences are integrals of the gradient's derivative.
+    /// The weight of the difference of the gradients of two triangles with a common edge: the
+    /// squared length of the edge by the areas, so that sums of squared differences are
+    /// integrals of the gradient's derivative.
     pub fn weight_beside(&self, other: &Triangle, rest: &[DVec3]) -> f64 {
         let common: Vec<usize> = (self.nodes[..3].iter().copied())
             .filter(|v| other.nodes[..3].contains(v))
@@ -67,7 +71,8 @@ impl Triangle {
     }
 }
 
-/// The rotation nearest to each gradient (3, 3), times the scale that is best for all, given the areas.
+/// The rotation nearest to each gradient (3, 3), times the scale that is best for all, given the
+/// areas.
 pub fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
     let nearest = |(gradient, area): &(DMat3, f64)| {
         let rotation = polar(gradient);
@@ -83,8 +88,9 @@ pub fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
     all().map(|(r, ..)| *r * (gain / area)).collect()
 }
 
-/// The rotation nearest to a matrix: by Newton's method for the polar factor (N. Higham: Computing the Polar Decomposition, 1986),
-/// which is ten times as fast as eigenvectors for the matrices near rotations that most gradients are.
+/// The rotation nearest to a matrix: by Newton's method for the polar factor (N. Higham: Computing
+/// the Polar Decomposition, 1986), which is ten times as fast as eigenvectors for the matrices near
+/// rotations that most gradients are.
 fn polar(matrix: &DMat3) -> DMat3 {
     let mut rotation = *matrix;
     for _ in 0..10 {

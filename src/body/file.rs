@@ -1,8 +1,9 @@
 //! Bodies as model files: kind `body`.
 //!
-//! The points of the model are the parts. Its arrays: `vertices` (V, 3) cm, `faces` (P, 3) and `parts` (V, 1) of whole numbers, the
-//! template; `pose_joints` (P, J) and `pose` (P, 9 (3 J + 1)), the pose model; `shape_mean` (P, 9) and `shape` (K, 9 P), the shape
-//! model; `rotations` (n, 9 parts), those of the training poses. P counts the bridges too, which `faces` leaves out.
+//! The points of the model are the parts. Its arrays: `vertices` (V, 3) cm, `faces` (P, 3) and
+//! `parts` (V, 1) of whole numbers, the template; `pose_joints` (P, J) and `pose` (P, 9 (3 J + 1)),
+//! the pose model; `shape_mean` (P, 9) and `shape` (K, 9 P), the shape model; `rotations` (n, 9
+//! parts), those of the training poses. P counts the bridges too, which `faces` leaves out.
 
 use super::body_model::BodyModel;
 use super::pose_model::PoseModel;
@@ -188,8 +189,8 @@ mod tests {
         assert_eq!(back.to_model(), model);
         let rotations = &body.training_rotations[1];
         let (a, b) = (
-            body.synthesise(rotations, &[0.5]),
-            back.synthesise(rotations, &[0.5]),
+            body.synthesize(rotations, &[0.5]),
+            back.synthesize(rotations, &[0.5]),
         );
         assert!(a.iter().zip(&b).all(|(a, b)| (*a - *b).length() < 1e-5));
         let mut cut = model.clone();

@@ -1,15 +1,17 @@
 //! The pose and the shape of a body from markers on it.
 //!
-//! The full energy is E_H(y) + w_Z Σ |y_m - z_m|² over the vertices y, the rotations R and the shape β. For given R and β the best y
-//! is known in closed form. With r = P synth(R, β) - z what the markers miss, and K how they give when they are pulled (P A⁻¹ Pᵀ),
-//! what remains, less the model's disagreement with itself, is
+//! The full energy is E_H(y) + w_Z Σ |y_m - z_m|² over the vertices y, the rotations R and the
+//! shape β. For given R and β the best y is known in closed form. With r = P synth(R, β) - z what
+//! the markers miss, and K how they give when they are pulled (P A⁻¹ Pᵀ), what remains, less the
+//! model's disagreement with itself, is
 //!
 //! ```text
 //! rᵀ (I / w_Z + K)⁻¹ r,   with one shift of all markers free
 //! ```
 //!
-//! The minimum over R and β is found by damped Gauss-Newton steps (Levenberg-Marquardt), every one of which lowers it, with weak priors
-//! on the twists of the joints and on β. The paper's block descent takes hundreds of rounds, and its energy rises between them.
+//! The minimum over R and β is found by damped Gauss-Newton steps (Levenberg-Marquardt), every one
+//! of which lowers it, with weak priors on the twists of the joints and on β. The paper's block
+//! descent takes hundreds of rounds, and its energy rises between them.
 
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};
@@ -48,9 +50,10 @@ pub struct Fit {
     pub energies: Vec<f64>,
     /// What the predicted vertices are moved by, once the marker model's positions are known.
     pub shift: DVec3,
-    /// The markers that were seen, and what pulls the completed surface there (the multipliers of the warp).
+    /// The markers that were seen, and what pulls the completed surface there (the multipliers of
+    /// the warp).
     pub pulls: Vec<(usize, DVec3)>,
-    /// The root mean square distance of the predicted markers from those seen, centimetres.
+    /// The root mean square distance of the predicted markers from those seen, centimeters.
     pub rms: f64,
 }
 
@@ -115,8 +118,9 @@ impl<'a> FitProblem<'a> {
         })
     }
 
-    /// Fits rotations, and the shape if the model has components. Without a start the pose begins from the rigid fit of all markers
-    /// and from that of the markers of each part, and the better end is kept.
+    /// Fits rotations, and the shape if the model has components. Without a start the pose begins
+    /// from the rigid fit of all markers and from that of the markers of each part, and the
+    /// better end is kept.
     pub fn solve(&self, start: Option<&BodyState>) -> Fit {
         match start {
             Some(start) => self.descend(start.clone()),
@@ -139,8 +143,8 @@ impl<'a> FitProblem<'a> {
         }
     }
 
-    /// The second derivatives and the gradient in the shape alone, where the rotations follow it. `None` if the markers do not
-    /// determine them.
+    /// The second derivatives and the gradient in the shape alone, where the rotations follow it.
+    /// `None` if the markers do not determine them.
     pub(super) fn reduced_to_shape(&self, state: &BodyState) -> Option<NormalEquations> {
         let turns = 3 * self.model.parts();
         let mut normal = self.normal_equations(&self.evaluate(state), state);
@@ -180,7 +184,8 @@ impl<'a> FitProblem<'a> {
             self.seen.iter().filter(of).count()
         };
         let mut by_part = vec![whole; self.model.parts()];
-        // Parts without markers of their own go with the part nearer to the root, which stands before them.
+        // Parts without markers of their own go with the part nearer to the root, which stands
+        // before them.
         let order = self.model.joints().iter().map(|j| (j[1], Some(j[0])));
         let root = self.model.joints().first().map_or(0, |j| j[0]);
         for (part, parent) in std::iter::once((root, None)).chain(order) {
@@ -322,7 +327,7 @@ impl<'a> FitProblem<'a> {
     }
 }
 
-/// How much the priors count against the squared centimetres of the energy.
+/// How much the priors count against the squared centimeters of the energy.
 pub(super) fn prior_weight(prior: &FitPrior) -> f64 {
     MARKER_WEIGHT * prior.variance()
 }
@@ -362,7 +367,7 @@ mod tests {
         let body = bending_body();
         let markers: Vec<Marker> = (0..48).step_by(3).map(Marker::on).collect();
         let model = MarkerModel::new(&body, &markers);
-        let mesh = body.synthesise(&body.training_rotations[3], &[0.5, -0.3]);
+        let mesh = body.synthesize(&body.training_rotations[3], &[0.5, -0.3]);
         let seen: Vec<_> = (0..48)
             .step_by(3)
             .map(|v| Some(mesh[v] + DVec3::X))

@@ -1,25 +1,29 @@
-//! What is known of a pose and a shape before anything is measured: Gaussians of the joints' twists and of the shape.
+//! What is known of a pose and a shape before anything is measured: Gaussians of the joints' twists
+//! and of the shape.
 
 use crate::pose::rotation::rotation_vector_jacobian;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// The standard deviation of a marker where none is told, centimetres a coordinate.
+/// The standard deviation of a marker where none is told, centimeters a coordinate.
 pub const NOISE: f64 = 0.18;
 /// The least noise that counts: without any the priors would vanish.
 const LEAST_NOISE: f64 = 0.01;
 
-/// Independent Gaussians: of each component of the joints' twists, and of mean 0 and variance 1 for each number of the shape.
+/// Independent Gaussians: of each component of the joints' twists, and of mean 0 and variance 1 for
+/// each number of the shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitPrior {
     /// The mean and the standard deviation of each joint's twist, radians.
     pub twists: Vec<(DVec3, DVec3)>,
-    /// The standard deviation of a marker, centimetres a coordinate: the larger, the more the priors count.
+    /// The standard deviation of a marker, centimeters a coordinate: the larger, the more the
+    /// priors count.
     pub noise: f64,
 }
 
-/// The normal equations of a step: half of the energy's second derivatives, by Gauss and Newton, and half of its gradient. Three
-/// numbers a part (a small rotation of it in the world), then the shape, then what else there is.
+/// The normal equations of a step: half of the energy's second derivatives, by Gauss and Newton,
+/// and half of its gradient. Three numbers a part (a small rotation of it in the world), then the
+/// shape, then what else there is.
 pub(super) struct NormalEquations {
     pub(super) hessian: Array2<f64>,
     pub(super) gradient: Array1<f64>,
@@ -49,8 +53,9 @@ impl FitPrior {
         twists + shape.iter().map(|b| b * b).sum::<f64>()
     }
 
-    /// Adds `weight` times half of the derivatives of [`FitPrior::energy`] for joints between `joints`, whose twists change by `turns`
-    /// when their second parts turn (see [`twist_derivatives`]).
+    /// Adds `weight` times half of the derivatives of [`FitPrior::energy`] for joints between
+    /// `joints`, whose twists change by `turns` when their second parts turn (see
+    /// [`twist_derivatives`]).
     pub(super) fn add(
         &self,
         weight: f64,
@@ -85,7 +90,8 @@ impl FitPrior {
     }
 }
 
-/// How each joint's twist changes when its second part is turned a little in the world; turning the first part does the opposite.
+/// How each joint's twist changes when its second part is turned a little in the world; turning the
+/// first part does the opposite.
 pub(super) fn twist_derivatives(
     joints: &[[usize; 2]],
     twists: &[DVec3],

@@ -1,4 +1,5 @@
-//! A take of a body as binary glTF: one skinned mesh, with corrective shapes, shapes of people, and an animation a take.
+//! A take of a body as binary glTF: one skinned mesh, with corrective shapes, shapes of people, and
+//! an animation a take.
 
 use super::file::part_name;
 use super::skinning::{Frame, Sample};
@@ -10,7 +11,8 @@ use glam::{DMat3, DVec3};
 
 /// Corrective shapes of the skin.
 const CORRECTIONS: usize = 20;
-/// Frames of the take that the skin is fitted to, spread over it; the training poses come with them.
+/// Frames of the take that the skin is fitted to, spread over it; the training poses come with
+/// them.
 const SAMPLES: usize = 100;
 /// Components of shape that become morph targets.
 const PEOPLE: usize = 5;
@@ -31,14 +33,16 @@ impl SkinnedTake {
     /// The skinned mesh of a take, which messages call `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`]: the take has several shapes, or frames without times. [`Error::Data`]: no skin fits it.
+    /// [`Error::Usage`]: the take has several shapes, or frames without times. [`Error::Data`]: no
+    /// skin fits it.
     pub fn new(body: &BodyModel, take: &BodyTake, name: &str) -> Result<SkinnedTake> {
         if take.shapes.len() != 1 {
             let what = "a .glb holds one body; give one shape, or write a folder";
             return Err(Error::usage(what));
         }
         if take.poses.time.is_none() && take.frames.len() > 1 {
-            let what = "the table has no times, which an animation needs; give the rate with the option `fps`";
+            let what = "the table has no times, which an animation needs; give the rate with the \
+                        option `fps`";
             return Err(Error::usage(what));
         }
         let skin = fit_skin(body, take).map_err(|e| e.at(Place::file(name)))?;
@@ -84,7 +88,7 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> Result<Skin> {
     };
     let there: Vec<(usize, Sample<'_>)> = (0..meshes.len()).filter_map(frame).collect();
     let trained: Vec<Vec<DVec3>> = (body.training_rotations.iter())
-        .map(|r| body.synthesise(r, shape))
+        .map(|r| body.synthesize(r, shape))
         .collect();
     let training = body.training_rotations.iter().zip(&trained);
     let step = there.len().div_ceil(SAMPLES).max(1);
@@ -111,12 +115,12 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> Result<Skin> {
 fn rest_vertices(body: &BodyModel, shape: &[f64]) -> Vec<DVec3> {
     let template = &body.template;
     let upright = vec![DMat3::IDENTITY; template.parts()];
-    let rest = body.synthesise(&upright, shape);
+    let rest = body.synthesize(&upright, shape);
     let shift = template.root_of(&template.vertices) - template.root_of(&rest);
     rest.into_iter().map(|v| v + shift).collect()
 }
 
-fn metres(v: DVec3) -> [f32; 3] {
+fn meters(v: DVec3) -> [f32; 3] {
     (v / 100.0).as_vec3().to_array()
 }
 
@@ -129,9 +133,9 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
     let bone = |p: usize| Bone {
         name: name(p),
         parent: skinning.parents[p],
-        at: metres(skinning.places[p]),
+        at: meters(skinning.places[p]),
     };
-    let offsets = |shape: &[DVec3]| shape.iter().map(|v| metres(*v)).collect();
+    let offsets = |shape: &[DVec3]| shape.iter().map(|v| meters(*v)).collect();
     let corrections = skinning.shapes.iter().enumerate().map(|(k, s)| Shape {
         name: format!("correction{}", k + 1),
         offsets: offsets(s),
@@ -151,7 +155,7 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
     };
     SkinnedMesh {
         name: "body".into(),
-        vertices: template.vertices.iter().map(|v| metres(*v)).collect(),
+        vertices: template.vertices.iter().map(|v| meters(*v)).collect(),
         faces: (template.surface().iter())
             .map(|f| f.map(|v| v as u32))
             .collect(),

@@ -1,16 +1,20 @@
-//! How much a deformed mesh bends and stretches, by the deformation gradients of its triangles, and the mesh that least does so.
+//! How much a deformed mesh bends and stretches, by the deformation gradients of its triangles, and
+//! the mesh that least does so.
 //!
-//! The gradient of triangle k is T_k = [y_2 - y_1, y_3 - y_1, m_k] [x_2 - x_1, x_3 - x_1, n_k]⁻¹ (3, 3), with the corners x of the
-//! triangle, its unit normal n_k, the deformed corners y, and a free vector m_k, the deformed normal (R. W. Sumner, J. Popović:
-//! Deformation Transfer for Triangle Meshes, SIGGRAPH 2004, equations 3 to 6). T is linear in the unknowns y and m. With the area A_k
-//! of a triangle and w_ab = l² / ((A_a + A_b) / 1.5) for neighbours with a common edge of length l, the energy is
+//! The gradient of triangle k is T_k = [y_2 - y_1, y_3 - y_1, m_k] [x_2 - x_1, x_3 - x_1, n_k]⁻¹
+//! (3, 3), with the corners x of the triangle, its unit normal n_k, the deformed corners y, and a
+//! free vector m_k, the deformed normal (R. W. Sumner, J. Popović: Deformation Transfer for
+//! Triangle Meshes, SIGGRAPH 2004, equations 3 to 6). T is linear in the unknowns y and m. With the
+//! area A_k of a triangle and w_ab = l² / ((A_a + A_b) / 1.5) for neighbors with a common edge of
+//! length l, the energy is
 //!
 //! ```text
 //! E(y, m) = Σ_v w_v |y_v - c_v|² + b⁴ Σ_ab w_ab |T_a - T_b|² + s² Σ_k A_k |T_k - R_k|²
 //! ```
 //!
-//! The sums are integrals over the surface, so b and s are lengths, cm, and mean the same on fine and coarse meshes. Bending costs
-//! nothing for an affine deformation. The targets R_k are rotations times one scale.
+//! The sums are integrals over the surface, so b and s are lengths, cm, and mean the same on fine
+//! and coarse meshes. Bending costs nothing for an affine deformation. The targets R_k are
+//! rotations times one scale.
 //!
 //! Loose pieces of the surface hang on the largest at one vertex each, by [`Template`]'s bridges.
 
@@ -38,7 +42,8 @@ pub struct Targets {
     pub weights: Vec<f64>,
 }
 
-/// The energy of a template of V vertices and P triangles that have an area; its matrix is (V + P, V + P).
+/// The energy of a template of V vertices and P triangles that have an area; its matrix is (V + P,
+/// V + P).
 pub struct GradientEnergy {
     vertices: usize,
     triangles: Vec<Triangle>,
@@ -49,7 +54,8 @@ pub struct GradientEnergy {
     entries: Vec<(usize, usize, [f64; 2])>,
 }
 
-/// y_to - y_from follows x_to - x_from by the gradient of a triangle: how a loose piece hangs on the largest.
+/// y_to - y_from follows x_to - x_from by the gradient of a triangle: how a loose piece hangs on
+/// the largest.
 struct Tie {
     from: usize,
     to: usize,
@@ -77,8 +83,8 @@ impl GradientEnergy {
                 triangles.push(triangle);
             }
         }
-        let mut pairs = Vec::with_capacity(template.neighbours.len());
-        for [a, b] in &template.neighbours {
+        let mut pairs = Vec::with_capacity(template.neighbors.len());
+        for [a, b] in &template.neighbors {
             if *a.max(b) < faces.len()
                 && let (Some(p), Some(q)) = (place[*a], place[*b])
             {
@@ -111,7 +117,8 @@ impl GradientEnergy {
         energy
     }
 
-    /// The unknowns of a mesh of the template's topology: its vertices, then the unit normals of its triangles (V + P).
+    /// The unknowns of a mesh of the template's topology: its vertices, then the unit normals of
+    /// its triangles (V + P).
     pub fn unknowns(&self, vertices: &[DVec3]) -> Vec<DVec3> {
         let normal = |t: &Triangle| {
             let [a, b, c] = [0, 1, 2].map(|j| vertices[t.nodes[j]]);
@@ -179,8 +186,9 @@ impl GradientEnergy {
         derivative
     }
 
-    /// Factors the matrix of an energy, of which only the weights of the targets matter. `None`: it is not positive definite,
-    /// because no target holds the mesh, or only triangles without area hold a vertex.
+    /// Factors the matrix of an energy, of which only the weights of the targets matter. `None`: it
+    /// is not positive definite, because no target holds the mesh, or only triangles without
+    /// area hold a vertex.
     pub fn factor(&self, stiffness: Stiffness, weights: &[f64]) -> Option<Factored<'_>> {
         let (bend, stretch) = (stiffness.bend.powi(4), stiffness.stretch.powi(2));
         let mut entries: Vec<(usize, usize, f64)> = (self.entries.iter())
@@ -241,7 +249,7 @@ fn add_square(
     value: [f64; 2],
     entries: &mut Vec<(usize, usize, [f64; 2])>,
 ) {
-    // Neighbours share two corners: what is added up here need not be sorted later.
+    // Neighbors share two corners: what is added up here need not be sorted later.
     let mut row: Vec<(usize, f64)> = Vec::with_capacity(8);
     for (node, share) in terms {
         match row.iter_mut().find(|(n, _)| *n == node) {
@@ -257,8 +265,9 @@ fn add_square(
 }
 
 impl Factored<'_> {
-    /// The unknowns at which the energy is least, from others: one step of Newton's method, which is exact, because the energy is
-    /// quadratic. A step from afar leaves the error of a matrix of bad condition; one from near does not.
+    /// The unknowns at which the energy is least, from others: one step of Newton's method, which
+    /// is exact, because the energy is quadratic. A step from afar leaves the error of a matrix
+    /// of bad condition; one from near does not.
     pub fn step(&self, targets: &Targets, rotations: &[DMat3], unknowns: &[DVec3]) -> Vec<DVec3> {
         let energy = self.energy;
         let derivative = energy.derivative(self.stiffness, targets, rotations, unknowns);

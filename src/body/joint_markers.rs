@@ -4,8 +4,9 @@ use super::marker_model::Marker;
 use super::template::Template;
 use glam::DVec3;
 
-/// Where each of the points named by `joints` (part, point) is on the body: the first point of a part where the part begins, at its
-/// border towards the root; a second one at its far end, the vertex farthest from there. The root's first point is its middle.
+/// Where each of the points named by `joints` (part, point) is on the body: the first point of a
+/// part where the part begins, at its border towards the root; a second one at its far end, the
+/// vertex farthest from there. The root's first point is its middle.
 pub fn joint_markers(template: &Template, joints: &[(usize, String)]) -> Vec<Marker> {
     let is_second = |k: usize| joints[..k].iter().any(|(part, _)| *part == joints[k].0);
     let marker = |k: usize| {
@@ -22,12 +23,13 @@ pub fn joint_markers(template: &Template, joints: &[(usize, String)]) -> Vec<Mar
     (0..joints.len()).map(marker).collect()
 }
 
-/// The vertices of the border between a part and the one that it hangs on; of the root all of its own.
+/// The vertices of the border between a part and the one that it hangs on; of the root all of its
+/// own.
 fn start(template: &Template, part: usize) -> Vec<usize> {
     let parent = (template.joints.iter()).find(|j| j.parts[1] == part);
     let of_part = |k: &usize, p: usize| template.face_parts[*k] == p;
     let mut border: Vec<usize> = match parent {
-        Some(joint) => (template.neighbours.iter())
+        Some(joint) => (template.neighbors.iter())
             .filter(|[a, b]| {
                 let [p, q] = joint.parts;
                 of_part(a, p) && of_part(b, q) || of_part(a, q) && of_part(b, p)

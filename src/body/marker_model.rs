@@ -1,13 +1,14 @@
 //! Where the markers on a body are, without its other vertices.
 //!
-//! A synthesised vertex is linear in the edges R_l S_k Q_k v̂, S_k is affine in the shape β and Q_k in the twists t. So the position
-//! of a marker is exactly
+//! A synthesized vertex is linear in the edges R_l S_k Q_k v̂, S_k is affine in the shape β and Q_k
+//! in the twists t. So the position of a marker is exactly
 //!
 //! ```text
 //! Σ_l R_l Σ_b Σ_c A_lbc t̃_c β̃_b + R_m d_m,   with t̃ = (t, 1), β̃ = (1, β)
 //! ```
 //!
-//! and the A are summed up over all triangles once. A fit then costs the same whatever the size of the mesh.
+//! and the A are summed up over all triangles once. A fit then costs the same whatever the size of
+//! the mesh.
 
 use super::body_model::BodyModel;
 use super::pose_model::twists;
@@ -25,7 +26,7 @@ const CHUNK: usize = 256;
 pub struct Marker {
     /// Vertices and their weights, which sum to 1.
     pub vertices: Vec<(usize, f64)>,
-    /// From there to the marker, centimetres, in the frame of the part: it turns with it.
+    /// From there to the marker, centimeters, in the frame of the part: it turns with it.
     pub offset: DVec3,
 }
 
@@ -42,7 +43,8 @@ impl Marker {
 /// The positions of markers as a function of rotations and shape.
 #[derive(Debug, Clone)]
 pub struct MarkerModel {
-    /// A⁻¹ Pᵀ (V, m): how all vertices give when one marker is pulled (see [`super::Template::solve`]).
+    /// A⁻¹ Pᵀ (V, m): how all vertices give when one marker is pulled (see
+    /// [`super::Template::solve`]).
     pub influence: Arc<Array2<f64>>,
     /// P A⁻¹ Pᵀ (m, m): how the markers themselves give.
     pub compliance: Array2<f64>,
@@ -58,14 +60,15 @@ pub struct MarkerModel {
 struct PartTerms {
     /// The joints whose twists count.
     joints: Vec<usize>,
-    /// A for 1 and for each β (3 m, 3 J + 1): a row a coordinate of a marker, a column a component of a twist, the constant last.
+    /// A for 1 and for each β (3 m, 3 J + 1): a row a coordinate of a marker, a column a component
+    /// of a twist, the constant last.
     by_shape: Vec<Array2<f64>>,
 }
 
 /// The positions of the markers, and their derivatives.
 #[derive(Debug, Clone)]
 pub struct MarkerPositions {
-    /// Centimetres, up to one shift of all.
+    /// Centimeters, up to one shift of all.
     pub positions: Vec<DVec3>,
     /// The twist of each joint.
     pub twists: Vec<DVec3>,
@@ -78,7 +81,8 @@ pub struct MarkerPositions {
 }
 
 impl MarkerModel {
-    /// Sums up the terms of all triangles. About a second for 200 markers, 27,000 triangles and 20 components on two cores.
+    /// Sums up the terms of all triangles. About a second for 200 markers, 27,000 triangles and 20
+    /// components on two cores.
     pub fn new(body: &BodyModel, markers: &[Marker]) -> MarkerModel {
         let template = &body.template;
         let mut points = Array2::zeros((template.vertices.len(), markers.len()));

@@ -1,9 +1,10 @@
 //! The rigid parts of a mesh, found from poses of it.
 //!
-//! The neighbourhood of each vertex turns in some way in each pose. Connected regions whose vertices turn alike are grown from seeds
-//! over the mesh, the vertex that fits best first, as in variational shape approximation (Cohen-Steiner, Alliez, Desbrun 2004): then
-//! each region takes the mean of its rotations and grows again from the vertex that is nearest to it. New regions start at the vertex
-//! that fits its own region worst.
+//! The neighborhood of each vertex turns in some way in each pose. Connected regions whose vertices
+//! turn alike are grown from seeds over the mesh, the vertex that fits best first, as in
+//! variational shape approximation (Cohen-Steiner, Alliez, Desbrun 2004): then each region takes
+//! the mean of its rotations and grows again from the vertex that is nearest to it. New regions
+//! start at the vertex that fits its own region worst.
 
 use super::template::most;
 use crate::Result;
@@ -13,14 +14,15 @@ use glam::{DMat3, DVec3};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// How far a vertex's neighbourhood reaches, in edges.
+/// How far a vertex's neighborhood reaches, in edges.
 const RINGS: usize = 2;
 /// Rounds of growing after all regions are there.
 const ROUNDS: usize = 10;
 /// A region of fewer triangles is no part.
 const FEWEST_TRIANGLES: usize = 8;
 
-/// The part of each vertex, from 0: `count` connected parts, or fewer where regions are too small to be one.
+/// The part of each vertex, from 0: `count` connected parts, or fewer where regions are too small
+/// to be one.
 ///
 /// `faces` must hold all vertices together (see [`super::Template::bridges`]).
 ///
@@ -38,9 +40,9 @@ pub fn find_parts(
     if count == 0 || count > vertices.len() {
         return Err(format!("has {} vertices for {count} parts", vertices.len()).into());
     }
-    let neighbours = vertex_neighbours(vertices.len(), faces);
-    let turns = local_rotations(vertices, &neighbours, poses);
-    let mut regions = Regions::new(&neighbours, &turns);
+    let neighbors = vertex_neighbors(vertices.len(), faces);
+    let turns = local_rotations(vertices, &neighbors, poses);
+    let mut regions = Regions::new(&neighbors, &turns);
     while regions.means.len() < count && regions.add() {
         regions.grow();
     }
@@ -52,25 +54,25 @@ pub fn find_parts(
 }
 
 /// The vertices at the other end of each vertex's edges, in order.
-fn vertex_neighbours(vertices: usize, faces: &[[usize; 3]]) -> Vec<Vec<usize>> {
-    let mut neighbours = vec![Vec::new(); vertices];
+fn vertex_neighbors(vertices: usize, faces: &[[usize; 3]]) -> Vec<Vec<usize>> {
+    let mut neighbors = vec![Vec::new(); vertices];
     for face in faces {
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            neighbours[face[a]].push(face[b]);
-            neighbours[face[b]].push(face[a]);
+            neighbors[face[a]].push(face[b]);
+            neighbors[face[b]].push(face[a]);
         }
     }
-    for list in &mut neighbours {
+    for list in &mut neighbors {
         list.sort_unstable();
         list.dedup();
     }
-    neighbours
+    neighbors
 }
 
-/// How the neighbourhood of each vertex turns: nine numbers a pose.
+/// How the neighborhood of each vertex turns: nine numbers a pose.
 fn local_rotations(
     vertices: &[DVec3],
-    neighbours: &[Vec<usize>],
+    neighbors: &[Vec<usize>],
     poses: &[Vec<DVec3>],
 ) -> Vec<Vec<f32>> {
     let of_vertex = |v: usize| {
@@ -79,7 +81,7 @@ fn local_rotations(
         for _ in 0..RINGS {
             let to = near.len();
             for k in from..to {
-                for next in &neighbours[near[k]] {
+                for next in &neighbors[near[k]] {
                     if !near.contains(next) {
                         near.push(*next);
                     }
@@ -108,7 +110,7 @@ fn local_rotations(
 }
 
 struct Regions<'a> {
-    neighbours: &'a [Vec<usize>],
+    neighbors: &'a [Vec<usize>],
     turns: &'a [Vec<f32>],
     /// The region of each vertex.
     of: Vec<usize>,
@@ -119,12 +121,12 @@ struct Regions<'a> {
 
 impl<'a> Regions<'a> {
     /// One region.
-    fn new(neighbours: &'a [Vec<usize>], turns: &'a [Vec<f32>]) -> Regions<'a> {
+    fn new(neighbors: &'a [Vec<usize>], turns: &'a [Vec<f32>]) -> Regions<'a> {
         let mut regions = Regions {
             of: vec![0; turns.len()],
             means: vec![turns[0].clone()],
             seeds: vec![0],
-            neighbours,
+            neighbors,
             turns,
         };
         regions.update();
@@ -163,7 +165,7 @@ impl<'a> Regions<'a> {
                 continue;
             }
             self.of[vertex] = region;
-            for next in self.neighbours[vertex]
+            for next in self.neighbors[vertex]
                 .iter()
                 .filter(|n| self.of[**n] == FREE)
             {
@@ -179,7 +181,8 @@ impl<'a> Regions<'a> {
         self.update();
     }
 
-    /// Joins the first region that has too few triangles to the one beside it that turns most alike; `false` if there is none.
+    /// Joins the first region that has too few triangles to the one beside it that turns most
+    /// alike; `false` if there is none.
     fn merge_small(&mut self, faces: &[[usize; 3]]) -> bool {
         let mut triangles = vec![0; self.means.len()];
         for face in faces {
@@ -189,7 +192,7 @@ impl<'a> Regions<'a> {
             return false;
         };
         let beside = (0..self.of.len()).filter(|v| self.of[*v] == small);
-        let beside = beside.flat_map(|v| self.neighbours[v].iter().map(|n| self.of[*n]));
+        let beside = beside.flat_map(|v| self.neighbors[v].iter().map(|n| self.of[*n]));
         let apart = |r: &usize| {
             let pairs = self.means[*r].iter().zip(&self.means[small]);
             pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()

@@ -1,8 +1,10 @@
-//! How flesh follows the joints: the matrix Q of each triangle, from the rotations at the joints nearest to it.
+//! How flesh follows the joints: the matrix Q of each triangle, from the rotations at the joints
+//! nearest to it.
 //!
-//! The twist of a joint is the rotation vector of R_aᵀ R_b, of its two parts. Each of the nine numbers of Q_k is an affine function
-//! of the twists of the joints nearest to the TRIANGLE, learnt by least squares from decomposed poses. (The paper takes the two
-//! joints nearest to the triangle's part, which errs three times as much.)
+//! The twist of a joint is the rotation vector of R_aᵀ R_b, of its two parts. Each of the nine
+//! numbers of Q_k is an affine function of the twists of the joints nearest to the TRIANGLE,
+//! learned by least squares from decomposed poses. (The paper takes the two joints nearest to the
+//! triangle's part, which errs three times as much.)
 
 use super::template::Template;
 use crate::Result;
@@ -36,7 +38,8 @@ const RIDGE: f64 = 1e-4;
 pub struct PoseModel {
     /// The joints that each triangle follows (P, J), of [`Template::joints`].
     pub joints: Vec<Vec<usize>>,
-    /// (P, 9 (3 J + 1)): for each number of Q, by columns, a factor for each twist's components, then the constant.
+    /// (P, 9 (3 J + 1)): for each number of Q, by columns, a factor for each twist's components,
+    /// then the constant.
     pub coefficients: Array2<f32>,
 }
 
@@ -57,7 +60,7 @@ impl PoseModel {
         follows: Follows,
     ) -> Result<PoseModel> {
         if poses.is_empty() {
-            return Err("a pose model is learnt from one pose or more; none is given".into());
+            return Err("a pose model is learned from one pose or more; none is given".into());
         }
         let joints = followed_joints(template, follows);
         let twists: Vec<Vec<DVec3>> = poses
@@ -71,18 +74,18 @@ impl PoseModel {
         let groups: Vec<(&[usize], Vec<usize>)> = groups.into_iter().collect();
         let width = 3 * joints[0].len() + 1;
         let mut coefficients = Array2::zeros((template.faces.len(), 9 * width));
-        let learnt = parallel::map_chunks(groups.len(), 1, |range| {
+        let learned = parallel::map_chunks(groups.len(), 1, |range| {
             groups[range]
                 .iter()
                 .map(|(joints, faces)| learn_group(joints, faces, &twists, poses))
                 .collect::<Vec<_>>()
         });
-        for ((_, faces), learnt) in groups.iter().zip(learnt.into_iter().flatten()) {
+        for ((_, faces), learned) in groups.iter().zip(learned.into_iter().flatten()) {
             // (width, 9 faces).
-            let learnt = learnt.ok_or("the rotations of the poses are not finite")?;
+            let learned = learned.ok_or("the rotations of the poses are not finite")?;
             for (f, face) in faces.iter().enumerate() {
                 for entry in 0..9 {
-                    let column = learnt.slice(s![.., 9 * f + entry]).mapv(|v| v as f32);
+                    let column = learned.slice(s![.., 9 * f + entry]).mapv(|v| v as f32);
                     let to = s![*face, entry * width..(entry + 1) * width];
                     coefficients.slice_mut(to).assign(&column);
                 }
@@ -94,7 +97,8 @@ impl PoseModel {
         })
     }
 
-    /// What Q of triangle `k` is multiplied by each of its inputs: the components of its joints' twists, then 1.
+    /// What Q of triangle `k` is multiplied by each of its inputs: the components of its joints'
+    /// twists, then 1.
     pub fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
         let width = self.coefficients.ncols() / 9;
         let term = move |t: usize| {

@@ -1,17 +1,21 @@
 //! Registration: the template's mesh laid on a scan.
 //!
-//! Non-rigid ICP (B. Amberg, S. Romdhani, T. Vetter: Optimal Step Nonrigid ICP Algorithms for Surface Registration, CVPR 2007) with
-//! the smoothness of deformation gradients ([`gradient_energy`](super::gradient_energy)) in place of that of the vertices' transforms,
-//! which depends on where the origin is. Hand-placed points give the start: a similarity, then the smoothest deformation that meets
-//! them. Then vertices are drawn to the nearest points of the scan, while the stiffness and the distance limit fall. Where the scan
-//! shows nothing, vertices follow their neighbours.
+//! Non-rigid ICP (B. Amberg, S. Romdhani, T. Vetter: Optimal Step Nonrigid ICP Algorithms for
+//! Surface Registration, CVPR 2007) with the smoothness of deformation gradients
+//! ([`gradient_energy`](super::gradient_energy)) in place of that of the vertices' transforms,
+//! which depends on where the origin is. Hand-placed points give the start: a similarity, then the
+//! smoothest deformation that meets them. Then vertices are drawn to the nearest points of the
+//! scan, while the stiffness and the distance limit fall. Where the scan shows nothing, vertices
+//! follow their neighbors.
 //!
-//! Each triangle is drawn a little to the rotation nearest to its gradient, times one scale for all: bodies bend, but hardly shear.
-//! Nearest points are found again several times for one factor, with the weights of the first time: this takes a fifth of the time of
-//! a new factor, and vertices slide along the surface only by many such steps.
+//! Each triangle is drawn a little to the rotation nearest to its gradient, times one scale for
+//! all: bodies bend, but hardly shear. Nearest points are found again several times for one factor,
+//! with the weights of the first time: this takes a fifth of the time of a new factor, and vertices
+//! slide along the surface only by many such steps.
 //!
-//! All lengths are parts of the template's size (the root of its area) or of its mean edge, so the unit does not matter. Cost: 17
-//! factors of a (V + P, V + P) matrix; 10 s of processor time for 13,380 vertices.
+//! All lengths are parts of the template's size (the root of its area) or of its mean edge, so the
+//! unit does not matter. Cost: 17 factors of a (V + P, V + P) matrix; 10 s of processor time for
+//! 13,380 vertices.
 
 use super::deformation_gradient::rotations;
 use super::gradient_energy::{Factored, GradientEnergy, Stiffness, Targets};
@@ -28,10 +32,12 @@ pub const FEWEST_POINTS: usize = 4;
 /// The rounds of a registration, of which its observer hears.
 pub const ROUNDS: usize = 1 + LEVELS * ROUNDS_OF_LEVEL;
 
-/// Points whose spread across their longest line is less than this part of that along it do not fix a rotation.
+/// Points whose spread across their longest line is less than this part of that along it do not fix
+/// a rotation.
 const COLLINEAR: f64 = 0.02;
 
-/// The stiffness of the start: b as a part of the template's size, and s as a part of b. It hardly matters.
+/// The stiffness of the start: b as a part of the template's size, and s as a part of b. It hardly
+/// matters.
 const START: [f64; 2] = [0.1, 0.3];
 
 /// Steps of the start, each with new rotations.
@@ -42,13 +48,16 @@ const LEVELS: usize = 8;
 const ROUNDS_OF_LEVEL: usize = 2;
 const STEPS: usize = 8;
 
-/// b of the first level, as a part of the template's size, and of the last, in mean edges. A softer end follows the scan's noise.
+/// b of the first level, as a part of the template's size, and of the last, in mean edges. A softer
+/// end follows the scan's noise.
 const BEND: [f64; 2] = [0.03, 2.0];
 
-/// s as a part of b: with 0.1 limbs twist and slide, with 1 people of other proportions are not met.
+/// s as a part of b: with 0.1 limbs twist and slide, with 1 people of other proportions are not
+/// met.
 const STRETCH: f64 = 0.5;
 
-/// The distance limit of the first level, as a part of the template's size, and of the last, in mean edges.
+/// The distance limit of the first level, as a part of the template's size, and of the last, in
+/// mean edges.
 const LIMIT: [f64; 2] = [0.04, 2.0];
 
 /// A template's mesh on a scan.
@@ -58,11 +67,12 @@ pub struct Registration {
     pub vertices: Vec<DVec3>,
     /// The distance of each vertex to the scan, cm; `None` where the scan shows nothing of it (V).
     pub distances: Vec<Option<f64>>,
-    /// Triangles that point against their neighbours, and did not in the template.
+    /// Triangles that point against their neighbors, and did not in the template.
     pub folds: usize,
 }
 
-/// The similarity of points of the template (vertex, position on the scan in cm) to those of the scan.
+/// The similarity of points of the template (vertex, position on the scan in cm) to those of the
+/// scan.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: fewer than [`FEWEST_POINTS`] points, or all on a line.
@@ -96,8 +106,8 @@ fn is_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
     !(values[1] > COLLINEAR.powi(2) * values[2])
 }
 
-/// Lays a template on a scan, given some of its vertices and where they are on the scan, cm. `observer` is called after each of
-/// [`ROUNDS`] rounds.
+/// Lays a template on a scan, given some of its vertices and where they are on the scan, cm.
+/// `observer` is called after each of [`ROUNDS`] rounds.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: what [`start`] says, or only triangles without area hold a vertex.
@@ -160,7 +170,8 @@ impl Fit<'_> {
         &self.unknowns[..self.areas.len()]
     }
 
-    /// The smoothest deformation that meets the points; together they weigh as much as the surface. `None`: the matrix is singular.
+    /// The smoothest deformation that meets the points; together they weigh as much as the surface.
+    /// `None`: the matrix is singular.
     fn meet_points(&mut self, size: f64) -> Option<()> {
         let bend = START[0] * size;
         let stretch = START[1] * bend;
@@ -183,12 +194,14 @@ impl Fit<'_> {
                 found = matcher.matches(self.vertices(), limit);
             }
             for (v, at) in found.iter().enumerate() {
-                // The factor knows the weights of the first step. A vertex that has lost its point keeps that of the step before.
+                // The factor knows the weights of the first step. A vertex that has lost its point
+                // keeps that of the step before.
                 if let (true, Some(at)) = (is_drawn[v], at) {
                     (targets.targets[v], targets.weights[v]) = (*at, self.areas[v]);
                 }
             }
-            // A point weighs as much as the surface over which bending is resisted: much at first, little at the end.
+            // A point weighs as much as the surface over which bending is resisted: much at first,
+            // little at the end.
             let mut all = targets.clone();
             self.add_points(&mut all, bend * bend);
             if factored.is_none() {
@@ -222,15 +235,16 @@ impl Fit<'_> {
     }
 }
 
-/// The number of triangles that point against the mean of their neighbours, and did not in the template.
+/// The number of triangles that point against the mean of their neighbors, and did not in the
+/// template.
 fn folds(template: &Template, vertices: &[DVec3]) -> usize {
-    let now = against_neighbours(template, vertices);
-    let before = against_neighbours(template, &template.vertices);
+    let now = against_neighbors(template, vertices);
+    let before = against_neighbors(template, &template.vertices);
     now.iter().zip(before).filter(|(n, b)| **n && !b).count()
 }
 
-/// Whether each triangle points against the mean of its neighbours.
-fn against_neighbours(template: &Template, vertices: &[DVec3]) -> Vec<bool> {
+/// Whether each triangle points against the mean of its neighbors.
+fn against_neighbors(template: &Template, vertices: &[DVec3]) -> Vec<bool> {
     let faces = template.surface();
     let normal = |f: &[usize; 3]| {
         let [a, b, c] = f.map(|v| vertices[v]);
@@ -238,7 +252,7 @@ fn against_neighbours(template: &Template, vertices: &[DVec3]) -> Vec<bool> {
     };
     let normals: Vec<DVec3> = faces.iter().map(normal).collect();
     let mut around = vec![DVec3::ZERO; faces.len()];
-    for [a, b] in &template.neighbours {
+    for [a, b] in &template.neighbors {
         if *a.max(b) < faces.len() {
             around[*a] += normals[*b];
             around[*b] += normals[*a];

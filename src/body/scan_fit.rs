@@ -1,9 +1,10 @@
 //! A body from a partial scan of it, and a few points that a person has placed.
 //!
-//! The points start the pose. Then, in turn, each point of the scan is paired with the nearest point of the present surface, and a
-//! Gauss-Newton step on rotations, shape and shift lowers the distances to the planes there, with priors on twists and shape. Pairs
-//! farther apart than a threshold that shrinks, or whose normals disagree, do not count. Last the surface is warped towards the scan, as
-//! little as possible in its edges.
+//! The points start the pose. Then, in turn, each point of the scan is paired with the nearest
+//! point of the present surface, and a Gauss-Newton step on rotations, shape and shift lowers the
+//! distances to the planes there, with priors on twists and shape. Pairs farther apart than a
+//! threshold that shrinks, or whose normals disagree, do not count. Last the surface is warped
+//! towards the scan, as little as possible in its edges.
 
 use super::body_model::BodyModel;
 use super::fit::{BodyState, FitProblem};
@@ -22,9 +23,10 @@ use glam::DVec3;
 use ndarray::{Array1, Array2, Array3, Axis};
 
 const ROUNDS: usize = 24;
-/// Pairs count up to this distance in the first and in the last round, centimetres.
+/// Pairs count up to this distance in the first and in the last round, centimeters.
 const REACH: [f64; 2] = [15.0, 1.0];
-/// The least standard deviation of a point of the scan from the model's plane, centimetres; that of a placed point.
+/// The least standard deviation of a point of the scan from the model's plane, centimeters; that of
+/// a placed point.
 const SCAN_DEVIATION: f64 = 0.3;
 const POINT_DEVIATION: f64 = 1.0;
 /// The cosine of the largest angle between normals of a pair.
@@ -39,11 +41,12 @@ const WARP_WEIGHT: f64 = 1.0;
 pub struct ScanFit {
     /// The pose and the shape.
     pub state: BodyState,
-    /// The vertices of the model, centimetres.
+    /// The vertices of the model, centimeters.
     pub predicted: Vec<DVec3>,
     /// These, warped towards the scan.
     pub completed: Vec<DVec3>,
-    /// The root mean square distance of the scan's points from the predicted surface, centimetres, of those that count at the end.
+    /// The root mean square distance of the scan's points from the predicted surface, centimeters,
+    /// of those that count at the end.
     pub rms: f64,
     /// The share of the scan's points that count at the end.
     pub share: f64,
@@ -84,7 +87,8 @@ struct Pair {
     model: SurfacePoint,
 }
 
-/// Fits a body to the vertices of a scan, centimetres, and to placed points: a vertex and where it is.
+/// Fits a body to the vertices of a scan, centimeters, and to placed points: a vertex and where it
+/// is.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: there are too few placed points, or the scan has no points near them.
@@ -134,12 +138,12 @@ fn start(body: &BodyModel, placed: &[(usize, DVec3)]) -> Result<(BodyState, DVec
     let mut prior = body.fit_prior();
     prior.noise = POINT_DEVIATION;
     let fit = FitProblem::new(&model, &prior, &targets)?.solve(None);
-    let vertices = body.synthesise(&fit.state.rotations, &fit.state.shape);
+    let vertices = body.synthesize(&fit.state.rotations, &fit.state.shape);
     Ok((fit.state, fit.shift - vertices[0]))
 }
 
 fn placed_vertices(body: &BodyModel, state: &BodyState, shift: DVec3) -> Vec<DVec3> {
-    let vertices = body.synthesise(&state.rotations, &state.shape);
+    let vertices = body.synthesize(&state.rotations, &state.shape);
     vertices.into_iter().map(|v| v + shift).collect()
 }
 
@@ -248,7 +252,8 @@ fn moved(state: &BodyState, shift: DVec3, step: &Array1<f64>) -> (BodyState, DVe
     (next, shift + vector(shape + state.shape.len()))
 }
 
-/// The vertices warped so that the paired points come to the scan: min |G (y - y₀)|² + w Σ |y_v - target_v|².
+/// The vertices warped so that the paired points come to the scan: min |G (y - y₀)|² + w Σ |y_v -
+/// target_v|².
 fn warped(body: &BodyModel, vertices: &[DVec3], pairs: &[Pair]) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0); vertices.len()];
     for pair in pairs {

@@ -4,7 +4,8 @@ use super::surface::{Surface, SurfacePoint};
 use crate::numeric::parallel::map_chunks;
 use glam::DVec3;
 
-/// The cosine of the largest angle between the normals of a vertex and of its point of the scan: 60 degrees.
+/// The cosine of the largest angle between the normals of a vertex and of its point of the scan: 60
+/// degrees.
 const ALIKE: f64 = 0.5;
 
 /// Finds, for the vertices of a mesh, the points of a scan.
@@ -32,7 +33,8 @@ impl<'a> ScanMatcher<'a> {
         matcher
     }
 
-    /// The nearest point of each vertex. `None`: it is farther than `limit` cm, at the border of a hole, or of another direction.
+    /// The nearest point of each vertex. `None`: it is farther than `limit` cm, at the border of a
+    /// hole, or of another direction.
     pub fn matches(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<DVec3>> {
         let normals = normals(vertices, self.faces);
         let nearest = self.nearest(vertices).into_iter().enumerate();
@@ -46,7 +48,8 @@ impl<'a> ScanMatcher<'a> {
         nearest.map(accept).collect()
     }
 
-    /// The distance of each vertex to the scan, cm. `None`: it is more than `limit`, or the nearest point is at the border of a hole.
+    /// The distance of each vertex to the scan, cm. `None`: it is more than `limit`, or the nearest
+    /// point is at the border of a hole.
     pub fn distances(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<f64>> {
         (self.nearest(vertices).into_iter().zip(vertices))
             .map(|(point, v)| {

@@ -1,13 +1,15 @@
 //! How bodies differ between people: a matrix S for each triangle, by principal components.
 //!
-//! The edges of triangle k of a person are R S_k Q_k v̂_kj. With A the smoothed matrices of the person's mesh (see
-//! [`Decomposer`]) and Q those of the pose model at the person's own rotations, S minimises |S Q - A|² + λ |S - I|²: the closed
-//! form is as good as solving for S again, and stays bounded where Q is nearly singular.
+//! The edges of triangle k of a person are R S_k Q_k v̂_kj. With A the smoothed matrices of the
+//! person's mesh (see [`Decomposer`]) and Q those of the pose model at the person's own rotations,
+//! S minimizes |S Q - A|² + λ |S - I|²: the closed form is as good as solving for S again, and
+//! stays bounded where Q is nearly singular.
 //!
-//! The principal components are orthogonal in the VERTICES that the S give to the template's pose, not in the S themselves (the
-//! paper's choice, [`Metric::Matrices`]): the error of five components falls from 6 mm to 4.
+//! The principal components are orthogonal in the VERTICES that the S give to the template's pose,
+//! not in the S themselves (the paper's choice, [`Metric::Matrices`]): the error of five components
+//! falls from 6 mm to 4.
 
-use super::decomposition::{Decomposer, synthesise};
+use super::decomposition::{Decomposer, synthesize};
 use super::pose_model::PoseModel;
 use super::template::Template;
 use crate::Result;
@@ -32,7 +34,8 @@ pub enum Metric {
     Matrices,
 }
 
-/// The S of all triangles as an affine function of a few numbers β of mean 0 and variance 1 over the people.
+/// The S of all triangles as an affine function of a few numbers β of mean 0 and variance 1 over
+/// the people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapeModel {
     /// S at β = 0 (P, 9), by columns.
@@ -64,7 +67,7 @@ impl ShapeModel {
         let n = people.nrows();
         let mean = people
             .mean_axis(Axis(0))
-            .ok_or("shapes are learnt from one person or more; none is given")?;
+            .ok_or("shapes are learned from one person or more; none is given")?;
         let spread = match metric {
             Metric::Matrices => (people - &mean).mapv(f64::from),
             Metric::Vertices => vertices_of_people(template, people),
@@ -77,7 +80,8 @@ impl ShapeModel {
         let kept: Vec<usize> = kept
             .take_while(|k| values[*k] > LEAST_VARIANCE * largest)
             .collect();
-        // Scores of unit variance are √n times an eigenvector; a component is the mean of the matrices by their scores.
+        // Scores of unit variance are √n times an eigenvector; a component is the mean of the
+        // matrices by their scores.
         let scores = Array2::from_shape_fn((kept.len(), n), |(c, i)| {
             (vectors[[i, kept[c]]] / (n as f64).sqrt()) as f32
         });
@@ -149,7 +153,8 @@ pub fn matrices_of_person(
         .collect()
 }
 
-/// The vertices (n, 3 V) that the matrices of people (n, 9 P) give in the template's pose, less their mean.
+/// The vertices (n, 3 V) that the matrices of people (n, 9 P) give in the template's pose, less
+/// their mean.
 fn vertices_of_people(template: &Template, people: &Array2<f32>) -> Array2<f64> {
     let upright = vec![DMat3::IDENTITY; template.parts()];
     let mut rows = Array2::zeros((people.nrows(), 3 * template.vertices.len()));
@@ -157,7 +162,7 @@ fn vertices_of_people(template: &Template, people: &Array2<f32>) -> Array2<f64> 
         let matrices: Vec<DMat3> = (0..template.faces.len())
             .map(|k| matrix(|e| person[9 * k + e]))
             .collect();
-        let vertices = synthesise(template, &upright, &matrices);
+        let vertices = synthesize(template, &upright, &matrices);
         let numbers = vertices.iter().flat_map(|v| v.to_array());
         row.iter_mut().zip(numbers).for_each(|(to, v)| *to = v);
     }

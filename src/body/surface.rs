@@ -38,7 +38,8 @@ pub struct SurfacePoint {
 }
 
 impl Surface {
-    /// A surface of vertices and triangles, whose other vertices do not count; without triangles a cloud.
+    /// A surface of vertices and triangles, whose other vertices do not count; without triangles a
+    /// cloud.
     pub fn new(vertices: Vec<DVec3>, faces: Vec<[usize; 3]>) -> Surface {
         let mut faces_of = vec![Vec::new(); vertices.len()];
         let mut normals = vec![DVec3::ZERO; vertices.len()];
@@ -75,7 +76,8 @@ impl Surface {
         &self.normals
     }
 
-    /// The point of the triangles at the nearest vertices that is nearest to `p`. `None` for an empty surface.
+    /// The point of the triangles at the nearest vertices that is nearest to `p`. `None` for an
+    /// empty surface.
     pub fn nearest(&self, p: DVec3) -> Option<SurfacePoint> {
         let count = NonZero::new(CANDIDATES)?;
         let near = (self.tree.as_ref()?).nearest_n::<SquaredEuclidean>(&p.to_array(), count);
@@ -114,7 +116,8 @@ fn mix(values: [DVec3; 3], shares: [f64; 3]) -> DVec3 {
     values[0] * shares[0] + values[1] * shares[1] + values[2] * shares[2]
 }
 
-/// The shares of the corners in the point of a triangle that is nearest to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
+/// The shares of the corners in the point of a triangle that is nearest to `p` (Ericson, Real-Time
+/// Collision Detection, 5.1.5).
 fn nearest_shares(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));

@@ -49,7 +49,8 @@ impl BodyTake {
         }
     }
 
-    /// A take of rotations and places, with the times and takes of `poses`, or else `fps` frames per second.
+    /// A take of rotations and places, with the times and takes of `poses`, or else `fps` frames
+    /// per second.
     pub fn of_rotations(
         poses: &Poses,
         frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
@@ -72,7 +73,7 @@ impl BodyTake {
         let shape = body.shape.matrices(&animation.shape);
         let frame = |k: usize| {
             let fit = animation.fits[k].as_ref()?;
-            let vertices = body.synthesise_shaped(&fit.state.rotations, &shape);
+            let vertices = body.synthesize_shaped(&fit.state.rotations, &shape);
             // A fit's shift is that of the first vertex.
             let root = body.template.root_of(&vertices) + fit.shift - vertices[0];
             Some((fit.state.rotations.clone(), root))
@@ -92,7 +93,7 @@ impl BodyTake {
         &self.shapes[if self.shapes.len() == 1 { 0 } else { k }]
     }
 
-    /// The meshes, centimetres; empty where nothing is known.
+    /// The meshes, centimeters; empty where nothing is known.
     pub fn meshes(&self, body: &BodyModel) -> Vec<Vec<DVec3>> {
         self.map_meshes(body, |_, mesh| mesh)
     }
@@ -109,8 +110,8 @@ impl BodyTake {
                 return Vec::new();
             };
             let vertices = match &one {
-                Some(shape) => body.synthesise_shaped(rotations, shape),
-                None => body.synthesise(rotations, self.shape(k)),
+                Some(shape) => body.synthesize_shaped(rotations, shape),
+                None => body.synthesize(rotations, self.shape(k)),
             };
             let shift = *root - body.template.root_of(&vertices);
             vertices.into_iter().map(|v| v + shift).collect()
@@ -161,7 +162,8 @@ pub fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>
     }
 }
 
-/// The frames of poses without points, with times by `fps` from the start of each take where they have none.
+/// The frames of poses without points, with times by `fps` from the start of each take where they
+/// have none.
 pub fn timed(poses: &Poses, fps: Option<f64>) -> Poses {
     let by_rate = |fps: f64| {
         let takes = poses.takes().into_iter();

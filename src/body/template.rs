@@ -1,4 +1,5 @@
-//! The mesh that all bodies of a model share: its triangles, parts, joints, and the matrix that turns edges into vertices.
+//! The mesh that all bodies of a model share: its triangles, parts, joints, and the matrix that
+//! turns edges into vertices.
 
 use crate::Result;
 use crate::numeric::sparse_cholesky::SparseCholesky;
@@ -6,15 +7,17 @@ use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 
-/// A template mesh, centimetres.
+/// A template mesh, centimeters.
 #[derive(Debug, Clone)]
 pub struct Template {
     /// Vertices (V).
     pub vertices: Vec<DVec3>,
-    /// Triangles (P): indices of vertices. Behind those of the surface come [`Template::bridges`] others.
+    /// Triangles (P): indices of vertices. Behind those of the surface come [`Template::bridges`]
+    /// others.
     pub faces: Vec<[usize; 3]>,
-    /// Triangles that are not drawn: one from each loose piece of the surface (an eye, a nail) to the vertex of the largest
-    /// piece that is nearest to it, so that it goes where the body goes.
+    /// Triangles that are not drawn: one from each loose piece of the surface (an eye, a nail) to
+    /// the vertex of the largest piece that is nearest to it, so that it goes where the body
+    /// goes.
     pub bridges: usize,
     /// The rigid part of each vertex, from 0.
     pub vertex_parts: Vec<usize>,
@@ -23,7 +26,7 @@ pub struct Template {
     /// The edges of each triangle from its first corner to the second and the third.
     pub edges: Vec<[DVec3; 2]>,
     /// Pairs of triangles that share an edge.
-    pub neighbours: Vec<[usize; 2]>,
+    pub neighbors: Vec<[usize; 2]>,
     /// Joints: a spanning tree of the parts.
     pub joints: Vec<Joint>,
     /// The least squares of edges (see [`Template::vertices_of`]).
@@ -35,16 +38,18 @@ pub struct Template {
 pub struct Joint {
     /// The two parts; the first is nearer to the root of the tree.
     pub parts: [usize; 2],
-    /// The middle of their border, centimetres.
+    /// The middle of their border, centimeters.
     pub at: DVec3,
 }
 
 impl Template {
-    /// A template from vertices in centimetres, triangles, and the part of each vertex. Vertices are rounded to single precision, in
-    /// which files keep them, so that a template read again is the same.
+    /// A template from vertices in centimeters, triangles, and the part of each vertex. Vertices
+    /// are rounded to single precision, in which files keep them, so that a template read again
+    /// is the same.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: sizes differ, a triangle names a vertex that is not there, or the parts do not hang together.
+    /// [`crate::Error::Unfit`]: sizes differ, a triangle names a vertex that is not there, or the
+    /// parts do not hang together.
     pub fn new(
         vertices: Vec<DVec3>,
         mut faces: Vec<[usize; 3]>,
@@ -76,7 +81,7 @@ impl Template {
             .iter()
             .map(|f| most(f.map(|v| vertex_parts[v])))
             .collect();
-        let neighbours = neighbours(&faces);
+        let neighbors = neighbors(&faces);
         let solver = edge_solver(vertices.len(), &faces)
             .ok_or("has vertices that its triangles do not hold")?;
         let mut template = Template {
@@ -86,7 +91,7 @@ impl Template {
             bridges: bridges.len(),
             vertex_parts,
             face_parts,
-            neighbours,
+            neighbors,
             joints: Vec::new(),
             solver,
         };
@@ -122,7 +127,7 @@ impl Template {
         self.joints.iter().map(|j| j.parts).collect()
     }
 
-    /// The mean length of the edges, centimetres.
+    /// The mean length of the edges, centimeters.
     pub fn resolution(&self) -> f64 {
         let sum: f64 = self.edges.iter().flatten().map(|e| e.length()).sum();
         sum / (2 * self.edges.len()) as f64
@@ -139,7 +144,7 @@ impl Template {
     /// min Σ_k Σ_j |e_kj - (y_kj - y_k1)|²
     /// ```
     ///
-    /// One factorisation serves all; it is made with the template. O(V) a call.
+    /// One factorization serves all; it is made with the template. O(V) a call.
     pub fn vertices_of(&self, edges: &[[DVec3; 2]]) -> Vec<DVec3> {
         let mut right = Array2::zeros((self.vertices.len(), 3));
         for (face, edges) in self.faces.iter().zip(edges) {
@@ -158,13 +163,15 @@ impl Template {
         vertices.into_iter().map(|v| v - mean).collect()
     }
 
-    /// A⁻¹ `b` for b (V, m), where A is the normal matrix of the edges with 1 added at the first vertex, which holds it. For
-    /// columns of b that sum to zero it is the solution of the edges alone that leaves the first vertex where it is.
+    /// A⁻¹ `b` for b (V, m), where A is the normal matrix of the edges with 1 added at the first
+    /// vertex, which holds it. For columns of b that sum to zero it is the solution of the
+    /// edges alone that leaves the first vertex where it is.
     pub fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
         self.solver.solve(b)
     }
 
-    /// The entries (row, column, value) of the normal matrix of the edges, which leaves a shift free.
+    /// The entries (row, column, value) of the normal matrix of the edges, which leaves a shift
+    /// free.
     pub fn edge_entries(&self) -> Vec<(usize, usize, f64)> {
         edge_entries(&self.faces)
     }
@@ -179,7 +186,7 @@ impl Template {
             .into());
         }
         let mut borders: HashMap<[usize; 2], (f64, DVec3)> = HashMap::new();
-        for [a, b] in &self.neighbours {
+        for [a, b] in &self.neighbors {
             let pair = [self.face_parts[*a], self.face_parts[*b]];
             if pair[0] == pair[1] {
                 continue;
@@ -243,7 +250,7 @@ fn edges_of(vertices: &[DVec3], faces: &[[usize; 3]]) -> Vec<[DVec3; 2]> {
 }
 
 /// Pairs of triangles with a common edge, in order.
-fn neighbours(faces: &[[usize; 3]]) -> Vec<[usize; 2]> {
+fn neighbors(faces: &[[usize; 3]]) -> Vec<[usize; 2]> {
     let mut open: HashMap<[usize; 2], usize> = HashMap::new();
     let mut pairs = Vec::new();
     for (k, face) in faces.iter().enumerate() {
@@ -387,7 +394,7 @@ pub(super) mod tests {
         let joint = template.joints[0];
         assert_eq!(joint.parts, [0, 1]);
         assert!(joint.at.x.abs() < 1e-9 && joint.at.y > 1.5 && joint.at.y < 3.5);
-        assert_eq!(template.neighbours.len(), 3 * template.faces.len() / 2);
+        assert_eq!(template.neighbors.len(), 3 * template.faces.len() / 2);
     }
 
     #[test]

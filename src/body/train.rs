@@ -9,7 +9,7 @@ use crate::Result;
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
-/// How a body is learnt.
+/// How a body is learned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// The weight of smoothness of Q, in squared mean edge lengths.
@@ -48,8 +48,8 @@ impl Settings {
     }
 }
 
-/// Learns a body: the template, its poses (the template's own may be among them), and people in any pose. `done` is told each
-/// mesh that has been decomposed.
+/// Learns a body: the template, its poses (the template's own may be among them), and people in any
+/// pose. `done` is told each mesh that has been decomposed.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pose, or meshes that are not finite.

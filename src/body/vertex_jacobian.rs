@@ -10,7 +10,8 @@ use ndarray::{Array2, Array3, Axis, s};
 /// Right-hand sides of one task.
 const COLUMNS: usize = 24;
 
-/// The derivatives of synthesised vertices (V, n, 3): three numbers a part (a small rotation of it in the world), then the shape.
+/// The derivatives of synthesized vertices (V, n, 3): three numbers a part (a small rotation of it
+/// in the world), then the shape.
 ///
 /// Less than 0.15 s for 13,000 vertices, 16 parts and 20 components on two cores.
 pub fn vertex_jacobian(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Array3<f64> {
@@ -93,7 +94,7 @@ mod tests {
         let at = |step: &dyn Fn(usize) -> DVec3, shape: &[f64]| {
             let turned =
                 (0..2).map(|p| from_rotation_vector(step(p)) * from_rotation_vector(vectors[p]));
-            body.synthesise(&turned.collect::<Vec<_>>(), shape)
+            body.synthesize(&turned.collect::<Vec<_>>(), shape)
         };
         let rotations = vectors.map(from_rotation_vector);
         let jacobian = vertex_jacobian(&body, &rotations, &shape);

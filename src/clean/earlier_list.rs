@@ -33,8 +33,8 @@ impl EarlierList {
         let rows: Option<Vec<EarlierRow>> = serde_json::from_slice(&text).ok();
         let rows = rows.filter(|rows| rows.iter().all(|row| row.command == "clean"));
         let rows = rows.ok_or_else(|| {
-            let what =
-                "is there and is no list of clean; move it, or give another place with the option `page`";
+            let what = "is there and is no list of clean; move it, or give another place with the \
+                        option `page`";
             Error::data(Place::file(path.display().to_string()), what)
         })?;
         let named = rows.into_iter().map(|row| (row.file.clone(), row));
@@ -77,7 +77,8 @@ mod tests {
             std::fs::write(&path, other)?;
             assert!(EarlierList::read(&path).is_err(), "{other}");
         }
-        let own = "[{\"command\": \"clean\", \"file\": \"a.csv\", \"sha256\": \"1f\", \"findings\": [\"x\"], \"error\": null}]";
+        let own = "[{\"command\": \"clean\", \"file\": \"a.csv\", \"sha256\": \"1f\", \
+                   \"findings\": [\"x\"], \"error\": null}]";
         std::fs::write(&path, own)?;
         let list = EarlierList::read(&path).unwrap();
         let has = |file, sha256, finding| list.has(file, Some(sha256), finding);

@@ -17,8 +17,8 @@ use ndarray::ArrayView2;
 const LISTED: usize = 4;
 
 impl CleanSettings {
-    /// What became of a file, of which `unheld` positions or values are not in the result; `redone` are the places that were done
-    /// again, `before` the audit of the capture.
+    /// What became of a file, of which `unheld` positions or values are not in the result; `redone`
+    /// are the places that were done again, `before` the audit of the capture.
     pub(super) fn summary(
         &self,
         file: &MotionFile,
@@ -42,7 +42,8 @@ impl CleanSettings {
         let noise_stays = noise > self.method.noise_limit && keeps;
         if noise_stays {
             findings.push(format!(
-                "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh or xyz2amc, makes new ones)"
+                "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh \
+                 or xyz2amc, makes new ones)"
             ));
         }
         let moved = replaced(restored);

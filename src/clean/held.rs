@@ -4,8 +4,8 @@ use crate::Result;
 use crate::audit::held_rotations;
 use crate::io::{Bvh, MotionFile};
 
-/// Takes rotations of a BVH file that were held for missing ones, and the positions that follow from them; notes say which, and
-/// what cannot be done.
+/// Takes rotations of a BVH file that were held for missing ones, and the positions that follow
+/// from them; notes say which, and what cannot be done.
 ///
 /// # Errors
 /// None for a file that was read.

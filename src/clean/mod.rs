@@ -38,7 +38,8 @@ pub struct CleanOutput {
     pub path: PathBuf,
     /// The format of the results; `None`: that of each file, or by the name of the one result.
     pub to: Option<OutputFormat>,
-    /// The page of all; `None`: in the folder of the results, if it is one. A list for programs stands beside it.
+    /// The page of all; `None`: in the folder of the results, if it is one. A list for programs
+    /// stands beside it.
     pub page: Option<PathBuf>,
     /// Whether only that is told which the last run did not tell.
     pub only_new: bool,
@@ -47,8 +48,8 @@ pub struct CleanOutput {
 /// Cleans files, and those of folders; `progress` hears how many are done, and of how many.
 ///
 /// # Errors
-/// [`Error::Usage`] and [`Error::Io`] of what is asked for altogether; of one file alone, its own error. One of several that cannot
-/// be cleaned stops no other: the report says so.
+/// [`Error::Usage`] and [`Error::Io`] of what is asked for altogether; of one file alone, its own
+/// error. One of several that cannot be cleaned stops no other: the report says so.
 pub fn clean(
     inputs: &[PathBuf],
     output: &CleanOutput,
@@ -61,7 +62,8 @@ pub fn clean(
         return Err(Error::usage(what));
     }
     if output.only_new && jobs.folder.is_none() && output.page.is_none() {
-        let what = "the option `new_only` compares with the list of the last run, which a folder of results has; one file has it with the option `page`";
+        let what = "the option `new_only` compares with the list of the last run, which a folder \
+                    of results has; one file has it with the option `page`";
         return Err(Error::usage(what));
     }
     let page = output.page.clone();
@@ -72,7 +74,8 @@ pub fn clean(
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("json"))
         {
-            let what = "the option `page` is for a page, beside which the list gets the name with .json; give another name, such as clean.html";
+            let what = "the option `page` is for a page, beside which the list gets the name with \
+                        .json; give another name, such as clean.html";
             return Err(Error::usage(what));
         }
         jobs.check_page(page, report::is_page(page))?;
@@ -106,7 +109,8 @@ pub fn clean(
 /// What became of a file, with the digest of the capture where it was read.
 type CleanedFile = (FileOutcome, Option<String>);
 
-/// What became of each file. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
+/// What became of each file. Threads of their own take a file each: the pool's are for the work
+/// within a file, which waits for them.
 fn clean_all(
     jobs: &[Job],
     to: Option<OutputFormat>,

@@ -73,7 +73,8 @@ pub enum FileOutcome {
 }
 
 impl CleanSettings {
-    /// Cleans a file; the digest of the capture, where it can be read, comes with what became of it.
+    /// Cleans a file; the digest of the capture, where it can be read, comes with what became of
+    /// it.
     pub fn clean(&self, job: &Job, to: Option<OutputFormat>) -> (FileOutcome, Option<String>) {
         let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e));
         let input = packed.map(|packed| (Fingerprint::of(&job.input, &packed), packed));
@@ -152,7 +153,8 @@ impl CleanSettings {
     ) -> Result<Summary> {
         let rate = file.rate();
         if rate.is_none() && file.table.poses.frames() > 1 {
-            let what = "has no times that give a rate; give it with the option `fps F` (frames per second)";
+            let what = "has no times that give a rate; give it with the option `fps F` (frames \
+                        per second)";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
@@ -232,7 +234,8 @@ impl CleanSettings {
     /// Empties what is to be done again; its places, and a line on each.
     fn redo(&self, file: &mut MotionFile, keeps: bool) -> Result<(Vec<PlaceToSee>, Vec<String>)> {
         if keeps && !self.redo.is_empty() {
-            let what = "holds rotations, and only positions can be done again; write nan for what is bad in a BVH file, or clean it with the option `to csv`";
+            let what = "holds rotations, and only positions can be done again; write nan for what \
+                        is bad in a BVH file, or clean it with the option `to csv`";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let rate = file.rate();
@@ -242,7 +245,8 @@ impl CleanSettings {
             let (frame, count) = emptied.map_err(|e| e.at(Place::file(&file.table.name)))?;
             let [from, to] = stretch.seconds;
             notes.push(format!(
-                "{count} positions of {} from {from} to {to} s counted as missing, to be done again",
+                "{count} positions of {} from {from} to {to} s counted as missing, to be done \
+                 again",
                 stretch.point
             ));
             places.push(PlaceToSee {
@@ -254,7 +258,8 @@ impl CleanSettings {
         Ok((places, notes))
     }
 
-    /// What a file of markers keeps of stretches that were to be done again, and could not be filled.
+    /// What a file of markers keeps of stretches that were to be done again, and could not be
+    /// filled.
     fn kept(
         &self,
         file: &MotionFile,
@@ -298,8 +303,8 @@ impl CleanSettings {
         Ok((restored, Some(note)))
     }
 
-    /// Whether the result is what the capture was: the same bytes, or the same numbers in the same format where all are positions and none
-    /// was taken for missing.
+    /// Whether the result is what the capture was: the same bytes, or the same numbers in the same
+    /// format where all are positions and none was taken for missing.
     fn is_copied(
         &self,
         job: &Job,
@@ -351,7 +356,8 @@ impl CleanSettings {
         out
     }
 
-    /// How the points of a take are named, for the model; without one, for CMU's names, by which a body is measured.
+    /// How the points of a take are named, for the model; without one, for CMU's names, by which a
+    /// body is measured.
     fn naming(&self, poses: &Poses) -> PointNaming {
         let known = match &self.model {
             Some((model, ..)) => &model.meta.points,
@@ -375,7 +381,8 @@ impl CleanSettings {
         }
     }
 
-    /// Rotations that stay rotations are filled where they are missing; all others of them are as they were measured.
+    /// Rotations that stay rotations are filled where they are missing; all others of them are as
+    /// they were measured.
     fn method_for(&self, file: &MotionFile, to: Option<OutputFormat>) -> Clean {
         let keeps = keeps_rotations(file, to);
         Clean {
@@ -416,15 +423,17 @@ impl CleanSettings {
         if digest(&other.output)? == digest(&job.output)? {
             return Ok(());
         }
-        let what = "a run was stopped as it wrote this, and somebody may have changed it since; move it, or make it again with the option `again`";
+        let what = "a run was stopped as it wrote this, and somebody may have changed it since; \
+                    move it, or make it again with the option `again`";
         Err(Error::data(
             Place::file(job.output.display().to_string()),
             what,
         ))
     }
 
-    /// Writes the file anew in its own format. In a BVH file, missing values are solved for where the joints that they move are sure
-    /// enough; all else stays. How many positions its numbers do not hold, or how many values are missing still.
+    /// Writes the file anew in its own format. In a BVH file, missing values are solved for where
+    /// the joints that they move are sure enough; all else stays. How many positions its
+    /// numbers do not hold, or how many values are missing still.
     fn write_back(
         &self,
         path: &Path,
@@ -481,7 +490,8 @@ impl CleanSettings {
             ..file.table.poses.clone()
         };
         if poses.takes().len() > 1 {
-            let what = "has several takes, which one file of markers cannot hold; clean it with the option `to csv`";
+            let what = "has several takes, which one file of markers cannot hold; clean it with \
+                        the option `to csv`";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let take = NewTake::new(poses, file.rate().unwrap_or(1.0), units);

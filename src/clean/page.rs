@@ -9,7 +9,8 @@ use crate::io::MotionFile;
 use crate::restore::Restoration;
 use ndarray::Array2;
 
-/// Writes the page of a take in which there is something to see; a line, where another file stands in its place.
+/// Writes the page of a take in which there is something to see; a line, where another file stands
+/// in its place.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
@@ -49,7 +50,7 @@ fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Resul
     }
     TakePage {
         name,
-        note: "The capture, and beside it the result where it differs. Centimetres, y up.",
+        note: "The capture, and beside it the result where it differs. Centimeters, y up.",
         poses,
         rate: file.rate(),
         bones: &file.bones()?,

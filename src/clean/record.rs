@@ -1,5 +1,5 @@
-//! The record beside a result: what it was made from and by which settings, what the file was taken for, what was found and changed;
-//! of a file that failed, why.
+//! The record beside a result: what it was made from and by which settings, what the file was taken
+//! for, what was found and changed; of a file that failed, why.
 
 use super::places::PlaceToSee;
 use super::redo::Stretch;
@@ -59,8 +59,8 @@ pub struct MadeFrom {
 }
 
 impl MadeFrom {
-    /// Whether a result that was made from this is what would be made `now`. A stretch that somebody had done again stays so in later runs
-    /// that do not ask for any.
+    /// Whether a result that was made from this is what would be made `now`. A stretch that
+    /// somebody had done again stays so in later runs that do not ask for any.
     fn holds_for(&self, now: &MadeFrom) -> bool {
         let mut was = self.clone();
         let is_redone = was.settings.get("redo").is_some();
@@ -188,8 +188,8 @@ impl Earlier {
     }
 }
 
-/// Fails where something stands in the place of a result or of its record that is not what a run of `clean` left there; with `again`, a
-/// result that was changed since may be made again.
+/// Fails where something stands in the place of a result or of its record that is not what a run of
+/// `clean` left there; with `again`, a result that was changed since may be made again.
 ///
 /// # Errors
 /// [`Error::Data`].
@@ -217,8 +217,8 @@ pub fn may_write(output: &Path, again: bool) -> Result<()> {
     Err(Error::data(Place::file(path.display().to_string()), what))
 }
 
-/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped run left is known by that. Returns
-/// the record that was there.
+/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped
+/// run left is known by that. Returns the record that was there.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
@@ -231,7 +231,8 @@ pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
     Ok(old)
 }
 
-/// Whether it is open who made the file in the place of a result: a run that was stopped, or somebody since.
+/// Whether it is open who made the file in the place of a result: a run that was stopped, or
+/// somebody since.
 pub fn is_in_doubt(output: &Path) -> bool {
     let is_changed = |earlier: Earlier| {
         let now = Fingerprint::read(output).ok().map(|now| now.sha256);
@@ -241,8 +242,8 @@ pub fn is_in_doubt(output: &Path) -> bool {
     Earlier::read(output).is_some_and(is_changed)
 }
 
-/// Takes back what [`begin`] said, where no result came of it: the file that still stands there keeps its `old` record, by which it is
-/// known whether somebody changed it.
+/// Takes back what [`begin`] said, where no result came of it: the file that still stands there
+/// keeps its `old` record, by which it is known whether somebody changed it.
 pub fn give_up(output: &Path, old: Option<&[u8]>) {
     let record = record_path(output);
     // Where that fails, a later run finds that nothing was made.
@@ -262,8 +263,9 @@ pub fn has_record(output: &Path) -> bool {
     Earlier::read(output).is_some()
 }
 
-/// Leaves a record of why a file failed, where no file of somebody else stands: alone where there is no result, else within the
-/// record of the result that an earlier run made. What says so already is not written again.
+/// Leaves a record of why a file failed, where no file of somebody else stands: alone where there
+/// is no result, else within the record of the result that an earlier run made. What says so
+/// already is not written again.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
@@ -298,7 +300,8 @@ fn set_error(output: &Path, error: Option<&str>) -> Result<()> {
 }
 
 impl Record<'_> {
-    /// Writes it beside the result of a take of `size` bytes: no larger than that, unless the take is very small.
+    /// Writes it beside the result of a take of `size` bytes: no larger than that, unless the take
+    /// is very small.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.

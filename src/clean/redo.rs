@@ -44,8 +44,8 @@ impl Stretch {
         (0..poses.frames()).filter(is_in).collect()
     }
 
-    /// Makes the positions of the stretch missing. `rate` is that of a take without times. Returns the first frame, and how many
-    /// positions were there.
+    /// Makes the positions of the stretch missing. `rate` is that of a take without times. Returns
+    /// the first frame, and how many positions were there.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: there is no such point or time, or there are several takes.
@@ -53,7 +53,11 @@ impl Stretch {
         let find = poses.points.iter().position(|p| *p == self.point);
         let p = find.ok_or_else(|| format!("has no point \"{}\" to be done again", self.point))?;
         if poses.takes().len() != 1 {
-            return Err("has not one take, and only of one can something be done again; part takes with trim".into());
+            return Err(
+                "has not one take, and only of one can something be done again; part takes with \
+                 trim"
+                    .into(),
+            );
         }
         let [from, to] = self.seconds;
         let frames = self.frames(poses, rate);

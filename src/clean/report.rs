@@ -151,7 +151,8 @@ impl CleanReport {
             "files"
         };
         let mut line = format!(
-            "{} {files}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; findings in {found}",
+            "{} {files}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; \
+             findings in {found}",
             self.rows.len(),
             of("cleaned"),
             of("copied"),
@@ -179,10 +180,16 @@ impl CleanReport {
             title: TITLE,
             lead: vec![
                 format!("{}.", escape(&self.counts())),
-                "Missing and filled are positions: points times frames. A file's name leads to a page that plays the take, where there is something to see; its result's word leads to the record, a JSON file beside the result that says what it was made from, what was found, and how each gap was filled.".to_string(),
+                "Missing and filled are positions: points times frames. A file's name leads to a \
+                 page that plays the take, where there is something to see; its result's word \
+                 leads to the record, a JSON file beside the result that says what it was made \
+                 from, what was found, and how each gap was filled."
+                    .to_string(),
             ],
             main: format!(
-                "<section><div class=\"wide\"><table class=\"files\">\n<tr>{titles}</tr>\n{rows}</table></div></section>"
+                "<section><div class=\"wide\"><table class=\"files\">\n\
+                <tr>{titles}</tr>\n\
+                {rows}</table></div></section>"
             ),
             style: STYLE,
             command: "clean",

@@ -13,9 +13,9 @@ const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
 /// The formats that a result can have instead of the file's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputFormat {
-    /// C3D, millimetres, z up
+    /// C3D, millimeters, z up
     C3d,
-    /// TRC, millimetres, y up
+    /// TRC, millimeters, y up
     Trc,
     /// A pose table as CSV
     Csv,
@@ -89,11 +89,12 @@ pub struct Jobs {
     pub to: Option<OutputFormat>,
 }
 
-/// The files and those of folders, with the places of their results: `output` itself of one file, else below `output`, where the files of
-/// a folder keep their places within it.
+/// The files and those of folders, with the places of their results: `output` itself of one file,
+/// else below `output`, where the files of a folder keep their places within it.
 ///
 /// # Errors
-/// [`Error::Usage`]: a result would be written over a capture or over another result, or in a format that it cannot have.
+/// [`Error::Usage`]: a result would be written over a capture or over another result, or in a
+/// format that it cannot have.
 /// [`Error::Data`]: there is nothing to clean.
 pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
     let is_stream = |path: &Path| path == Path::new("-") || is_special(path);
@@ -190,7 +191,8 @@ impl Jobs {
         for job in &self.jobs {
             for path in [job.output.clone(), record_path(&job.output)] {
                 if captures.contains(&canonical(&path)) {
-                    let what = "is a capture and would be written over; give another place with the option `output`";
+                    let what = "is a capture and would be written over; give another place with \
+                                the option `output`";
                     return Err(Error::data(Place::file(path.display().to_string()), what));
                 }
                 if let Some(other) = results.insert(path.clone(), &job.input) {
@@ -207,7 +209,8 @@ impl Jobs {
         Ok(())
     }
 
-    /// Fails where the page would be written over a capture, a result, or a file that is no such page, as `is_page` says.
+    /// Fails where the page would be written over a capture, a result, or a file that is no such
+    /// page, as `is_page` says.
     pub fn check_page(&self, page: &Path, is_page: bool) -> Result<()> {
         let own = canonical(page);
         let is_of = |job: &Job| {
@@ -215,7 +218,8 @@ impl Jobs {
             paths.iter().any(|path| canonical(path) == own)
         };
         if page.exists() && !is_page || self.jobs.iter().any(is_of) {
-            let what = "is there and is no page or list of clean; give another place with the option `page`";
+            let what = "is there and is no page or list of clean; give another place with the \
+                        option `page`";
             return Err(Error::data(Place::file(page.display().to_string()), what));
         }
         Ok(())
@@ -232,7 +236,8 @@ fn is_result(path: &Path) -> bool {
     record_path(path).exists() && may_write(path, false).is_ok()
 }
 
-/// The format that the name of a result asks for, where it is another than that of the capture's name.
+/// The format that the name of a result asks for, where it is another than that of the capture's
+/// name.
 fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     let extension = |path: &Path| {
         let path = unpacked(path);
@@ -248,7 +253,8 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     let is_other = EXTENSIONS.contains(&asked.as_str()) || OTHERS.contains(&asked.as_str());
     match format {
         None if is_other => Err(Error::usage(format!(
-            "{}: clean writes a file in its own format, or as c3d, trc, csv or npy; write a table (.csv) and convert that",
+            "{}: clean writes a file in its own format, or as c3d, trc, csv or npy; write a table \
+             (.csv) and convert that",
             output.display()
         ))),
         format => Ok(format),

@@ -54,7 +54,8 @@ pub struct InputArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     pub fps: Option<f64>,
-    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
+    /// comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
     /// Unit of length of the input [default: cm; of AMASS' markers m]
@@ -66,7 +67,7 @@ pub struct InputArgs {
 }
 
 impl InputArgs {
-    /// Tables in centimetres, y up.
+    /// Tables in centimeters, y up.
     pub fn plain(files: Vec<PathBuf>, fps: Option<f64>, joints: &Option<String>) -> InputArgs {
         InputArgs {
             files,
@@ -127,7 +128,8 @@ impl InputArgs {
         match (own, self.fps) {
             (Some(_), Some(flag)) if poses.is_consistent_with_rate(frames, flag) => Ok(Some(flag)),
             (Some(table), Some(flag)) => Err(Error::usage(format!(
-                "--fps {flag} contradicts the table's times ({table} frames per second); leave --fps out"
+                "--fps {flag} contradicts the table's times ({table} frames per second); leave \
+                 --fps out"
             ))),
             (table, flag) => Ok(table.or(flag)),
         }
@@ -198,7 +200,7 @@ pub struct BvhUnitArgs {
 }
 
 impl BvhUnitArgs {
-    /// The unit in centimetres.
+    /// The unit in centimeters.
     pub fn centimeters(&self) -> f64 {
         self.units.centimeters()
     }
@@ -221,7 +223,7 @@ pub struct BvhSkeletonArgs {
 }
 
 impl BvhSkeletonArgs {
-    /// The unit in centimetres.
+    /// The unit in centimeters.
     pub fn centimeters(&self) -> f64 {
         self.units.centimeters()
     }
@@ -277,7 +279,7 @@ impl OutputArgs {
     }
 }
 
-/// The space in which poses are restored or learnt.
+/// The space in which poses are restored or learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Space {
     /// Move each pose to the model's space and back
@@ -316,7 +318,8 @@ pub struct SeedArgs {
 /// The flag that takes positions at 0 0 0 for missing ones.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct ZeroArgs {
-    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not those of BVH and AMC files)
+    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not those of
+    /// BVH and AMC files)
     #[arg(long)]
     pub zeros_are_missing: bool,
 }

@@ -1,4 +1,5 @@
-//! What the commands of bodies share: models, meshes in centimetres, maps, tables of rotations and shapes.
+//! What the commands of bodies share: models, meshes in centimeters, maps, tables of rotations and
+//! shapes.
 
 use super::args::InputArgs;
 use super::number_table::{self, NumberTable};
@@ -32,10 +33,11 @@ pub fn open_body(path: &Path) -> Result<BodyModel> {
     BodyModel::from_model(&model, &path.display().to_string())
 }
 
-/// Reads meshes in centimetres, y up, and checks that they can be bodies.
+/// Reads meshes in centimeters, y up, and checks that they can be bodies.
 ///
 /// # Errors
-/// [`Error::Data`]: no sound meshes, other topology than the first, faces without area, or a size that no body has.
+/// [`Error::Data`]: no sound meshes, other topology than the first, faces without area, or a size
+/// that no body has.
 pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet> {
     let mut set = MeshSet::open(paths)?;
     for k in 0..set.names.len() {
@@ -64,7 +66,8 @@ pub fn vertices(set: &MeshSet, k: usize) -> Vec<DVec3> {
         .collect()
 }
 
-/// Reads which vertex each point is on (`point,vertex`); markers in the order of the file, and the names of their points.
+/// Reads which vertex each point is on (`point,vertex`); markers in the order of the file, and the
+/// names of their points.
 ///
 /// # Errors
 /// [`Error::Data`], with the line: a vertex that is not there, or a point twice.
@@ -120,8 +123,9 @@ pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<D
         .collect()
 }
 
-/// Takes points that are far from all others for missing, and says so: one of them would ruin a fit. Fails if the points of a table
-/// cannot be on the body in centimetres: they spread three times as far as its vertices do, or less than a third.
+/// Takes points that are far from all others for missing, and says so: one of them would ruin a
+/// fit. Fails if the points of a table cannot be on the body in centimeters: they spread three
+/// times as far as its vertices do, or less than a third.
 ///
 /// # Errors
 /// [`Error::Data`]: with the remedy, `--units`.
@@ -148,7 +152,8 @@ pub fn check_points(
     );
     if expected > 0.0 && !(0.33..3.0).contains(&(found / expected)) {
         let what = format!(
-            "its points spread over {found:.2} cm, those of the body over {expected:.1} cm; give the unit with --units"
+            "its points spread over {found:.2} cm, those of the body over {expected:.1} cm; give \
+             the unit with --units"
         );
         return Err(Error::data(Place::file(source), what));
     }
@@ -195,8 +200,8 @@ fn rotation_columns(parts: usize) -> Vec<String> {
     columns
 }
 
-/// Writes a table of rotations: of each frame the rotation vectors of the parts, radians, and the root, centimetres. A frame without
-/// an answer has empty cells.
+/// Writes a table of rotations: of each frame the rotation vectors of the parts, radians, and the
+/// root, centimeters. A frame without an answer has empty cells.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -276,11 +281,12 @@ pub fn read_rotations(path: &Path, parts: usize) -> Result<RotationTable> {
     Ok(RotationTable { table, frames })
 }
 
-/// The shapes of a flag: numbers with commas between them, or a table `take,time,shape1,...` whose empty rows have none. Rows that are
-/// all alike are one.
+/// The shapes of a flag: numbers with commas between them, or a table `take,time,shape1,...` whose
+/// empty rows have none. Rows that are all alike are one.
 ///
 /// # Errors
-/// The table cannot be read or has no column shape1, a row is empty in part, or there are more numbers than the body has components.
+/// The table cannot be read or has no column shape1, a row is empty in part, or there are more
+/// numbers than the body has components.
 pub fn read_shapes(text: &str, components: usize) -> Result<Vec<Option<Vec<f64>>>> {
     let list: Option<Vec<f64>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
     let mut shapes = match list {
@@ -296,7 +302,8 @@ pub fn read_shapes(text: &str, components: usize) -> Result<Vec<Option<Vec<f64>>
         }
         if let Some(v) = shape.iter().find(|v| !(v.abs() <= LARGEST_SHAPE)) {
             return Err(Error::usage(format!(
-                "--shape: {v} is no shape; numbers are standard deviations of people, within {LARGEST_SHAPE}"
+                "--shape: {v} is no shape; numbers are standard deviations of people, within \
+                 {LARGEST_SHAPE}"
             )));
         }
     }
@@ -337,7 +344,8 @@ fn shape_rows(path: &Path) -> Result<Vec<Option<Vec<f64>>>> {
         .collect()
 }
 
-/// How far joints of a pose table stand from those of a body, centimetres: a skeleton's are not where the mesh has them.
+/// How far joints of a pose table stand from those of a body, centimeters: a skeleton's are not
+/// where the mesh has them.
 const JOINT_NOISE: f64 = 2.0;
 
 /// Fits a take of markers; says how near they are.
@@ -381,11 +389,13 @@ pub fn report_missed(missed: usize) {
 /// The take of a pose table whose joints the body's model names.
 ///
 /// # Errors
-/// The table cannot be read, lacks joints or is of another unit, or the model has no names of joints.
+/// The table cannot be read, lacks joints or is of another unit, or the model has no names of
+/// joints.
 pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
     if body.joint_names.is_empty() {
         return Err(Error::usage(
-            "the body does not know which joints its parts begin at; train it with body-train --joints JOINTS.csv",
+            "the body does not know which joints its parts begin at; train it with body-train \
+             --joints JOINTS.csv",
         ));
     }
     let table = input::read_table(flags, false, false)?;
@@ -401,7 +411,7 @@ pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
         &markers,
         &frames,
         JOINT_NOISE,
-        Offsets::Learnt,
+        Offsets::Learned,
         &table.name,
     )?;
     let fps = flags.rate(&table.poses)?;

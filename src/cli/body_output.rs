@@ -25,14 +25,15 @@ impl TakeOutput {
     /// The output of a name; a folder's files are of the format `format`.
     ///
     /// # Errors
-    /// [`Error::Usage`]: the extension is of no format, a `.glb` is asked for in other units than its own, metres and y up, or
+    /// [`Error::Usage`]: the extension is of no format, a `.glb` is asked for in other units than
+    /// its own, meters and y up, or
     /// `format` is given without a folder.
     pub fn of(path: &Path, format: Option<&str>, units: Units) -> Result<TakeOutput> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         let is_glb = extension.eq_ignore_ascii_case("glb");
         if is_glb && units != Units::CM_Y {
             return Err(Error::usage(
-                "a .glb is in metres, y up; leave --out-units and --out-up out",
+                "a .glb is in meters, y up; leave --out-units and --out-up out",
             ));
         }
         let output = match is_glb {
@@ -88,7 +89,8 @@ fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
     let skinned = SkinnedTake::new(body, take, &path.display().to_string())?;
     skinned.mesh.save(path)?;
     messages::info(&format!(
-        "{}: {} frames; linear skinning with {} corrective shapes is {:.2} mm from the model (mean)",
+        "{}: {} frames; linear skinning with {} corrective shapes is {:.2} mm from the model \
+         (mean)",
         path.display(),
         skinned.frames,
         skinned.corrections,

@@ -5,8 +5,9 @@ use crate::io::output::TemporaryFile;
 use std::env;
 use std::process::{Command, Stdio};
 
-/// Opens an address in the default browser, if there is one. The address is secret and arguments are not, so the browser
-/// is given a file that leads there, which others cannot read. The file goes when it is dropped.
+/// Opens an address in the default browser, if there is one. The address is secret and arguments
+/// are not, so the browser is given a file that leads there, which others cannot read. The file
+/// goes when it is dropped.
 pub fn open(address: &str) -> Option<TemporaryFile> {
     let (opener, arguments): (_, &[&str]) = match env::consts::OS {
         "windows" => ("cmd", &["/C", "start", ""]),
@@ -42,8 +43,9 @@ fn has_display() -> bool {
 fn redirecting(address: &str) -> std::io::Result<TemporaryFile> {
     let meta = format!("<meta http-equiv=\"refresh\" content=\"0;url={address}\">");
     let page = format!(
-        "<!doctype html><meta charset=\"utf-8\"><meta name=\"referrer\" content=\"no-referrer\">{meta}\
-         <title>posing</title><a href=\"{address}\">posing edit</a>\n"
+        "<!doctype html><meta charset=\"utf-8\"><meta name=\"referrer\" \
+         content=\"no-referrer\">{meta}<title>posing</title><a href=\"{address}\">posing \
+         edit</a>\n"
     );
     TemporaryFile::new(".html", page.as_bytes())
 }

@@ -1,7 +1,8 @@
 //! Whether standard output was closed when the program was started, as by `>&-`.
 //!
-//! Rust's runtime opens `/dev/null` in its place before `main`, where results would vanish. A file opened there cannot be told from one
-//! that a parent opened so (Python's `subprocess.DEVNULL` is `/dev/null` for reading and writing too): so it is looked at before.
+//! Rust's runtime opens `/dev/null` in its place before `main`, where results would vanish. A file
+//! opened there cannot be told from one that a parent opened so (Python's `subprocess.DEVNULL` is
+//! `/dev/null` for reading and writing too): so it is looked at before.
 
 use crate::{Error, Place, Result};
 use std::io::{Stdout, stdout};
@@ -11,7 +12,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[cfg(target_os = "linux")]
 static WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-// SAFETY: the loader calls the functions that this section lists, once each, before `main`; this one needs nothing of the runtime.
+// SAFETY: the loader calls the functions that this section lists, once each, before `main`; this
+// one needs nothing of the runtime.
 #[cfg(target_os = "linux")]
 #[allow(unsafe_code)]
 #[used]
@@ -46,7 +48,8 @@ pub fn open_stdout() -> Result<Stdout> {
     Err(Error::data(Place::file("standard output"), what))
 }
 
-/// Closes it again in a program that takes the place of this one, which then sees it as this one did.
+/// Closes it again in a program that takes the place of this one, which then sees it as this one
+/// did.
 pub fn pass_on() {
     if was_closed() {
         let _ = rustix::io::fcntl_setfd(stdout(), rustix::io::FdFlags::CLOEXEC);

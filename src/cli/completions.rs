@@ -72,8 +72,9 @@ pub fn script(command: &Command, shell: Shell) -> String {
     }
 }
 
-/// clap's script for bash offers a command's flags in place of files until a first letter is typed. Where a command has
-/// nothing but flags to offer, they are offered after `-` alone, and files else.
+/// clap's script for bash offers a command's flags in place of files until a first letter is typed.
+/// Where a command has nothing but flags to offer, they are offered after `-` alone, and files
+/// else.
 fn files_without_dash(script: &str) -> String {
     let mut only_flags = false;
     let mut out = String::with_capacity(script.len());

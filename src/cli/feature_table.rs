@@ -1,4 +1,5 @@
-//! Tables of named numbers a frame, such as pose descriptors: CSV with the takes and times of the poses, or NPY.
+//! Tables of named numbers a frame, such as pose descriptors: CSV with the takes and times of the
+//! poses, or NPY.
 
 use super::messages;
 use super::name_maps::map_file;
@@ -59,7 +60,8 @@ pub fn body_frames(
     takes.map(place).collect()
 }
 
-/// Writes a row a frame: its take and time, empty where the poses have none, then its `features` (frames, names).
+/// Writes a row a frame: its take and time, empty where the poses have none, then its `features`
+/// (frames, names).
 ///
 /// # Errors
 /// When the output cannot be written.

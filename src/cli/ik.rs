@@ -1,4 +1,5 @@
-//! What the commands share that fit a skeleton: a progress bar, the messages about the fit, and its verdict.
+//! What the commands share that fit a skeleton: a progress bar, the messages about the fit, and its
+//! verdict.
 
 use super::Outcome;
 use super::messages;
@@ -27,8 +28,9 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     }
 }
 
-/// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a joint. A poor fit is a finding. One
-/// that is none fails, unless it is taken all the same with `force`.
+/// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a
+/// joint. A poor fit is a finding. One that is none fails, unless it is taken all the same with
+/// `force`.
 ///
 /// # Errors
 /// [`Error::Data`]: no point is a joint, or the skeleton does not fit: see [`FitQuality`].
@@ -67,14 +69,16 @@ fn judged(quality: &FitQuality, table: &str, force: bool) -> Result<Outcome> {
     let mean = length(quality.mean);
     let far = |limit: f64| {
         format!(
-            "the skeleton's joints are {mean} cm from their points in the mean (limit {limit:.2} cm)"
+            "the skeleton's joints are {mean} cm from their points in the mean (limit {limit:.2} \
+             cm)"
         )
     };
     match quality.verdict() {
         FitVerdict::Good => Ok(Outcome::Done),
         FitVerdict::Failed if !force => {
             let what = format!(
-                "the skeleton does not fit: {}; give one of this body's size and names, or use --force to continue",
+                "the skeleton does not fit: {}; give one of this body's size and names, or use \
+                 --force to continue",
                 far(failed)
             );
             Err(Error::data(Place::file(table), what))
@@ -82,7 +86,8 @@ fn judged(quality: &FitQuality, table: &str, force: bool) -> Result<Outcome> {
         FitVerdict::Poor if quality.mean <= poor => {
             let (all, driven) = quality.joints;
             messages::info(&format!(
-                "only {driven} of the skeleton's {all} joints have points; the others keep their rest pose"
+                "only {driven} of the skeleton's {all} joints have points; the others keep their \
+                 rest pose"
             ));
             Ok(Outcome::Findings)
         }

@@ -48,7 +48,8 @@ pub fn check_single_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> R
     }
 }
 
-/// Fails if a table and another file would both be read from standard input, the input of a table without files.
+/// Fails if a table and another file would both be read from standard input, the input of a table
+/// without files.
 pub fn check_single_stdin_with<'a>(
     table: &'a InputArgs,
     others: impl IntoIterator<Item = &'a PathBuf>,
@@ -109,7 +110,7 @@ impl<'a> RowStream<'a> {
         self.reader.name()
     }
 
-    /// Says once where a frame in centimetres would be a body of no size.
+    /// Says once where a frame in centimeters would be a body of no size.
     fn check_size(&mut self, xyz: &[f64]) {
         let Some(size) = extent(xyz).filter(|_| self.is_unmeasured) else {
             return;
@@ -117,13 +118,14 @@ impl<'a> RowStream<'a> {
         self.is_unmeasured = false;
         if size > 0.0 && size < SMALL_BODY {
             messages::info(&format!(
-                "{}: its points span {size:.2} cm, as its unit is not known; if it is metres, give --units m",
+                "{}: its points span {size:.2} cm, as its unit is not known; if it is meters, \
+                 give --units m",
                 self.name()
             ));
         }
     }
 
-    /// The next frame, in centimetres, y up; `false` at the end of the last file.
+    /// The next frame, in centimeters, y up; `false` at the end of the last file.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         while !self.reader.read(row)? {
             let Some(next) = self.rest.next() else {
@@ -147,7 +149,8 @@ impl<'a> RowStream<'a> {
     }
 }
 
-/// The unit and the axis of a table: the flags', else those of an archive that has them by custom (AMASS), else centimetres, y up.
+/// The unit and the axis of a table: the flags', else those of an archive that has them by custom
+/// (AMASS), else centimeters, y up.
 fn units_of(reader: &RowReader, flags: &InputArgs) -> Units {
     let given = flags.table_units();
     let Some(take) = reader.take() else {
@@ -161,7 +164,7 @@ fn units_of(reader: &RowReader, flags: &InputArgs) -> Units {
     }
 }
 
-/// Whether it is an array whose unit nothing says: a body in metres would become one of 1.8 cm.
+/// Whether it is an array whose unit nothing says: a body in meters would become one of 1.8 cm.
 fn is_without_unit(reader: &RowReader, flags: &InputArgs) -> bool {
     let says_none = match reader {
         RowReader::Csv(_) => false,
@@ -173,7 +176,7 @@ fn is_without_unit(reader: &RowReader, flags: &InputArgs) -> bool {
 
 /// Fewer points are no body.
 const FEW_POINTS: usize = 5;
-/// A body smaller than this, cm, is not in centimetres.
+/// A body smaller than this, cm, is not in centimeters.
 const SMALL_BODY: f64 = 5.0;
 
 /// The largest extent of a frame; `None` where a value is missing.
@@ -209,8 +212,8 @@ pub struct TakeNames {
 }
 
 impl TakeNames {
-    /// The name of the next file: [`take_name`], with a `'` for each file before that has it; after more than eight, with their
-    /// number.
+    /// The name of the next file: [`take_name`], with a `'` for each file before that has it; after
+    /// more than eight, with their number.
     pub fn next(&mut self, file: &Path) -> Arc<str> {
         let own = take_name(file);
         let before = self.before.entry(own.clone()).or_default();

@@ -29,7 +29,7 @@ pub struct LimitArgs {
 /// What of the movement is still as it should be.
 #[derive(Debug, Clone, Args)]
 pub struct MotionLimitArgs {
-    /// Largest speed of a point, in metres per second (99% of its steps)
+    /// Largest speed of a point, in meters per second (99% of its steps)
     #[arg(
         long,
         value_name = "M/S",
@@ -37,7 +37,7 @@ pub struct MotionLimitArgs {
         help_heading = "Limits"
     )]
     max_speed: f64,
-    /// Farthest jump of a point off its path, in centimetres
+    /// Farthest jump of a point off its path, in centimeters
     #[arg(
         long,
         value_name = "CM",
@@ -45,7 +45,7 @@ pub struct MotionLimitArgs {
         help_heading = "Limits"
     )]
     max_jump: f64,
-    /// Largest drift of a distance between points that go together, in centimetres
+    /// Largest drift of a distance between points that go together, in centimeters
     #[arg(
         long,
         value_name = "CM",

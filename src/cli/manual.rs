@@ -28,7 +28,8 @@ fn built(mut command: Command) -> Command {
     command
 }
 
-/// The page as roff, called `posing-NAME(1)` for the command NAME; that of `posing` lists the `groups`.
+/// The page as roff, called `posing-NAME(1)` for the command NAME; that of `posing` lists the
+/// `groups`.
 pub fn page(command: Command, groups: &[Group]) -> Vec<u8> {
     let command = built(typed(command));
     let title = match command.get_name() {
@@ -71,7 +72,8 @@ pub fn page(command: Command, groups: &[Group]) -> Vec<u8> {
     (preamble.clone() + &page.replace(&preamble, "")).into_bytes()
 }
 
-/// The paragraphs of the long help below its first line, which the name section holds; that line where there are none.
+/// The paragraphs of the long help below its first line, which the name section holds; that line
+/// where there are none.
 fn description(command: &Command) -> String {
     let long = command.get_long_about().map(ToString::to_string);
     let below = long.and_then(|text| Some(text.split_once("\n\n")?.1.to_string()));

@@ -67,12 +67,13 @@ impl MarkerUnitArgs {
 }
 
 impl MarkerFileArgs {
-    /// Reads the file with `read`, which is told whether one that ends early is accepted, and writes its positions as a table; its points
-    /// that are none become columns of their own with `model_outputs`.
+    /// Reads the file with `read`, which is told whether one that ends early is accepted, and
+    /// writes its positions as a table; its points that are none become columns of their own
+    /// with `model_outputs`.
     ///
     /// # Errors
-    /// Those of `read`; [`Error::Data`] if neither the file nor a flag says the rate, the unit or the axis; [`Error::Usage`] if a flag
-    /// contradicts the rate of the file.
+    /// Those of `read`; [`Error::Data`] if neither the file nor a flag says the rate, the unit or
+    /// the axis; [`Error::Usage`] if a flag contradicts the rate of the file.
     pub fn convert(
         &self,
         read: impl Fn(Input, bool) -> Result<MarkerTake>,
@@ -121,7 +122,8 @@ impl MarkerFileArgs {
         match (take.rate, self.fps) {
             (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => {
                 Err(Error::usage(format!(
-                    "--fps {fps} contradicts {}, which has {rate} frames per second; leave --fps out",
+                    "--fps {fps} contradicts {}, which has {rate} frames per second; leave --fps \
+                     out",
                     take.name
                 )))
             }
@@ -139,7 +141,8 @@ fn report_model_outputs(take: &MarkerTake) {
     let others: Vec<usize> = (0..take.points.len()).filter(is_other).collect();
     if let [first, ..] = others[..] {
         messages::info(&format!(
-            "{}: {} points are angles, forces, moments or powers ({} and so on) and left out; --model-outputs writes them as columns of their own",
+            "{}: {} points are angles, forces, moments or powers ({} and so on) and left out; \
+             --model-outputs writes them as columns of their own",
             take.name,
             others.len(),
             take.points[first]
@@ -152,7 +155,8 @@ fn report_zeros(take: &MarkerTake) {
     let zeros = count_zeros(take.xyz.view());
     if zeros > 0 {
         messages::info(&format!(
-            "{}: {zeros} positions are exactly 0 0 0, which some programs write for missing points; they are kept (--zeros-are-missing empties them)",
+            "{}: {zeros} positions are exactly 0 0 0, which some programs write for missing \
+             points; they are kept (--zeros-are-missing empties them)",
             take.name
         ));
     }

@@ -1,9 +1,11 @@
 //! A limit of the address space, as `ulimit -v` sets it.
 //!
-//! OpenBLAS takes 128 MB of addresses for each thread that calls it, and tries again for ever where it gets none; the C library takes
-//! 64 MB for the heap of each thread. So under a limit OpenBLAS's own threads are switched off and all threads have one heap, which
-//! only the environment that a program starts in can say; there are as many threads of ours as the limit has room for; and
-//! their memory is taken before anything else. A build without OpenBLAS needs less, but keeps to the same numbers.
+//! OpenBLAS takes 128 MB of addresses for each thread that calls it, and tries again for ever where
+//! it gets none; the C library takes 64 MB for the heap of each thread. So under a limit OpenBLAS's
+//! own threads are switched off and all threads have one heap, which only the environment that a
+//! program starts in can say; there are as many threads of ours as the limit has room for; and
+//! their memory is taken before anything else. A build without OpenBLAS needs less, but keeps to
+//! the same numbers.
 
 use crate::numeric::linalg::cholesky_solve;
 use crate::{Error, Place, Result};
@@ -13,7 +15,8 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// What OpenBLAS takes for a thread that calls it, with the thread's stack; what else a command needs at least: bytes.
+/// What OpenBLAS takes for a thread that calls it, with the thread's stack; what else a command
+/// needs at least: bytes.
 const THREAD: u64 = 140 << 20;
 const BESIDE: u64 = 48 << 20;
 /// The size of a matrix that makes OpenBLAS take it.
@@ -24,7 +27,8 @@ const FRUGAL: [(&str, &str); 2] = [("OPENBLAS_NUM_THREADS", "1"), ("MALLOC_ARENA
 /// The number of threads that a limit has room for; unset without one.
 static MOST_THREADS: OnceLock<usize> = OnceLock::new();
 
-/// Prepares for a limit of the address space, if there is one: to be called first. Known on Linux only.
+/// Prepares for a limit of the address space, if there is one: to be called first. Known on Linux
+/// only.
 ///
 /// # Errors
 /// The limit has no room for one thread.
@@ -60,8 +64,8 @@ pub fn prepare() -> Result<()> {
     Ok(())
 }
 
-/// Makes the pool of `threads`, or as many as there are processors; under a limit, no more than it has room for, whose memory is
-/// then taken.
+/// Makes the pool of `threads`, or as many as there are processors; under a limit, no more than it
+/// has room for, whose memory is then taken.
 pub fn make_pool(threads: Option<usize>) {
     let builder = rayon::ThreadPoolBuilder::new();
     let Some(&most) = MOST_THREADS.get() else {

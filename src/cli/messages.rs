@@ -37,8 +37,8 @@ pub fn is_quiet() -> bool {
 const MOST_DIGITS: usize = 24;
 const MOST_LETTERS: usize = 240;
 
-/// Replaces control characters, which text from files may contain: a message is one line without terminal escapes. Numbers and
-/// words from files that are longer than anyone reads are cut.
+/// Replaces control characters, which text from files may contain: a message is one line without
+/// terminal escapes. Numbers and words from files that are longer than anyone reads are cut.
 fn visible(text: &str) -> String {
     let text = text.replace(char::is_control, "\u{fffd}");
     let text = cut_runs(&text, |c| c.is_ascii_digit(), MOST_DIGITS);

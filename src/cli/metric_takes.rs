@@ -1,4 +1,5 @@
-//! Takes as distances of poses see them: named, in the body's own frame; and files of labelled pairs of their frames.
+//! Takes as distances of poses see them: named, in the body's own frame; and files of labeled pairs
+//! of their frames.
 
 use super::args::InputArgs;
 use super::feature_table::body_frames;
@@ -6,7 +7,7 @@ use super::{input, messages};
 use crate::io::csv::csv_fault;
 use crate::io::csv::push_cell;
 use crate::io::text::excerpt;
-use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabelledPair, PoseMetric};
+use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabeledPair, PoseMetric};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -28,7 +29,8 @@ pub struct MetricTakes {
 /// Reads takes from `files`. A take that the tables do not name has the name of its file.
 ///
 /// # Errors
-/// [`Error::Data`]: a table cannot be read, lacks joints, shows no body height, or has a take twice. [`Error::Usage`]: no frame
+/// [`Error::Data`]: a table cannot be read, lacks joints, shows no body height, or has a take
+/// twice. [`Error::Usage`]: no frame
 /// rate, where `needs_rate`.
 pub fn read_takes(
     flags: &InputArgs,
@@ -41,7 +43,8 @@ pub fn read_takes(
     let rates = flags.rates(&table.poses)?;
     if needs_rate && rates.iter().any(Option::is_none) {
         return Err(Error::usage(format!(
-            "{}: velocities and windows need a frame rate, and the table's times give none; give it with --fps",
+            "{}: velocities and windows need a frame rate, and the table's times give none; give \
+             it with --fps",
             table.name
         )));
     }
@@ -81,7 +84,8 @@ fn report_rates(rates: &[Option<f64>], source: &str) {
         && most - least > 1e-3 * most
     {
         messages::info(&format!(
-            "{source}: takes have {least} to {most} frames per second; they are compared by seconds"
+            "{source}: takes have {least} to {most} frames per second; they are compared by \
+             seconds"
         ));
     }
 }
@@ -99,25 +103,26 @@ impl MetricTakes {
         out.extend(at.frame.to_string().bytes());
     }
 
-    /// Reads pairs, labelled or not, like [`MetricTakes::read_pairs`], and whether all have labels. A pair without a label
-    /// counts as alike.
+    /// Reads pairs, labeled or not, like [`MetricTakes::read_pairs`], and whether all have labels.
+    /// A pair without a label counts as alike.
     ///
     /// # Errors
     /// Those of [`MetricTakes::read_pairs`].
-    pub fn read_pairs_to_compare(&self, path: &Path) -> Result<(Vec<LabelledPair>, bool)> {
+    pub fn read_pairs_to_compare(&self, path: &Path) -> Result<(Vec<LabeledPair>, bool)> {
         self.read(path, false)
     }
 
-    /// Reads labelled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other columns are ignored.
+    /// Reads labeled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other
+    /// columns are ignored.
     ///
     /// # Errors
-    /// [`Error::Data`], with the line: a column is missing, a take is unknown, a frame is out of range, a label is neither 0 nor
-    /// 1, or a pair is labelled both.
-    pub fn read_pairs(&self, path: &Path) -> Result<Vec<LabelledPair>> {
+    /// [`Error::Data`], with the line: a column is missing, a take is unknown, a frame is out of
+    /// range, a label is neither 0 nor 1, or a pair is labeled both.
+    pub fn read_pairs(&self, path: &Path) -> Result<Vec<LabeledPair>> {
         self.read(path, true).map(|(pairs, _)| pairs)
     }
 
-    fn read(&self, path: &Path, needs_labels: bool) -> Result<(Vec<LabelledPair>, bool)> {
+    fn read(&self, path: &Path, needs_labels: bool) -> Result<(Vec<LabeledPair>, bool)> {
         let file = input::open(path)?;
         let source = file.name.clone();
         let mut reader = csv::ReaderBuilder::new()
@@ -146,7 +151,7 @@ impl MetricTakes {
         let takes: HashMap<&str, usize> = (self.names.iter().enumerate())
             .map(|(k, name)| (name.as_str(), k))
             .collect();
-        let mut pairs: Vec<LabelledPair> = Vec::new();
+        let mut pairs: Vec<LabeledPair> = Vec::new();
         let mut lines = HashMap::new();
         let mut has_labels = label.is_some();
         for record in reader.records() {
@@ -156,7 +161,7 @@ impl MetricTakes {
                 |(take, frame): (usize, usize)| self.frame(&takes, &record[take], &record[frame]);
             let label = label.map_or("", |k| &record[k]);
             has_labels &= !label.is_empty();
-            let pair = LabelledPair {
+            let pair = LabeledPair {
                 ends: [end(ends[0]).map_err(fail)?, end(ends[1]).map_err(fail)?],
                 is_alike: match label {
                     "1" => true,
@@ -174,7 +179,7 @@ impl MetricTakes {
                 && label != pair.is_alike
             {
                 return Err(fail(format!(
-                    "contradicts line {before}: the same pair is labelled both 1 and 0"
+                    "contradicts line {before}: the same pair is labeled both 1 and 0"
                 )));
             }
             pairs.push(pair);

@@ -1,4 +1,5 @@
-//! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
+//! The parts that commands share: the wrapper around `main`, flags, input and output, progress,
+//! manual pages.
 
 pub mod args;
 pub mod body;
@@ -53,9 +54,9 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0 done (a reader that
-/// closes the pipe included), 1 bad data (also of some files of several), 2 wrong usage, 3 done with findings. `version`
-/// is what `--version` says.
+/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0
+/// done (a reader that closes the pipe included), 1 bad data (also of some files of several), 2
+/// wrong usage, 3 done with findings. `version` is what `--version` says.
 pub fn run<A, O>(
     words: Vec<OsString>,
     version: String,
@@ -81,7 +82,8 @@ where
     }
 }
 
-/// The flag of an option of the library, with its value if it has one: `--max-gap 2` of `max_gap 2`.
+/// The flag of an option of the library, with its value if it has one: `--max-gap 2` of `max_gap
+/// 2`.
 fn flag(option: &str) -> String {
     let (name, value) = option.split_once(' ').unwrap_or((option, ""));
     let flag = format!("--{} {value}", name.replace('_', "-"));
@@ -108,7 +110,8 @@ fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
         return exit_code(streams::write_bytes(None, text.as_bytes(), false));
     }
-    // clap writes several lines: the fault, hints, the usage. The hint to pass a flag as a file's name misleads.
+    // clap writes several lines: the fault, hints, the usage. The hint to pass a flag as a file's
+    // name misleads.
     let is_shown = |line: &&str| {
         let dropped = ["For more information", "tip: to pass"];
         !line.is_empty() && !dropped.iter().any(|start| line.starts_with(start))

@@ -28,8 +28,8 @@ pub struct NumberTable {
 /// Reads a CSV table.
 ///
 /// # Errors
-/// [`Error::Data`], with the line: the file cannot be read, a row has another number of cells than the header, or a cell is no
-/// number.
+/// [`Error::Data`], with the line: the file cannot be read, a row has another number of cells than
+/// the header, or a cell is no number.
 pub fn read(path: &Path) -> Result<NumberTable> {
     let file = input::open(path)?;
     let name = file.name.clone();
@@ -81,7 +81,8 @@ pub fn read(path: &Path) -> Result<NumberTable> {
     })
 }
 
-/// Writes a row a frame of `poses`: its take and time where they are known, then its numbers (frames, columns).
+/// Writes a row a frame of `poses`: its take and time where they are known, then its numbers
+/// (frames, columns).
 ///
 /// # Errors
 /// When the file cannot be written.

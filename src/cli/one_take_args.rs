@@ -1,4 +1,5 @@
-//! The flags of commands that write one take of a table to a file: the take, its rate, its first frame's number.
+//! The flags of commands that write one take of a table to a file: the take, its rate, its first
+//! frame's number.
 
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
@@ -27,7 +28,8 @@ pub struct OneTakeArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
+    /// comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]
@@ -37,7 +39,7 @@ pub struct OneTakeArgs {
 /// One take of a table.
 #[derive(Debug)]
 pub struct OneTake {
-    /// Its frames, in centimetres, y up.
+    /// Its frames, in centimeters, y up.
     pub poses: Poses,
     /// The table's name in messages.
     pub table: String,

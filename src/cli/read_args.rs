@@ -12,20 +12,39 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Input")]
 pub struct ReadArgs {
-    /// Frames per second of files that do not say it; c3d=100 is for files of a format, FOLDER=100 for those of a folder, which counts
-    /// first; several parted by commas, or the flag again
-    #[arg(long, value_name = "[FORMAT|FOLDER=]F", value_delimiter = ',', value_parser = parse_scoped_rate)]
+    /// Frames per second of files that do not say it; c3d=100 is for files of a format, FOLDER=100
+    /// for those of a folder, which counts first; several parted by commas, or the flag again
+    #[arg(
+        long,
+        value_name = "[FORMAT|FOLDER=]F",
+        value_delimiter = ',',
+        value_parser = parse_scoped_rate
+    )]
     fps: Vec<Scoped<f64>>,
-    /// Unit of length of files that do not say it (BVH files and tables: cm): cm, m, mm, in or asf; for a format or a folder as for --fps
-    #[arg(long, value_name = "[FORMAT|FOLDER=]UNIT", value_delimiter = ',', value_parser = parse_scoped_units)]
+    /// Unit of length of files that do not say it (BVH files and tables: cm): cm, m, mm, in or
+    /// asf; for a format or a folder as for --fps
+    #[arg(
+        long,
+        value_name = "[FORMAT|FOLDER=]UNIT",
+        value_delimiter = ',',
+        value_parser = parse_scoped_units
+    )]
     units: Vec<Scoped<LengthUnit>>,
-    /// Axis that points up in files that do not say it (BVH files and tables: y): x, y or z; for a format or a folder as for --fps
-    #[arg(long, value_name = "[FORMAT|FOLDER=]AXIS", value_delimiter = ',', value_parser = parse_scoped_up)]
+    /// Axis that points up in files that do not say it (BVH files and tables: y): x, y or z; for a
+    /// format or a folder as for --fps
+    #[arg(
+        long,
+        value_name = "[FORMAT|FOLDER=]AXIS",
+        value_delimiter = ',',
+        value_parser = parse_scoped_up
+    )]
     up: Vec<Scoped<UpAxis>>,
-    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's: 07.asf for 07_01.amc]
+    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
+    /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: Option<PathBuf>,
-    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
+    /// comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     /// Accept files that end early (not tables): the whole frames before that are kept

@@ -9,7 +9,7 @@ use crate::{Error, Place, Result};
 use glam::DVec3;
 use std::path::Path;
 
-/// A point farther than this from the scan is not on it, centimetres.
+/// A point farther than this from the scan is not on it, centimeters.
 const ON_SCAN: f64 = 10.0;
 
 /// The points of a file `vertex,x,y,z`.
@@ -26,8 +26,8 @@ impl RegistrationPoints {
     /// Reads points on a template of so many vertices.
     ///
     /// # Errors
-    /// [`Error::Data`], with the line: no whole number, a vertex that is not there or is named twice, a coordinate that is not
-    /// finite.
+    /// [`Error::Data`], with the line: no whole number, a vertex that is not there or is named
+    /// twice, a coordinate that is not finite.
     pub fn read(path: &Path, vertices: usize, units: Units) -> Result<RegistrationPoints> {
         let (name, rows) = read_columns(path, ["vertex", "x", "y", "z"])?;
         let mut read = RegistrationPoints {
@@ -58,8 +58,8 @@ impl RegistrationPoints {
         Ok(read)
     }
 
-    /// Fails if no registration can start from the points: too few, on a line, far from the scan, or of another size than the
-    /// template.
+    /// Fails if no registration can start from the points: too few, on a line, far from the scan,
+    /// or of another size than the template.
     ///
     /// # Errors
     /// [`Error::Data`]: which of these, and the remedy.
@@ -69,7 +69,8 @@ impl RegistrationPoints {
             start(template, &self.points).map_err(|e| e.at(Place::file(&self.name)))?;
         if !(1.0 / 3.0..3.0).contains(&similarity.scale) {
             return Err(fail(format!(
-                "on the scan its {} points lie {:.3} times as far apart as on the template; check --units and --template-units",
+                "on the scan its {} points lie {:.3} times as far apart as on the template; check \
+                 --units and --template-units",
                 self.points.len(),
                 similarity.scale
             )));

@@ -1,4 +1,5 @@
-//! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
+//! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of
+//! frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
@@ -20,7 +21,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Frames worked on at a time where each is answered by itself: enough for many threads, little memory.
+/// Frames worked on at a time where each is answered by itself: enough for many threads, little
+/// memory.
 const BATCH: usize = 512;
 
 /// Which model, and how it is used.
@@ -33,12 +35,19 @@ struct ModelFlags {
     #[arg(long = "self", conflicts_with_all = ["model", "per_frame"], help_heading = "Model")]
     take_alone: bool,
     /// For a dictionary: largest number of atoms per pose, 1 to 1000; auto: as in training
-    #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
+    #[arg(
+        long,
+        value_name = "K|auto",
+        default_value = "auto",
+        value_parser = parse_sparsity,
+        help_heading = "Model"
+    )]
     sparsity: Sparsity,
     /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
     pursuit: PursuitFlag,
-    /// Restore as published: by the sparse code or the posterior alone, without error model, rigid distances and outliers
+    /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
+    /// distances and outliers
     #[arg(long, help_heading = "Model")]
     published: bool,
 }
@@ -63,21 +72,30 @@ pub struct RestoringArgs {
     pub input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
-    /// Restore each frame by itself, without its neighbours, in constant memory
+    /// Restore each frame by itself, without its neighbors, in constant memory
     #[arg(long)]
     pub per_frame: bool,
-    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd (standard deviation, in the unit of the output) and
-    /// NAME.method (how it was filled: regression, pchip, model) for each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
+    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
+    /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
+    /// regression, pchip, model) for each point; unlike for each frame (novelty of its pose in
+    /// nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
-    /// Where points stand on the bones they are named after: starts, as the joints of BVH files, or ends, as the joints of
-    /// CMU and of the built-in model (default: by names and lengths)
+    /// Where points stand on the bones they are named after: starts, as the joints of BVH files,
+    /// or ends, as the joints of CMU and of the built-in model (default: by names and lengths)
     #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
     bones: Option<BonesFlag>,
-    /// Which points of the table are which of the model's: a shipped map (anatomical, bandai-namco, biped, cmu-bvh, hik, kinect, lafan,
-    /// makehuman, mixamo, motive, neuron, openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a TOML file of lines such as
-    /// lhumerus = "LeftForeArm", the model's point first (default: the names themselves, else the shipped map that fits best)
-    #[arg(long, value_name = "NAME|FILE.toml", conflicts_with_all = ["bones", "take_alone"], help_heading = "Input")]
+    /// Which points of the table are which of the model's: a shipped map (anatomical,
+    /// bandai-namco, biped, cmu-bvh, hik, kinect, lafan, makehuman, mixamo, motive, neuron,
+    /// openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a TOML file of lines such
+    /// as lhumerus = "LeftForeArm", the model's point first (default: the names themselves,
+    /// else the shipped map that fits best)
+    #[arg(
+        long,
+        value_name = "NAME|FILE.toml",
+        conflicts_with_all = ["bones", "take_alone"],
+        help_heading = "Input"
+    )]
     map: Option<String>,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
@@ -143,7 +161,8 @@ impl Task {
         }
     }
 
-    /// Restores a table; `progress` is called with the number of frames finished since its last call.
+    /// Restores a table; `progress` is called with the number of frames finished since its last
+    /// call.
     fn restore<'t>(
         &self,
         restorer: &Restorer<'_>,
@@ -246,7 +265,8 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
             break;
         }
         if batch == 0 {
-            // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
+            // The last batch may be a few frames, whose rounded times may seem to contradict the
+            // rate.
             args.input.rate(&table.poses)?;
         }
         // Frames in which nothing is seen tell nothing of where points stand.
@@ -311,7 +331,8 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
-    /// How the points of a table are named, for the model; without one, for CMU's names, by which a body is measured.
+    /// How the points of a table are named, for the model; without one, for CMU's names, by which a
+    /// body is measured.
     fn naming(&self, poses: &Poses, model: Option<&(Model, String)>) -> Result<PointNaming> {
         let known = model.map_or_else(joints::cmu_names, |(model, _)| model.meta.points.clone());
         Ok(match (self.bones, &self.map) {
@@ -353,7 +374,8 @@ impl RestoringArgs {
         let asks = options.sparsity.is_some() || options.rule != OpenOptions::default().rule;
         if asks && kind != "sparse" {
             messages::info(&format!(
-                "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no effect"
+                "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no \
+                 effect"
             ));
         }
         let mut restorer = Restorer::new(model).with_options(options).named(name);
@@ -365,7 +387,8 @@ impl RestoringArgs {
             (PointNaming::Map(map), _) => report_map(map, &poses.points, self.map.is_some()),
             (_, Cow::Borrowed(names)) => report_unknown_points(names, &model.meta.points),
             (_, Cow::Owned(_)) => messages::info(
-                "the points are the starts of bones, as in BVH files: matched with the bone ends of the model (--bones says otherwise)",
+                "the points are the starts of bones, as in BVH files: matched with the bone ends \
+                 of the model (--bones says otherwise)",
             ),
         }
         Ok(restorer)
@@ -388,7 +411,8 @@ fn report_map(map: &NameMap, points: &[String], is_given: bool) {
             .join(", ");
         let more = if missing.len() > 4 { ", …" } else { "" };
         messages::info(&format!(
-            "{} of the {} joints of the map {} are not in the table ({some}{more}): the model estimates without them",
+            "{} of the {} joints of the map {} are not in the table ({some}{more}): the model \
+             estimates without them",
             missing.len(),
             map.joints.len(),
             map.name

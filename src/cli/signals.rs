@@ -24,8 +24,9 @@ const STACK: usize = 256 << 10;
 /// What the next signal calls instead of ending the process.
 static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
-/// Handles the signals that end a process from now on: unfinished files are removed, then the process ends as by default. A file
-/// that grows over its limit (SIGXFSZ) is an error of writing. Memory that cannot be had, after which Rust aborts, is exit 1.
+/// Handles the signals that end a process from now on: unfinished files are removed, then the
+/// process ends as by default. A file that grows over its limit (SIGXFSZ) is an error of writing.
+/// Memory that cannot be had, after which Rust aborts, is exit 1.
 pub fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
@@ -62,13 +63,15 @@ fn handle_all(mut signals: Signals) {
     }
 }
 
-/// Lets the next signal that ends a process call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
+/// Lets the next signal that ends a process call `stop`, after which the process ends by itself.
+/// One more ends it as [`watch`] does.
 pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
     *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
     watch();
 }
 
-/// Whether the process was started with the signal ignored, as shells do for background jobs. Known on Linux only.
+/// Whether the process was started with the signal ignored, as shells do for background jobs. Known
+/// on Linux only.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));

@@ -12,7 +12,8 @@ use crate::{Error, Result};
 use std::io::{self, BufWriter, IsTerminal};
 use std::path::Path;
 
-/// Opens a file, or standard output without a path or for `-`. Binary is never written to a terminal.
+/// Opens a file, or standard output without a path or for `-`. Binary is never written to a
+/// terminal.
 pub fn open_output(path: Option<&Path>, binary: bool) -> Result<Output> {
     match path {
         Some(path) if path != Path::new("-") && file_descriptor(path) != Some(1) => {
@@ -35,7 +36,8 @@ pub fn write_bytes(path: Option<&Path>, bytes: &[u8], binary: bool) -> Result<()
     output.finish()
 }
 
-/// Starts a table with the columns `columns` and `added`; cells that were read are of the units `input`.
+/// Starts a table with the columns `columns` and `added`; cells that were read are of the units
+/// `input`.
 pub fn create_table(
     args: &OutputArgs,
     input: Units,
@@ -58,7 +60,8 @@ pub fn create_table(
     )
 }
 
-/// Writes a whole table with the coordinates `xyz` (frames, 3 J); `cells` gives the added cells of a frame. See [`create_table`].
+/// Writes a whole table with the coordinates `xyz` (frames, 3 J); `cells` gives the added cells of
+/// a frame. See [`create_table`].
 pub fn write_table(
     args: &OutputArgs,
     input: Units,

@@ -26,7 +26,8 @@ pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
         .collect()
 }
 
-/// The cells of these columns for one frame of `points` points; none without the `units` of the output.
+/// The cells of these columns for one frame of `points` points; none without the `units` of the
+/// output.
 pub fn status_cells(
     units: Option<Units>,
     restored: &Restoration<'_>,
@@ -63,8 +64,9 @@ fn number(value: f64) -> String {
     String::from_utf8(text).unwrap_or_default()
 }
 
-/// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points are visible; `status`:
-/// whether the table has status columns; `max_gap`: whether long gaps are left empty.
+/// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points
+/// are visible; `status`: whether the table has status columns; `max_gap`: whether long gaps are
+/// left empty.
 pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_gap: bool) {
     if counts.too_little > 0 {
         messages::info(&format!(
@@ -88,7 +90,8 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
             "the model knows no poses like most of the take's: restored from its own frames alone",
         ),
         n => messages::info(&format!(
-            "the model knows no poses like most of those of {n} takes: restored from their own frames alone"
+            "the model knows no poses like most of those of {n} takes: restored from their own \
+             frames alone"
         )),
     }
     if counts.novel > 0 {
@@ -125,7 +128,8 @@ fn outliers(all: usize, replaced: usize) -> Option<String> {
         (_, 0) => Some(format!("ignored {all} {noun}")),
         _ if replaced == all => Some(format!("replaced {all} {noun}")),
         _ => Some(format!(
-            "replaced {replaced} of {all} {noun}; too little is known where the others are, which stay"
+            "replaced {replaced} of {all} {noun}; too little is known where the others are, which \
+             stay"
         )),
     }
 }

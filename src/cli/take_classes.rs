@@ -29,7 +29,8 @@ impl TakeClass {
 /// Reads what takes are, by their names.
 ///
 /// # Errors
-/// [`Error::Data`], with the line: the file cannot be read, a column is missing, or a take has two classes.
+/// [`Error::Data`], with the line: the file cannot be read, a column is missing, or a take has two
+/// classes.
 pub fn read(path: &Path) -> Result<HashMap<String, TakeClass>> {
     let file = input::open(path)?;
     let source = file.name.clone();

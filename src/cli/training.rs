@@ -1,4 +1,5 @@
-//! Training poses as `ksvd-train` and `prior-train` read them, and the size of a multi-scale mixture.
+//! Training poses as `ksvd-train` and `prior-train` read them, and the size of a multi-scale
+//! mixture.
 
 use super::args::InputArgs;
 use super::{input, messages};
@@ -7,7 +8,8 @@ use crate::prior::{Kind, TrainingSet, multiscale};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
-/// Reads training poses from files, placed as those of `like` if given; reports the number of skipped frames.
+/// Reads training poses from files, placed as those of `like` if given; reports the number of
+/// skipped frames.
 pub fn ready(
     flags: &InputArgs,
     files: Vec<PathBuf>,
@@ -39,7 +41,8 @@ pub fn ready(
 /// The size of a multi-scale mixture.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MultiscaleArgs {
-    /// For multiscale: comma-separated number of clusters of each level, increasing (default: 1,5,20,80,300)
+    /// For multiscale: comma-separated number of clusters of each level, increasing (default:
+    /// 1,5,20,80,300)
     #[arg(
         long,
         value_name = "LIST",
@@ -47,7 +50,8 @@ pub struct MultiscaleArgs {
         help_heading = "Size"
     )]
     pub cells: Option<Vec<usize>>,
-    /// For multiscale: largest number of training poses kept as components of their own (default: 80000)
+    /// For multiscale: largest number of training poses kept as components of their own (default:
+    /// 80000)
     #[arg(long, value_name = "N", help_heading = "Size")]
     pub leaves: Option<usize>,
 }

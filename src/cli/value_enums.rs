@@ -5,7 +5,8 @@ use crate::pose::units::{LengthUnit, UpAxis};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-/// Makes an enum of the library a flag's values by the function that names them, each with its help.
+/// Makes an enum of the library a flag's values by the function that names them, each with its
+/// help.
 macro_rules! value_enum {
     ($type:ty, $name:ident { $($variant:ident: $help:literal;)* }) => {
         impl ValueEnum for $type {

@@ -1,8 +1,8 @@
 //! The assignment step: which distances need no computing.
 //!
-//! Each pose x of cluster a keeps u, not below its distance to c_a, and l, not above its distance to
-//! any other centroid (Hamerly 2010, Making k-means even faster). When the centroids move, u grows
-//! by the shift of c_a and l shrinks by the largest shift; while u < l the label stands.
+//! Each pose x of cluster a keeps u, not below its distance to c_a, and l, not above its distance
+//! to any other centroid (Hamerly 2010, Making k-means even faster). When the centroids move, u
+//! grows by the shift of c_a and l shrinks by the largest shift; while u < l the label stands.
 //!
 //! Where it may not stand, the other candidates lie in a ball around c_a (Newling and Fleuret 2016,
 //! Fast k-means with accurate bounds, section 3.1, the exponion): `|c_j - c_a| > R >= 2 u` gives
@@ -25,12 +25,12 @@ const PIECES: usize = 8;
 pub(super) struct BoundedAssignment {
     /// The cluster of each pose.
     pub labels: Vec<u32>,
-    /// u less `travelled` of its cluster at the time of writing: moving a centroid touches no pose.
+    /// u less `traveled` of its cluster at the time of writing: moving a centroid touches no pose.
     upper: Vec<f64>,
     /// l plus `farthest` at the time of writing.
     lower: Vec<f64>,
     /// By cluster, the sum of its shifts so far.
-    travelled: Vec<f64>,
+    traveled: Vec<f64>,
     /// The sum over steps of the largest shift.
     farthest: f64,
     /// By cluster, whether a pose came or went since [`BoundedAssignment::move_centroids`].
@@ -50,7 +50,7 @@ impl BoundedAssignment {
             labels,
             upper: vec![f64::INFINITY; n],
             lower: vec![0.0; n],
-            travelled: vec![0.0; k],
+            traveled: vec![0.0; k],
             farthest: 0.0,
             touched: vec![true; k],
         }
@@ -59,9 +59,9 @@ impl BoundedAssignment {
     /// Takes note that centroid `j` has moved by `shifts[j]`.
     pub fn move_centroids(&mut self, shifts: &[f64]) {
         let mut farthest = 0.0f64;
-        for (travelled, shift) in self.travelled.iter_mut().zip(shifts) {
+        for (traveled, shift) in self.traveled.iter_mut().zip(shifts) {
             let shift = shift * (1.0 + SLACK);
-            *travelled += shift;
+            *traveled += shift;
             farthest = farthest.max(shift);
         }
         self.farthest += farthest;
@@ -124,7 +124,7 @@ impl BoundedAssignment {
         for (i, label, upper, lower) in findings.into_iter().flatten() {
             let i = i as usize;
             changed += usize::from(self.relabel(i, label));
-            self.upper[i] = upper - self.travelled[label as usize];
+            self.upper[i] = upper - self.traveled[label as usize];
             self.lower[i] = lower + self.farthest;
         }
         changed
@@ -140,7 +140,7 @@ impl BoundedAssignment {
             for i in rows {
                 let label = self.labels[i] as usize;
                 let lower = self.lower[i] - self.farthest;
-                if self.upper[i] + self.travelled[label] < lower {
+                if self.upper[i] + self.traveled[label] < lower {
                     continue;
                 }
                 let squared = squared_distance(poses.row(i), centroids.row(label));

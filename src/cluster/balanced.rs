@@ -1,14 +1,16 @@
-//! Clusters of equal size, for parts that are trained on several machines: the largest part is what all wait for.
+//! Clusters of equal size, for parts that are trained on several machines: the largest part is what
+//! all wait for.
 //!
-//! The poses are halved again and again. A half is half of the clusters that are still to be made, and as many of the
-//! poses. k-means with two clusters gives centroids a and b; then two steps alternate, neither of which raises the sum
-//! of squared distances: the m poses with the least
+//! The poses are halved again and again. A half is half of the clusters that are still to be made,
+//! and as many of the poses. k-means with two clusters gives centroids a and b; then two steps
+//! alternate, neither of which raises the sum of squared distances: the m poses with the least
 //!
 //! ```text
 //! |x - a|² - |x - b|²
 //! ```
 //!
-//! go to a, which is the best assignment of m poses to a and the others to b; a and b move to the means of their poses.
+//! go to a, which is the best assignment of m poses to a and the others to b; a and b move to the
+//! means of their poses.
 //!
 //! A pose may be nearer to the centroid of another cluster. Cost: n log k distances an iteration.
 
@@ -71,7 +73,8 @@ struct Halving<'a> {
 }
 
 impl Halving<'_> {
-    /// Makes the `clusters` of `members`, which are ascending. `node` counts the nodes of the tree of halves, from 1.
+    /// Makes the `clusters` of `members`, which are ascending. `node` counts the nodes of the tree
+    /// of halves, from 1.
     fn split(&mut self, members: &[u32], clusters: Range<usize>, node: u64) {
         if clusters.len() == 1 {
             let label = clusters.start as u32;
@@ -131,7 +134,8 @@ impl Halving<'_> {
     }
 }
 
-/// 0 for the `count` poses that are nearest to the first centroid, compared with the second; 1 for the others.
+/// 0 for the `count` poses that are nearest to the first centroid, compared with the second; 1 for
+/// the others.
 fn nearer_first(poses: Dataset<'_>, centroids: ArrayView2<'_, f64>, count: usize) -> Vec<u32> {
     let all = centroids.as_slice().expect("made row by row");
     let (a, b) = all.split_at(poses.d);

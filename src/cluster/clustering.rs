@@ -6,11 +6,13 @@ use ndarray::Array2;
 /// Poses parted into clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustering {
-    /// The centroids (of the leaves, if there is a tree), (k, d), in the unit of the poses. Within the
-    /// tolerance they are the means of their clusters: exactly so when no label changed any more.
+    /// The centroids (of the leaves, if there is a tree), (k, d), in the unit of the poses. Within
+    /// the tolerance they are the means of their clusters: exactly so when no label changed
+    /// any more.
     pub centroids: Array2<f64>,
-    /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the lowest on a
-    /// tie; in a tree the leaf that [`Tree::descend`] finds; in a balanced one, not always the nearest.
+    /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the
+    /// lowest on a tie; in a tree the leaf that [`Tree::descend`] finds; in a balanced one,
+    /// not always the nearest.
     pub labels: Vec<u32>,
     /// Poses in each cluster, (k), none of them 0.
     pub sizes: Vec<usize>,
@@ -19,7 +21,8 @@ pub struct Clustering {
     /// Updates of the centroids in the kept run; in a tree, of the kept runs of all splits;
     /// in a balanced one, of all halvings.
     pub iterations: usize,
-    /// Whether that run (in a tree, every one) met the tolerance before its iterations were used up.
+    /// Whether that run (in a tree, every one) met the tolerance before its iterations were used
+    /// up.
     pub converged: bool,
     /// The tree, where `KMeans::branch` asked for one.
     pub tree: Option<Tree>,

@@ -116,7 +116,8 @@ pub(super) fn add(sum: &mut [f64], pose: &[f32]) {
         .for_each(|(s, &x)| *s += f64::from(x));
 }
 
-/// |x - c|² in f64. Every label in this module is decided by this function: the order of its sum is part of the result.
+/// |x - c|² in f64. Every label in this module is decided by this function: the order of its sum is
+/// part of the result.
 pub(super) fn squared_distance(pose: &[f32], centroid: &[f64]) -> f64 {
     let mut lanes = [0.0f64; LANES];
     let (x, c) = (pose.chunks_exact(LANES), centroid.chunks_exact(LANES));

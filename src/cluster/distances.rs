@@ -5,10 +5,10 @@
 //! (-2 c', |c'|²), in f32. Subtracting m first matters: far from the origin (poses in world space)
 //! the large terms would cancel and take the digits with them.
 //!
-//! Rounding of a score, for D coordinates and unit roundoff e = 2^-24 (Higham, Accuracy and Stability
-//! of Numerical Algorithms, eq. 3.5): at most about e (D + 4) (2 |x'| |c'| + |c'|²). Twice that is
-//! used ([`Centroids::margin`]). Where the best and the second-best score are closer than two
-//! margins, every distance of that pose is computed again in f64.
+//! Rounding of a score, for D coordinates and unit roundoff e = 2^-24 (Higham, Accuracy and
+//! Stability of Numerical Algorithms, eq. 3.5): at most about e (D + 4) (2 |x'| |c'| + |c'|²).
+//! Twice that is used ([`Centroids::margin`]). Where the best and the second-best score are closer
+//! than two margins, every distance of that pose is computed again in f64.
 
 use super::KMeans;
 use super::dataset::{Dataset, LARGEST, NearestCentroid, exact_nearest, squared_distance};
@@ -22,7 +22,8 @@ pub(super) const TILE: usize = 128;
 const BLOCK: usize = 512;
 /// Lanes of sums and searches.
 const LANES: usize = 8;
-/// Relative slack put on f64 distances that serve as bounds: far above their rounding, far below what matters.
+/// Relative slack put on f64 distances that serve as bounds: far above their rounding, far below
+/// what matters.
 pub(super) const SLACK: f64 = 1e-10;
 
 /// Centroids made ready for scanning.
@@ -194,7 +195,8 @@ impl Centroids {
         }
     }
 
-    /// Distances from each centroid of `of` (at most [`TILE`]) to every centroid, (of, k): none is too long.
+    /// Distances from each centroid of `of` (at most [`TILE`]) to every centroid, (of, k): none is
+    /// too long.
     pub fn centroid_distances(&self, of: &[u32], scratch: &mut Scratch) -> Array2<f32> {
         let width = self.middle.len() + 1;
         let mut distances_to = Array2::zeros((of.len(), self.k()));
@@ -260,9 +262,9 @@ fn two_smallest(row: &[f32]) -> (f32, f32, usize) {
 
 /// The nearest centroid of each pose and its squared distance.
 ///
-/// `poses` (n, d) and `centroids` (k, d), both in the same unit; gives labels (n) below k and squared
-/// distances (n). On a tie the lowest label. Cost: n k d products, in f32 blocks with the doubtful
-/// ones computed again in f64, so that the answer is that of f64 throughout.
+/// `poses` (n, d) and `centroids` (k, d), both in the same unit; gives labels (n) below k and
+/// squared distances (n). On a tie the lowest label. Cost: n k d products, in f32 blocks with the
+/// doubtful ones computed again in f64, so that the answer is that of f64 throughout.
 ///
 /// # Errors
 /// Usage: no centroids, widths that differ, a centroid that is not finite. Data: a pose that is not

@@ -12,10 +12,12 @@ impl KMeans {
     /// Clusters `poses` (n, d).
     ///
     /// # Errors
-    /// [`Error::Usage`]: a parameter out of its range; more clusters than poses, or than *different* poses (the
-    /// message gives their number, because a result with fewer clusters would surprise a caller that reads it by
-    /// number); no columns. [`Error::Data`]: a pose with NaN, infinity or a value beyond 1e15. The place of that
-    /// error names the file `poses` and, as line, the row counted from 1.
+    /// [`Error::Usage`]: a parameter out of its range; more clusters than poses, or than
+    /// *different* poses (the
+    /// message gives their number, because a result with fewer clusters would surprise a caller
+    /// that reads it by number); no columns. [`Error::Data`]: a pose with NaN, infinity or a
+    /// value beyond 1e15. The place of that error names the file `poses` and, as line, the row
+    /// counted from 1.
     pub fn fit(&self, poses: ArrayView2<'_, f32>) -> Result<Clustering> {
         self.fit_with_progress(poses, &mut |_| ())
     }
@@ -40,7 +42,8 @@ impl KMeans {
         Ok(found)
     }
 
-    /// [`KMeans::fit_with_progress`], but with fewer than `k` clusters where there are fewer different poses.
+    /// [`KMeans::fit_with_progress`], but with fewer than `k` clusters where there are fewer
+    /// different poses.
     ///
     /// # Errors
     /// Those of [`KMeans::fit`], except that for too few different poses.

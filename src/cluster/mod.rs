@@ -1,6 +1,7 @@
 //! Hierarchical k-means: tables of poses parted into K clusters.
 //!
-//! Given poses x_1 .. x_n (rows, any unit, usually centimetres), find centroids c_1 .. c_k that make
+//! Given poses x_1 .. x_n (rows, any unit, usually centimeters), find centroids c_1 .. c_k that
+//! make
 //!
 //! ```text
 //! inertia = sum over i of min over j of |x_i - c_j|²
@@ -14,22 +15,23 @@
 //! |---|---|
 //! | `seeding` | greedy k-means++, with whole cells skipped by the triangle inequality |
 //! | `parameters`, `kmeans` | the parameters; flat or as a tree |
-//! | `lloyd` | Lloyd's alternation from those seeds, empty clusters repaired; the best of the restarts |
-//! | `assignment` | the assignment step with Hamerly's bounds and a ball of candidates around each centroid |
+//! | `lloyd` | Lloyd's alternation, empty clusters repaired; the best of the restarts |
+//! | `assignment` | assignment by Hamerly's bounds, candidates in a ball around each centroid |
 //! | `dataset` | the checked table, the exact distance |
-//! | `distances` | distances in blocks that stay in cache; exact where rounding could change an answer |
+//! | `distances` | distances in blocks; exact where rounding could change an answer |
 //! | `update` | means, and poses for empty clusters |
-//! | `hierarchical`, `tree` | a tree with branch B: K leaves at the cost of about B log K distances a pose |
+//! | `hierarchical`, `tree` | a tree with branch B: K leaves for about B log K distances per pose |
 //! | `balanced` | clusters of equal size |
 //!
-//! **A label is exact.** Except in balanced clusters, it is the centroid with the least squared distance summed in f64, the
-//! lowest number on a tie. Pruning and the f32 products only decide which distances need not be
-//! computed, with their rounding bounded; so from the same seeds a pruned run gives the labels of a
-//! plain one, at any number of threads. (The seeding weighs candidates by f32 products: another kind
-//! of processor may, on a near tie, choose other seeds.)
+//! **A label is exact.** Except in balanced clusters, it is the centroid with the least squared
+//! distance summed in f64, the lowest number on a tie. Pruning and the f32 products only decide
+//! which distances need not be computed, with their rounding bounded; so from the same seeds a
+//! pruned run gives the labels of a plain one, at any number of threads. (The seeding weighs
+//! candidates by f32 products: another kind of processor may, on a near tie, choose other seeds.)
 //!
-//! Memory: about 40 bytes a pose besides the table, K x D centroids twice, and a fixed tile a thread.
-//! The seeding holds the poses once more, arranged by cell, and up to twice that while cells shrink.
+//! Memory: about 40 bytes a pose besides the table, K x D centroids twice, and a fixed tile a
+//! thread. The seeding holds the poses once more, arranged by cell, and up to twice that while
+//! cells shrink.
 //!
 //! ```
 //! use ndarray::array;

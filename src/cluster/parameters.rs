@@ -14,10 +14,12 @@ pub struct KMeans {
     pub restarts: usize,
     /// Updates of the centroids a run may take, at least 1. Default 100.
     pub max_iterations: usize,
-    /// A run has converged when the squared shifts of its centroids add up to at most this times the
-    /// mean variance of a coordinate (scikit-learn's rule). At 0: when no label changes. Default 1e-4.
+    /// A run has converged when the squared shifts of its centroids add up to at most this times
+    /// the mean variance of a coordinate (scikit-learn's rule). At 0: when no label changes.
+    /// Default 1e-4.
     pub tolerance: f64,
-    /// Children of a node, at least 2, to build a tree in place of a flat clustering. Default `None`.
+    /// Children of a node, at least 2, to build a tree in place of a flat clustering. Default
+    /// `None`.
     pub branch: Option<usize>,
     /// Clusters whose sizes differ by at most 1, with `branch` unset. Default `false`.
     pub balance: bool,

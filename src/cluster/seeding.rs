@@ -2,12 +2,13 @@
 //!
 //! Arthur and Vassilvitskii, k-means++: the advantages of careful seeding, 2007. Each next seed is
 //! drawn with probability d²(x) / sum d², where d is the distance to the nearest seed so far. The
-//! greedy form (their section 5) draws 2 + ln k candidates and keeps the one that lowers the sum most.
+//! greedy form (their section 5) draws 2 + ln k candidates and keeps the one that lowers the sum
+//! most.
 //!
 //! The poses are kept by nearest seed, in **cells**. A candidate c closer to x than its seed s must
-//! have `|c - s| < 2 |x - s|` (Elkan 2003, lemma 1), so a cell whose farthest pose is nearer than half
-//! the way is passed over whole, and of the others only such poses are measured. The cost falls from
-//! n k ln k distances to a small part of it as the cells shrink.
+//! have `|c - s| < 2 |x - s|` (Elkan 2003, lemma 1), so a cell whose farthest pose is nearer than
+//! half the way is passed over whole, and of the others only such poses are measured. The cost
+//! falls from n k ln k distances to a small part of it as the cells shrink.
 
 use super::dataset::Dataset;
 use super::update::key;
@@ -22,8 +23,8 @@ const PIECE: usize = 512;
 const PIECES: usize = 4;
 const LANES: usize = 8;
 
-/// The poses nearest to one seed s. Their coordinates are copied: fetched from all over the table for
-/// every candidate, they took three quarters of the time.
+/// The poses nearest to one seed s. Their coordinates are copied: fetched from all over the table
+/// for every candidate, they took three quarters of the time.
 struct Cell {
     members: Vec<u32>,
     /// x - s of each member, (members, d).
@@ -130,8 +131,8 @@ fn subtract(x: &[f32], y: &[f32], to: &mut [f32]) {
 
 /// Indices of `k` different poses, and for each pose (n) which of them is about the nearest.
 ///
-/// Fewer than `k`, namely all different poses once, when there are not so many. `observer` hears how
-/// many there are so far.
+/// Fewer than `k`, namely all different poses once, when there are not so many. `observer` hears
+/// how many there are so far.
 pub(super) fn kmeans_plus_plus(
     poses: Dataset<'_>,
     k: usize,
@@ -237,7 +238,8 @@ fn gains(
             let closest = near.iter().fold(f32::INFINITY, |least, r| least.min(r.1));
             let reached = |at: &usize| closest < 4.0 * cell.squares[*at];
             let mut count = (start..end).filter(reached).count();
-            // The others gain nothing anyway; they are left out where that saves more than the copy costs.
+            // The others gain nothing anyway; they are left out where that saves more than the copy
+            // costs.
             let rows = if 2 * count > end - start {
                 count = end - start;
                 &cell.rows[start * poses.d..]
@@ -267,7 +269,8 @@ fn gains(
     gains
 }
 
-/// Writes 2 x·y into `products` (xs, ys) for its rows of `xs` (.., d) and its `count` rows of `ys` (.., d).
+/// Writes 2 x·y into `products` (xs, ys) for its rows of `xs` (.., d) and its `count` rows of `ys`
+/// (.., d).
 fn double_products(xs: &[f32], ys: &[f32], d: usize, products: &mut [f32], count: usize) {
     let rows = products.len() / count.max(1);
     let xs = ArrayView2::from_shape((rows, d), &xs[..rows * d]).expect("rows of d");
@@ -276,7 +279,8 @@ fn double_products(xs: &[f32], ys: &[f32], d: usize, products: &mut [f32], count
     general_mat_mul(2.0, &xs, &ys.t(), 0.0, &mut to);
 }
 
-/// Takes from the cells the poses nearer to the new seed. `distances_to`: (seeds), its squared distances.
+/// Takes from the cells the poses nearer to the new seed. `distances_to`: (seeds), its squared
+/// distances.
 fn claim(
     poses: Dataset<'_>,
     cells: &mut [Cell],

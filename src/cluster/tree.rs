@@ -83,19 +83,22 @@ impl Tree {
         self.nodes[0].leaves.len()
     }
 
-    /// The leaf of a pose (d): from the root always to the child with the nearest centroid, the first on a tie.
+    /// The leaf of a pose (d): from the root always to the child with the nearest centroid, the
+    /// first on a tie.
     ///
-    /// That need not be the leaf with the nearest centroid of all, which [`super::assign`] finds; for a
-    /// pose the tree was grown from it is its label.
+    /// That need not be the leaf with the nearest centroid of all, which [`super::assign`] finds;
+    /// for a pose the tree was grown from it is its label.
     ///
     /// # Errors
-    /// Usage: a pose of another width. Data: a pose that is not finite (place: file `poses`, line 1).
+    /// Usage: a pose of another width. Data: a pose that is not finite (place: file `poses`, line
+    /// 1).
     pub fn descend(&self, pose: ArrayView1<'_, f32>) -> Result<usize> {
         let row = pose.insert_axis(ndarray::Axis(0));
         Ok(self.assign(row)?.0[0] as usize)
     }
 
-    /// [`Tree::descend`] for each pose (n, d): leaves (n) and squared distances to their centroids (n).
+    /// [`Tree::descend`] for each pose (n, d): leaves (n) and squared distances to their centroids
+    /// (n).
     ///
     /// # Errors
     /// Usage: poses of another width. Data: a pose that is not finite, its place naming the file

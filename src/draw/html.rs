@@ -24,12 +24,14 @@ pub(crate) fn escape(text: &str) -> String {
 }
 
 /// JSON that may stand inside `<script type="application/json">`: no `<` is left in it, so that
-/// neither `</script>` nor `<!--` can end or open anything. (In JSON, `<` occurs only inside strings.)
+/// neither `</script>` nor `<!--` can end or open anything. (In JSON, `<` occurs only inside
+/// strings.)
 pub(crate) fn script_json(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }
 
-/// Replaces each `{{name}}` of a template by its value, in one pass: what a value contains is never read again.
+/// Replaces each `{{name}}` of a template by its value, in one pass: what a value contains is never
+/// read again.
 pub(crate) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let length = values.iter().map(|(_, value)| value.len()).sum::<usize>();
     let mut out = String::with_capacity(template.len() + length);

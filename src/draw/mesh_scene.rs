@@ -1,7 +1,7 @@
 //! A scene of triangle meshes to draw.
 //!
-//! [`figure::mesh::svg`](super::figure::mesh::svg) and [`player::mesh::page`](super::player::mesh::page) draw the same
-//! [`MeshScene`].
+//! [`figure::mesh::svg`](super::figure::mesh::svg) and
+//! [`player::mesh::page`](super::player::mesh::page) draw the same [`MeshScene`].
 
 use super::scene::Table;
 use crate::{Error, Place, Result};
@@ -15,7 +15,7 @@ const MAX_COORDINATE: f32 = 1e9;
 pub struct MeshFigure<'a> {
     /// The caption; messages call the figure so.
     pub name: &'a str,
-    /// Frames x vertices x 3, y up: centimetres if [`MeshScene::in_cm`], otherwise of any unit.
+    /// Frames x vertices x 3, y up: centimeters if [`MeshScene::in_cm`], otherwise of any unit.
     pub vertices: ArrayView3<'a, f32>,
     /// The corners of the triangles: vertices counted from 0, anticlockwise as seen from outside.
     pub faces: &'a [[u32; 3]],
@@ -28,11 +28,12 @@ pub struct MeshFigure<'a> {
 pub struct MeshScene<'a> {
     /// The heading.
     pub title: &'a str,
-    /// The figures, in the order of their panels. The first is the reference for camera and ground.
+    /// The figures, in the order of their panels. The first is the reference for camera and
+    /// ground.
     pub figures: Vec<MeshFigure<'a>>,
     /// Frames a second, if known: finite and above 0.
     pub rate: Option<f64>,
-    /// Whether lengths are centimetres; otherwise no lengths are written.
+    /// Whether lengths are centimeters; otherwise no lengths are written.
     pub in_cm: bool,
     /// A sentence below the heading (page only).
     pub note: Option<&'a str>,
@@ -108,8 +109,9 @@ impl MeshScene<'_> {
     /// Checks that the meshes can be drawn.
     ///
     /// # Errors
-    /// [`Error::Data`], with the figure's name: no meshes, vertices or faces, a face of a vertex that is not there, a
-    /// coordinate that is not finite. [`Error::Usage`]: a rate that is not above 0.
+    /// [`Error::Data`], with the figure's name: no meshes, vertices or faces, a face of a vertex
+    /// that is not there, a coordinate that is not finite. [`Error::Usage`]: a rate that is not
+    /// above 0.
     pub fn check(&self) -> Result<()> {
         if let Some(rate) = self.rate.filter(|r| !(r.is_finite() && *r > 0.0)) {
             return Err(Error::usage(format!("rate {rate} must be above 0")));
@@ -129,7 +131,7 @@ pub(super) fn round_length(size: f64) -> f64 {
     step.unwrap_or(1.0) * power
 }
 
-/// A length in centimetres as text: metres from one metre on, millimetres below one centimetre.
+/// A length in centimeters as text: meters from one meter on, millimeters below one centimeter.
 pub(super) fn length_text(cm: f64) -> String {
     let (value, unit) = match cm {
         _ if cm >= 100.0 => (cm / 100.0, "m"),

@@ -7,13 +7,14 @@ use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
-/// The arrays of an archive that are drawn without `--array`: that of meshes, and the meshes that `body-fit` writes.
+/// The arrays of an archive that are drawn without `--array`: that of meshes, and the meshes that
+/// `body-fit` writes.
 const ARRAYS: [&str; 2] = ["vertices", "completed"];
-/// The arrays of `body-fit`, which are in centimetres.
+/// The arrays of `body-fit`, which are in centimeters.
 const IN_CM: [&str; 2] = ["completed", "predicted"];
 
-/// Whether the files are meshes: a folder, a name that ends in `.obj`, `.ply` or `.stl`, an NPZ archive or the beginning of
-/// a PLY file. Standard input is a table.
+/// Whether the files are meshes: a folder, a name that ends in `.obj`, `.ply` or `.stl`, an NPZ
+/// archive or the beginning of a PLY file. Standard input is a table.
 ///
 /// # Errors
 /// Usage: some are and some are not.
@@ -72,11 +73,13 @@ pub struct Sequence {
 
 /// What is read.
 pub struct MeshFiles<'a> {
-    /// Folders, archives and mesh files: each folder and archive is a sequence, all other files together are one.
+    /// Folders, archives and mesh files: each folder and archive is a sequence, all other files
+    /// together are one.
     pub files: &'a [PathBuf],
     /// The arrays of archives to read, each as a sequence; empty: the usual one.
     pub arrays: &'a [String],
-    /// Unit and axis of the files; meshes are turned y up. The unit is centimetres where it is not known.
+    /// Unit and axis of the files; meshes are turned y up. The unit is centimeters where it is not
+    /// known.
     pub units: Units,
     /// Whether single files must have one topology; otherwise each is a set of its own.
     pub one_topology: bool,
@@ -126,7 +129,7 @@ impl MeshFiles<'_> {
             if let (Some(file), true) = (set.names.first(), set.faces.is_empty()) {
                 return Err(Error::data(Place::file(file), "has no faces to draw"));
             }
-            self.to_centimetres(set);
+            self.to_centimeters(set);
         }
         Ok(sequences)
     }
@@ -153,8 +156,9 @@ impl MeshFiles<'_> {
         }
     }
 
-    /// Turns meshes y up, and those of a known unit into centimetres (the flag's default is centimetres).
-    fn to_centimetres(&self, set: &mut MeshSet) {
+    /// Turns meshes y up, and those of a known unit into centimeters (the flag's default is
+    /// centimeters).
+    fn to_centimeters(&self, set: &mut MeshSet) {
         let Some(values) = set.vertices.as_slice_mut() else {
             return;
         };

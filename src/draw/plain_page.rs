@@ -4,7 +4,7 @@ use super::html::fill;
 use super::player::policy_hash;
 
 const TEMPLATE: &str = include_str!("plain_page.html");
-/// The colours and the tables of all such pages.
+/// The colors and the tables of all such pages.
 const STYLE: &str = concat!(
     include_str!("player/player.css"),
     include_str!("../evaluate/report/report.css")

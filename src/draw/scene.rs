@@ -1,6 +1,7 @@
 //! A scene to draw: figures over the same frames, with title, notes and table.
 //!
-//! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
+//! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same
+//! [`Scene`].
 
 pub use crate::pose::FillMethod;
 use crate::pose::Poses;
@@ -14,13 +15,14 @@ use std::ops::Range;
 pub struct Figure<'a> {
     /// The caption, such as "truth", "damaged" or "restored".
     pub name: &'a str,
-    /// Frames x (3 x points): x, y, z of each point in centimetres, right-handed, y up.
-    /// A point is missing where one of its three is not finite (or beyond 100 km); an axis that is missing
-    /// throughout (a 2-D capture) is drawn as zero.
+    /// Frames x (3 x points): x, y, z of each point in centimeters, right-handed, y up.
+    /// A point is missing where one of its three is not finite (or beyond 100 km); an axis that is
+    /// missing throughout (a 2-D capture) is drawn as zero.
     pub xyz: ArrayView2<'a, f64>,
     /// Frames x points, if known. A point without coordinates is missing whatever its status.
     pub status: Option<ArrayView2<'a, Status>>,
-    /// Frames x points, if known: the standard deviation of a coordinate, cm; NaN where unknown (page only).
+    /// Frames x points, if known: the standard deviation of a coordinate, cm; NaN where unknown
+    /// (page only).
     pub sd: Option<ArrayView2<'a, f64>>,
     /// Frames x points, if known: how a point was filled (page only).
     pub method: Option<ArrayView2<'a, Option<FillMethod>>>,
@@ -70,7 +72,8 @@ pub struct Scene<'a> {
     pub title: &'a str,
     /// The points' names.
     pub points: &'a [String],
-    /// Pairs of points to join, the one nearer to the root first; without any, only points are drawn.
+    /// Pairs of points to join, the one nearer to the root first; without any, only points are
+    /// drawn.
     pub bones: &'a [(usize, usize)],
     /// Frames a second, of frames that are in no run: finite and above 0.
     pub rate: f64,
@@ -116,8 +119,8 @@ impl Scene<'_> {
     /// Checks that the scene can be drawn.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of different shapes, or runs
-    /// out of order.
+    /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of
+    /// different shapes, or runs out of order.
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         let points = self.points.len();

@@ -23,9 +23,10 @@ pub(super) struct SceneGeometry<'s, 'a> {
     pub sides: Vec<Side>,
     /// The point drawn as a head.
     pub head: Option<usize>,
-    /// The figure whose ground and centre count: the first of those that miss fewest points.
+    /// The figure whose ground and center count: the first of those that miss fewest points.
     pub reference: usize,
-    /// Height of the ground (cm): where the reference figure's lowest point is in its lowest frames.
+    /// Height of the ground (cm): where the reference figure's lowest point is in its lowest
+    /// frames.
     pub ground: f64,
     /// The reference figure's usual size (cm): the median diagonal of the box around it.
     pub size: f64,
@@ -110,7 +111,8 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
         extent
     }
 
-    /// The horizontal middle (x, z) of the reference figure in a frame: the medians, which an outlier hardly moves.
+    /// The horizontal middle (x, z) of the reference figure in a frame: the medians, which an
+    /// outlier hardly moves.
     pub fn middle(&self, frame: usize) -> Option<[f64; 2]> {
         let points = 0..self.scene.points.len();
         let seen: Vec<[f64; 3]> = points

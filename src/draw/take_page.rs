@@ -88,8 +88,8 @@ pub fn is_take_page(path: &Path) -> bool {
     read.is_ok() && String::from_utf8_lossy(&head).contains(&format!("<title>{TITLE}"))
 }
 
-/// Writes a page, or removes the one that is there where a take has none any more; a file that is no such page stays. Returns
-/// whether the page is there.
+/// Writes a page, or removes the one that is there where a take has none any more; a file that is
+/// no such page stays. Returns whether the page is there.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.

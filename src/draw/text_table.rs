@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-/// Rows as lines: the first column to the left, the others to the right, two spaces between. A row of one cell is a line of
-/// text that takes part in no column.
+/// Rows as lines: the first column to the left, the others to the right, two spaces between. A row
+/// of one cell is a line of text that takes part in no column.
 pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
     let full = || rows.iter().filter(|r| r.len() > 1);
     let columns = full().map(Vec::len).max().unwrap_or(0);

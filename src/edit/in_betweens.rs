@@ -1,8 +1,9 @@
 //! The motion between key poses.
 //!
-//! Each bone's rotation relative to its parent, and the root's place, run through the keys as monotone cubics (PCHIP) in time. P2
-//! then finds the skeleton's values for the joints so placed, near those between the keys' own; a joint that is pinned at one place
-//! at both keys stays there, and none goes below the floor. The frames at the keys are the keys.
+//! Each bone's rotation relative to its parent, and the root's place, run through the keys as
+//! monotone cubics (PCHIP) in time. P2 then finds the skeleton's values for the joints so placed,
+//! near those between the keys' own; a joint that is pinned at one place at both keys stays there,
+//! and none goes below the floor. The frames at the keys are the keys.
 //!
 //! At the share s of the way between two keys a joint has the standard deviation
 //!
@@ -10,9 +11,10 @@
 //! σₖ(s) = u |key₂ − key₁|ₖ √(4 s (1 − s))     cm
 //! ```
 //!
-//! with u = .45, as measured on people's takes (`cargo bench --bench editing -- betweens`). The prior's posterior of the joints with
-//! this deviation was tried in their place: takes of people that the model did not know were met no better with keys half a second
-//! apart and worse with a quarter, for what lies between keys is not an unlikely pose but a likely one at another time.
+//! with u = .45, as measured on people's takes (`cargo bench --bench editing -- betweens`). The
+//! prior's posterior of the joints with this deviation was tried in their place: takes of people
+//! that the model did not know were met no better with keys half a second apart and worse with a
+//! quarter, for what lies between keys is not an unlikely pose but a likely one at another time.
 
 use super::keys::Key;
 use super::pose_solver::{Constraints, Pose, PoseSolver, floor_under};
@@ -86,7 +88,8 @@ fn fixed(pose: &Pose, pins: &[[Option<f64>; 3]]) -> Vec<bool> {
         .collect()
 }
 
-/// The frames from the first key to the last, at `rate` frames a second; the keys' times are whole numbers of frames.
+/// The frames from the first key to the last, at `rate` frames a second; the keys' times are whole
+/// numbers of frames.
 ///
 /// # Errors
 /// [`Error::Usage`]: fewer than two keys, or more than 100,000 frames.
@@ -126,7 +129,7 @@ pub fn in_betweens(solver: &PoseSolver, keys: &[Key], rate: f64, floor: bool) ->
     Ok(motion)
 }
 
-/// Two neighbouring keys.
+/// Two neighboring keys.
 struct Segment<'a> {
     keys: &'a [Key],
     /// How far each joint goes (K), cm.
@@ -184,7 +187,8 @@ impl<'a> Segment<'a> {
 /// The motion of every bone in its parent's frame.
 struct BoneCurves<'a> {
     skeleton: &'a Skeleton,
-    /// By bone: its rotation in its parent's frame, where it starts there, and where it ends in its own.
+    /// By bone: its rotation in its parent's frame, where it starts there, and where it ends in
+    /// its own.
     rotations: Vec<Vec<DQuat>>,
     starts: Vec<Vec<DVec3>>,
     ends: Vec<Vec<DVec3>>,

@@ -47,7 +47,8 @@ impl Keys {
         self.rate
     }
 
-    /// Sets the frames a second; the keys move to the nearest frames, where two meet the earlier one is lost.
+    /// Sets the frames a second; the keys move to the nearest frames, where two meet the earlier
+    /// one is lost.
     pub fn set_rate(&mut self, rate: f64) {
         self.rate = rate;
         let keys = std::mem::take(&mut self.keys);

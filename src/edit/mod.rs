@@ -1,4 +1,5 @@
-//! Posing by hand: a pose follows the joints that are dragged, holds what is pinned, and stays plausible under a pose model.
+//! Posing by hand: a pose follows the joints that are dragged, holds what is pinned, and stays
+//! plausible under a pose model.
 
 mod history;
 pub mod in_betweens;

@@ -1,8 +1,9 @@
-//! Other poses that satisfy the same pins: near other representative poses of the model, the likeliest first.
+//! Other poses that satisfy the same pins: near other representative poses of the model, the
+//! likeliest first.
 //!
-//! Poses are compared by the log density of their joints under the model, which knows no gravity; less (tilt / 15°)² / 2, the tilt being
-//! that of the pelvis from its present one, whichever way it faces. Poses that this makes less likely by 60 nats than the best are
-//! left out.
+//! Poses are compared by the log density of their joints under the model, which knows no gravity;
+//! less (tilt / 15°)² / 2, the tilt being that of the pelvis from its present one, whichever way it
+//! faces. Poses that this makes less likely by 60 nats than the best are left out.
 
 use super::pose_solver::{Constraints, Pose, PoseSolver, Reference};
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -32,8 +33,8 @@ pub struct OtherPose {
     pub evidence: f64,
 }
 
-/// Poses with the pins of `asked`, at least 5 cm from `now` and from each other, the likeliest first. Where fewer than three joints
-/// are pinned, the others stand where the body stands now.
+/// Poses with the pins of `asked`, at least 5 cm from `now` and from each other, the likeliest
+/// first. Where fewer than three joints are pinned, the others stand where the body stands now.
 pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<OtherPose> {
     let pinned: Vec<usize> = (0..solver.rig.joints())
         .filter(|&k| asked.pins[k].iter().all(Option::is_some))
@@ -74,7 +75,8 @@ pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<
     found
 }
 
-/// The placement that lays a pose of the model on the pinned joints, or, where these are too few, on the present placement.
+/// The placement that lays a pose of the model on the pinned joints, or, where these are too few,
+/// on the present placement.
 fn laid_on(solver: &PoseSolver, model: &[f64], pinned: &[usize], now: &Pose) -> Similarity {
     let pairs = pinned.iter().filter_map(|&k| {
         let p = solver.rig.model_points[k]?;

@@ -1,25 +1,30 @@
-//! A pose from a photograph: joints marked on a picture (section 4.4 and figure 5 of the posing paper).
+//! A pose from a photograph: joints marked on a picture (section 4.4 and figure 5 of the posing
+//! paper).
 //!
-//! The camera looks along −z with x to the right and y up, as the world is. With the scale s (pixels a centimetre at the body), a
-//! mark u (pixels from the middle of the picture) observes x and y of its joint, to within 2 cm, and says nothing of z:
+//! The camera looks along −z with x to the right and y up, as the world is. With the scale s
+//! (pixels a centimeter at the body), a mark u (pixels from the middle of the picture) observes x
+//! and y of its joint, to within 2 cm, and says nothing of z:
 //!
 //! ```text
-//! (x, y) = u / s · (1 − z / Z),    Z = f / s the distance of the camera, f its focal length in pixels; Z infinite: weak perspective
+//! (x, y) = u / s · (1 − z / Z),
+//!     Z = f / s the distance of the camera, f its focal length in pixels;
+//!     Z infinite: weak perspective
 //! ```
 //!
-//! z on the right is that of the estimate before: three rounds settle it. The rotation R of the body, its place t and s are those
-//! under which the n marks are likeliest:
+//! z on the right is that of the estimate before: three rounds settle it. The rotation R of the
+//! body, its place t and s are those under which the n marks are likeliest:
 //!
 //! ```text
 //! max over R, t, s   log p(u / s · (1 − z / Z) − t; R) − 2 n log s
 //! ```
 //!
-//! p is the prior's evidence, its poses turned by R. (Alternating between pose and placement, as for points of three dimensions, stops
-//! where it starts: the prior has a pose for most marks, whichever way the body is turned.) The climb starts from the best
-//! [views](orthographic::views) of the prior's representative poses.
+//! p is the prior's evidence, its poses turned by R. (Alternating between pose and placement, as
+//! for points of three dimensions, stops where it starts: the prior has a pose for most marks,
+//! whichever way the body is turned.) The climb starts from the best [views](orthographic::views)
+//! of the prior's representative poses.
 
 use super::pose_solver::{Constraints, Pose, PoseSolver};
-use crate::numeric::lbfgs::minimise;
+use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::{Observation, PoseTransform, Similarity};
@@ -43,7 +48,8 @@ const STEPS: usize = 25;
 /// Rounds of the perspective, and steps of the climb in each.
 const ROUNDS: usize = 3;
 const ROUND_STEPS: usize = 8;
-/// The length that turns and scales are measured at in the climb, cm: a step of 1 moves a joint at this distance by 1 cm.
+/// The length that turns and scales are measured at in the climb, cm: a step of 1 moves a joint at
+/// this distance by 1 cm.
 const LEVER: f64 = 40.0;
 /// The step of its differences, cm.
 const DIFFERENCE: f64 = 0.2;
@@ -62,7 +68,7 @@ pub struct Marks {
 /// How a picture shows the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Pixels a centimetre at the depth of the origin.
+    /// Pixels a centimeter at the depth of the origin.
     pub scale: f64,
     /// The distance of the camera from the origin, cm; infinite: weak perspective.
     pub distance: f64,
@@ -90,11 +96,12 @@ pub struct PhotographFit {
     view: View,
 }
 
-/// The pose that the marks show. `before` is where inverse kinematics starts. With the `previous` fit to fewer marks, the climb starts
-/// from its view, and from one other only.
+/// The pose that the marks show. `before` is where inverse kinematics starts. With the `previous`
+/// fit to fewer marks, the climb starts from its view, and from one other only.
 ///
 /// # Errors
-/// [`Error::Usage`]: fewer than four marked joints that the model knows, or marks that lie together.
+/// [`Error::Usage`]: fewer than four marked joints that the model knows, or marks that lie
+/// together.
 pub fn fit_photograph(
     solver: &PoseSolver,
     marks: &Marks,
@@ -210,7 +217,7 @@ impl Problem<'_> {
             let (value, slope) = self.likelihood_and_slope(&start.moved(by));
             (-value, slope.iter().map(|v| -v).collect())
         };
-        let found = minimise(vec![0.0; 6], steps, 1e-4, &mut cost);
+        let found = minimize(vec![0.0; 6], steps, 1e-4, &mut cost);
         (-found.value, start.moved(&found.at))
     }
 
@@ -218,8 +225,9 @@ impl Problem<'_> {
         self.likelihood_along(view, &[]).0
     }
 
-    /// The log likelihood of a view and its slope along the steps of [`View::moved`]. What moves the marks in the picture costs nothing more;
-    /// turns out of its plane turn the model anew and are differences.
+    /// The log likelihood of a view and its slope along the steps of [`View::moved`]. What moves
+    /// the marks in the picture costs nothing more; turns out of its plane turn the model anew
+    /// and are differences.
     fn likelihood_and_slope(&self, view: &View) -> (f64, [f64; 6]) {
         let mut along = vec![vec![0.0; 3 * self.solver.prior.points()]; 4];
         for &(_, p, mark) in &self.known {
@@ -243,7 +251,8 @@ impl Problem<'_> {
         (value, slope)
     }
 
-    /// The log likelihood of a view, and how it changes as the observation (3 J) moves along these directions.
+    /// The log likelihood of a view, and how it changes as the observation (3 J) moves along these
+    /// directions.
     fn likelihood_along(&self, view: &View, along: &[Vec<f64>]) -> (f64, Vec<f64>) {
         let prior = self.turned_prior(view);
         let (y, noise) = self.observation(view);
@@ -281,7 +290,8 @@ impl Problem<'_> {
         mark / view.scale * self.nearness(view, point) - view.shift
     }
 
-    /// The posterior of the pose in the directions of the camera, its origin that of the model's space.
+    /// The posterior of the pose in the directions of the camera, its origin that of the model's
+    /// space.
     fn posterior(&self, view: &View, want: Want) -> Posterior {
         let (values, variance) = self.observation(view);
         let seen = Observation {
@@ -405,7 +415,8 @@ mod tests {
     use super::*;
     use crate::io::Model;
 
-    /// A start pose, turned, as a camera sees it: the joints from the root, and marks without noise.
+    /// A start pose, turned, as a camera sees it: the joints from the root, and marks without
+    /// noise.
     fn seen(session: &Session, start: usize, focal: f64, distance: f64) -> (Vec<DVec3>, Marks) {
         let xyz = &session.starts()[start].pose.xyz;
         let at = |k: usize| DVec3::from_slice(&xyz[3 * k..]);

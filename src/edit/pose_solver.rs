@@ -6,26 +6,33 @@
 //! |---|---|---|
 //! | pinned | its pin | 0 |
 //! | dragged | its target | sd², as asked |
-//! | other | where it was when the gesture began, `a`; a dragged root carries along those that no pinned or standing joint is below | rest², on the floor at most 5² |
+//! | other | where it was when the gesture began, `a` | rest², on the floor at most 5² |
 //!
-//! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion (P has the pins alone). The
-//! pose is found in three steps: the placement follows that of the pose before ([`PlacementSolver::follow`]); the prior's
-//! posterior of all joints; and P2 over the skeleton's own degrees of freedom, which keeps bone lengths:
+//! A dragged root carries along those that no pinned or standing joint is below.
+//!
+//! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion
+//! (P has the pins alone). The pose is found in three steps: the placement follows that of the pose
+//! before ([`PlacementSolver::follow`]); the prior's posterior of all joints; and P2 over the
+//! skeleton's own degrees of freedom, which keeps bone lengths:
 //!
 //! ```text
-//! min over q   Σ wₖ |fₖ(q) − mₖ|²,   m the target of a dragged joint, p + λ (a − p₀) of the others,
+//! min over q   Σ wₖ |fₖ(q) − mₖ|²,
+//!     m the target of a dragged joint, p + λ (a − p₀) of the others,
 //!                                     w = 1 / sd², .1 / (posterior variance + 3.5²)
 //! ```
 //!
-//! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The prior draws a pose towards
-//! those it was trained on; with λ = exp(−d / L), d how far the drag has come, that happens little by little, and a touch alone
-//! moves nothing. L is 20 cm and the largest |a − p₀|.
+//! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The
+//! prior draws a pose towards those it was trained on; with λ = exp(−d / L), d how far the drag has
+//! come, that happens little by little, and a touch alone moves nothing. L is 20 cm and the largest
+//! |a − p₀|.
 //!
-//! Where that is far from the pose before, it is approached in steps: no joint goes farther at once than three times as far as the
-//! hand. A pose that would flip turns instead, while it is solved for again ([`Pose::is_moving`]).
+//! Where that is far from the pose before, it is approached in steps: no joint goes farther at once
+//! than three times as far as the hand. A pose that would flip turns instead, while it is solved
+//! for again ([`Pose::is_moving`]).
 //!
-//! A joint that is dragged outweighs each other five hundred times at the usual sd of .5 cm: it is where the pointer is, whatever
-//! the prior says. Pins come last: the values nearest to that solution that hold them exactly.
+//! A joint that is dragged outweighs each other five hundred times at the usual sd of .5 cm: it is
+//! where the pointer is, whatever the prior says. Pins come last: the values nearest to that
+//! solution that hold them exactly.
 //!
 //! [`PlacementSolver::follow`]: crate::restore::placement::PlacementSolver::follow
 
@@ -46,8 +53,8 @@ pub const REST_RANGE: (f64, f64) = (0.5, 1000.0);
 /// The range of the standard deviation of a dragged joint, cm.
 pub const DRAG_RANGE: (f64, f64) = (0.01, 1000.0);
 
-/// The weight of what the prior says, and what is added to its standard deviation, cm, so that a dragged joint outweighs the others
-/// together.
+/// The weight of what the prior says, and what is added to its standard deviation, cm, so that a
+/// dragged joint outweighs the others together.
 const PRIOR_SHARE: f64 = 0.1;
 const PRIOR_SD: f64 = 3.5;
 /// The weight of a pin among the other targets, 1/cm², and where it is to be exact.
@@ -55,17 +62,20 @@ const PIN_WEIGHT: f64 = 20.0;
 const EXACT_WEIGHT: f64 = 1e5;
 /// Holds what no target moves to the pose before, cm² a squared radian.
 const PREVIOUS_WEIGHT: f64 = 1e-3;
-/// A pin that is missed by more is out of reach, cm; a dragged joint, this and its standard deviation.
+/// A pin that is missed by more is out of reach, cm; a dragged joint, this and its standard
+/// deviation.
 const MISSED_PIN: f64 = 0.05;
 const MISSED_DRAG: f64 = 0.5;
-/// A joint lower than this stands on the floor, cm, and stays there to within this standard deviation.
+/// A joint lower than this stands on the floor, cm, and stays there to within this standard
+/// deviation.
 const ON_FLOOR: f64 = 4.0;
 const FLOOR_SD: f64 = 5.0;
 /// A joint this far below the floor is lifted, cm.
 const BELOW_FLOOR: f64 = 0.01;
 /// The standard deviation of a joint whose place is given, cm.
 const EXACT_SD: f64 = 0.05;
-/// How far a joint goes at once, as a multiple of the way of the hand; and where the hand rests, cm.
+/// How far a joint goes at once, as a multiple of the way of the hand; and where the hand rests,
+/// cm.
 const STEP_RATIO: f64 = 3.0;
 const SETTLING_STEP: f64 = 1.5;
 /// The shortest L, cm.
@@ -124,7 +134,8 @@ impl Constraints {
     }
 }
 
-/// The floor, y = 0, under the joints `xyz` (3 K, cm): one that is below it already may stay as low as it is.
+/// The floor, y = 0, under the joints `xyz` (3 K, cm): one that is below it already may stay as low
+/// as it is.
 pub fn floor_under(xyz: &[f64]) -> Vec<f64> {
     xyz.iter().skip(1).step_by(3).map(|y| y.min(0.0)).collect()
 }
@@ -136,11 +147,14 @@ pub struct Pose {
     pub q: Vec<f64>,
     /// The joints (3 K), cm.
     pub xyz: Vec<f64>,
-    /// The standard deviation of a coordinate of each joint (K), cm; infinite for joints that the model does not know.
+    /// The standard deviation of a coordinate of each joint (K), cm; infinite for joints that the
+    /// model does not know.
     pub sd: Vec<f64>,
-    /// How far each pinned or dragged joint is from where it is asked to be (K), cm; 0 where it is there.
+    /// How far each pinned or dragged joint is from where it is asked to be (K), cm; 0 where it is
+    /// there.
     pub missed: Vec<f64>,
-    /// How much less likely the pose is than nearly all training poses, nats; `None` where the model cannot tell.
+    /// How much less likely the pose is than nearly all training poses, nats; `None` where the
+    /// model cannot tell.
     pub unlike: Option<f64>,
     /// The transform from the model's space to the world.
     pub placement: Similarity,
@@ -187,7 +201,8 @@ impl PoseSolver {
         }
     }
 
-    /// The pose for `asked` in a gesture that began at `reference`, found from the pose `before`, since which the hand went `way` cm.
+    /// The pose for `asked` in a gesture that began at `reference`, found from the pose `before`,
+    /// since which the hand went `way` cm.
     pub fn follow(
         &self,
         asked: &Constraints,
@@ -212,8 +227,8 @@ impl PoseSolver {
         self.approached(asked, before, wanted, most)
     }
 
-    /// The pose on the way from `before` to `wanted`, no joint of which is much farther than `most` cm from where it was, except
-    /// as drags and pins ask for it.
+    /// The pose on the way from `before` to `wanted`, no joint of which is much farther than `most`
+    /// cm from where it was, except as drags and pins ask for it.
     fn approached(&self, asked: &Constraints, before: &Pose, wanted: Pose, most: f64) -> Pose {
         let step = largest_step(&before.xyz, &wanted.xyz);
         if step <= most {
@@ -239,14 +254,16 @@ impl PoseSolver {
         wanted
     }
 
-    /// The pose for `asked` from nothing: every placement is tried. `None` where the joints do not determine one.
+    /// The pose for `asked` from nothing: every placement is tried. `None` where the joints do not
+    /// determine one.
     pub fn restart(&self, asked: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
         let (y, noise) = self.observation(asked, reference);
         let restored = self.prior.restorer().restore(&y, &noise)?;
         Some(self.posed(asked, &restored, &before.q))
     }
 
-    /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says. `None` where too little is there.
+    /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says.
+    /// `None` where too little is there.
     pub fn pose_at(&self, xyz: &[f64], before: &Pose) -> Option<Pose> {
         let mut asked = Constraints::none(self.rig.joints());
         for (k, at) in xyz.chunks_exact(3).enumerate() {
@@ -259,7 +276,8 @@ impl PoseSolver {
         Some(pose)
     }
 
-    /// A pose of the model (3 J) at a placement, as the rig takes it, found from the values `start`.
+    /// A pose of the model (3 J) at a placement, as the rig takes it, found from the values
+    /// `start`.
     pub fn placed(&self, model: &[f64], placement: Similarity, start: &[f64]) -> Pose {
         let mut mean = vec![0.0; model.len()];
         placement.apply_pose(model, &mut mean);
@@ -271,7 +289,8 @@ impl PoseSolver {
         self.posed(&Constraints::none(self.rig.joints()), &exact, start)
     }
 
-    /// The rig in a restored pose, with what is asked of it, found from the values `start` or in closed form.
+    /// The rig in a restored pose, with what is asked of it, found from the values `start` or in
+    /// closed form.
     pub fn posed(&self, asked: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
         let mut closed_form = start.to_vec();
         let (targets, _) = self.soft_targets(asked, restored);
@@ -295,7 +314,8 @@ impl PoseSolver {
         }
     }
 
-    /// The rig with its joints at `xyz` (3 K, cm), the pins of `asked` held, found from the values `start`; the prior says nothing.
+    /// The rig with its joints at `xyz` (3 K, cm), the pins of `asked` held, found from the values
+    /// `start`; the prior says nothing.
     pub fn at_places(
         &self,
         asked: &Constraints,
@@ -354,7 +374,8 @@ impl PoseSolver {
         (y, noise)
     }
 
-    /// Where the joints are to stay: where they were, but a dragged root carries along those that no held joint is below.
+    /// Where the joints are to stay: where they were, but a dragged root carries along those that
+    /// no held joint is below.
     fn carried(&self, asked: &Constraints, reference: &[f64]) -> Vec<f64> {
         let mut carried = reference.to_vec();
         let drags = asked.drags.iter().zip(&self.rig.parents).enumerate();
@@ -414,7 +435,8 @@ impl PoseSolver {
         }
     }
 
-    /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is NaN.
+    /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is
+    /// NaN.
     fn soft_targets(&self, asked: &Constraints, restored: &RestoredFrame) -> (Vec<f64>, Vec<f64>) {
         let n = self.rig.joints();
         let (mut targets, mut weights) = (vec![f64::NAN; 3 * n], vec![0.0; 3 * n]);
@@ -501,7 +523,8 @@ fn solve(solver: &mut IkSolver<'_>, targets: &[f64], weights: &[f64], q: &mut [f
     solver.solve(targets, &fixed, &regularization, q).misfit
 }
 
-/// Makes the joints `xyz` the targets, and the pins and the floor exact. Whether there is anything to hold that is not yet held.
+/// Makes the joints `xyz` the targets, and the pins and the floor exact. Whether there is anything
+/// to hold that is not yet held.
 fn hold(asked: &Constraints, xyz: &[f64], targets: &mut [f64], weights: &mut [f64]) -> bool {
     let mut holds = false;
     for (c, &at) in xyz.iter().enumerate() {

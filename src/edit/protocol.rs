@@ -23,7 +23,8 @@ pub struct SolveRequest {
     pub pins: NamedPins,
     /// Joints that are dragged.
     pub drags: BTreeMap<String, NamedDrag>,
-    /// The standard deviation of the others about where they were, cm; that of the session if absent.
+    /// The standard deviation of the others about where they were, cm; that of the session if
+    /// absent.
     pub rest: Option<f64>,
 }
 
@@ -78,7 +79,7 @@ pub enum Action {
     },
     /// Sets how far joints may go from where they were.
     Rest {
-        /// Centimetres.
+        /// Centimeters.
         cm: f64,
     },
     /// Keeps the skeleton's limits, or not.
@@ -176,7 +177,8 @@ impl Session {
     /// Does what an action says.
     ///
     /// # Errors
-    /// [`Error::Usage`]: a joint, key or pose that there is not, or a number that cannot be. Nothing changes then.
+    /// [`Error::Usage`]: a joint, key or pose that there is not, or a number that cannot be.
+    /// Nothing changes then.
     pub fn act(&mut self, action: &Action) -> Result<()> {
         match action {
             Action::Release => self.release(),
@@ -347,8 +349,8 @@ pub struct PhotographRequest {
 }
 
 impl Session {
-    /// Poses the figure by a photograph; the answer is a pose with `picture`, where each joint falls, and `next`, the joint to mark
-    /// next.
+    /// Poses the figure by a photograph; the answer is a pose with `picture`, where each joint
+    /// falls, and `next`, the joint to mark next.
     ///
     /// # Errors
     /// [`Error::Usage`]: a joint that there is not, numbers that cannot be, or too few marks.
@@ -427,7 +429,7 @@ fn object(value: Value) -> Map<String, Value> {
     }
 }
 
-/// A thousandth of a millimetre is enough for a page.
+/// A thousandth of a millimeter is enough for a page.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,4 +1,5 @@
-//! What is posed: a skeleton, the joints that are shown and dragged, and the points of the model that they are.
+//! What is posed: a skeleton, the joints that are shown and dragged, and the points of the model
+//! that they are.
 
 use crate::pose::{Skeleton, joints};
 use crate::{Error, Result};
@@ -36,11 +37,13 @@ impl Rig {
         Rig::with_joints(skeleton, &joints, model_points, &BTreeMap::new())
     }
 
-    /// A rig with these joints (names and the bones at whose ends they are). `map` names the joint that is each point of the
-    /// model, such as `lhumerus` = `LeftForeArm`; points that it does not have are joints of their own names.
+    /// A rig with these joints (names and the bones at whose ends they are). `map` names the joint
+    /// that is each point of the model, such as `lhumerus` = `LeftForeArm`; points that it does
+    /// not have are joints of their own names.
     ///
     /// # Errors
-    /// [`Error::Usage`]: `map` names a joint or a point that there is not, or fewer than three joints are points of the model.
+    /// [`Error::Usage`]: `map` names a joint or a point that there is not, or fewer than three
+    /// joints are points of the model.
     pub fn with_joints(
         skeleton: Skeleton,
         joints: &[(String, usize)],
@@ -68,7 +71,8 @@ impl Rig {
         }
         if points.iter().flatten().count() < FEWEST_KNOWN {
             return Err(Error::usage(format!(
-                "the model knows fewer than {FEWEST_KNOWN} joints of the skeleton; say with the option `map` which joints are its points ({}, ...)",
+                "the model knows fewer than {FEWEST_KNOWN} joints of the skeleton; say with the \
+                 option `map` which joints are its points ({}, ...)",
                 model_points[..model_points.len().min(4)].join(", ")
             )));
         }
@@ -100,8 +104,8 @@ impl Rig {
         ends.flat_map(|p: DVec3| p.to_array()).collect()
     }
 
-    /// The mirror image of the joints `xyz` (3 K, cm) with left and right exchanged: about the upright plane through the first joint that
-    /// the pairs of joints stand across.
+    /// The mirror image of the joints `xyz` (3 K, cm) with left and right exchanged: about the
+    /// upright plane through the first joint that the pairs of joints stand across.
     pub fn mirrored(&self, xyz: &[f64]) -> Vec<f64> {
         let at = |k: usize| DVec3::from_slice(&xyz[3 * k..]);
         // Each pair once: the first of it to the second.
@@ -114,7 +118,8 @@ impl Rig {
         mirrored.flat_map(|p| p.to_array()).collect()
     }
 
-    /// Positions of joints (3 K, cm) in the model's order of `points` (3 J); NaN for those that are no joints.
+    /// Positions of joints (3 K, cm) in the model's order of `points` (3 J); NaN for those that are
+    /// no joints.
     pub fn to_model(&self, xyz: &[f64], points: usize) -> Vec<f64> {
         let mut out = vec![f64::NAN; 3 * points];
         for (k, point) in self.model_points.iter().enumerate() {

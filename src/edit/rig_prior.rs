@@ -9,7 +9,8 @@ use crate::restore::placement::PlacementSolver;
 use crate::restore::{FrameRestorer, PlacedPrior};
 use ndarray::Array2;
 
-/// Iterations of a placement: while a joint is dragged, the next pose goes on from where this one ends.
+/// Iterations of a placement: while a joint is dragged, the next pose goes on from where this one
+/// ends.
 const ITERATIONS: usize = 8;
 
 /// A model in memory, of its own body still.
@@ -89,7 +90,8 @@ impl RigPrior {
         self.names.len()
     }
 
-    /// Restores observations (3 J) of the body: see [`FrameRestorer`]. No rigid distances are kept, inverse kinematics does that.
+    /// Restores observations (3 J) of the body: see [`FrameRestorer`]. No rigid distances are kept,
+    /// inverse kinematics does that.
     pub fn restorer(&self) -> FrameRestorer<'_> {
         FrameRestorer {
             prior: &*self.prior,

@@ -10,7 +10,8 @@ const EQUAL_TIME: f64 = 1e-4;
 /// The index in `other` of each point of `first`.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`], such as `has no point "head"`: a point is missing, or frames, takes or times differ.
+/// [`crate::Error::Unfit`], such as `has no point "head"`: a point is missing, or frames, takes or
+/// times differ.
 pub fn point_order(first: &Poses, other: &Poses) -> Result<Vec<usize>> {
     let find = |point: &String| {
         let found = other.points.iter().position(|p| p == point);

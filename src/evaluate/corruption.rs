@@ -1,17 +1,20 @@
 //! Seeded damage to single frames: noise and missing points.
 //!
-//! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a fifth of the joints
-//! ("sparse"), all joints but six hidden (completion). [`super::gap_injection`] makes gaps in time.
+//! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a
+//! fifth of the joints ("sparse"), all joints but six hidden (completion). [`super::gap_injection`]
+//! makes gaps in time.
 
 use crate::numeric::parallel;
 use crate::{Error, Result};
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-/// The largest standard deviation of noise, in centimetres: below it no sum with a finite number overflows.
+/// The largest standard deviation of noise, in centimeters: below it no sum with a finite number
+/// overflows.
 pub const MAX_NOISE: f64 = 1e6;
 
-/// The random streams of one seed. Each kind of damage has its own, so that adding one kind does not change the others.
+/// The random streams of one seed. Each kind of damage has its own, so that adding one kind does
+/// not change the others.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Stream {
     Dense = 0,
@@ -29,12 +32,14 @@ impl Stream {
 /// The damage to every frame, in this order: dense noise, sparse noise, missing points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corruption {
-    /// Standard deviation of the noise on every observed coordinate, cm, 0 to [`MAX_NOISE`]; 0 is none.
+    /// Standard deviation of the noise on every observed coordinate, cm, 0 to [`MAX_NOISE`]; 0 is
+    /// none.
     pub dense: f64,
-    /// Standard deviation of the noise on the coordinates of randomly chosen points, cm, 0 to [`MAX_NOISE`]; 0 is none.
+    /// Standard deviation of the noise on the coordinates of randomly chosen points, cm, 0 to
+    /// [`MAX_NOISE`]; 0 is none.
     pub sparse: f64,
-    /// The probability, 0 to 1, that a point of a frame is chosen for the sparse noise, independently of all others
-    /// (Bernoulli). The paper's 0.2 is the default.
+    /// The probability, 0 to 1, that a point of a frame is chosen for the sparse noise,
+    /// independently of all others (Bernoulli). The paper's 0.2 is the default.
     pub share: f64,
     /// The only points that stay observed; `None` for all of them.
     pub keep: Option<Vec<String>>,
@@ -66,7 +71,8 @@ impl Corruption {
         for (name, sd) in [("dense", self.dense), ("sparse", self.sparse)] {
             if !(0.0..=MAX_NOISE).contains(&sd) {
                 return Err(Error::usage(format!(
-                    "the option `{name} {sd}`: expected a standard deviation of 0 to {MAX_NOISE} cm"
+                    "the option `{name} {sd}`: expected a standard deviation of 0 to {MAX_NOISE} \
+                     cm"
                 )));
             }
         }
@@ -99,7 +105,8 @@ fn find(points: &[String], name: &str, option: &str) -> Result<usize> {
         let known = known.join(", ");
         let more = if points.len() > 4 { ", ..." } else { "" };
         Error::usage(format!(
-            "the option `{option}`: the table has no point \"{name}\"; its points are {known}{more}"
+            "the option `{option}`: the table has no point \"{name}\"; its points are \
+             {known}{more}"
         ))
     })
 }
@@ -116,10 +123,12 @@ pub struct Corruptor {
 }
 
 impl Corruptor {
-    /// Damages frame `frame` (counted over the whole input), 3 J numbers in centimetres; NaN stays NaN.
+    /// Damages frame `frame` (counted over the whole input), 3 J numbers in centimeters; NaN stays
+    /// NaN.
     ///
-    /// The noise of a coordinate depends on the seed, the frame number and the index of the coordinate only: frames may come
-    /// in any order, and a missing value does not shift the noise of the others.
+    /// The noise of a coordinate depends on the seed, the frame number and the index of the
+    /// coordinate only: frames may come in any order, and a missing value does not shift the
+    /// noise of the others.
     pub fn apply(&self, frame: u64, xyz: &mut [f64]) {
         // No noise adds nothing: -0 + 0 would change the bits.
         if self.dense > 0.0 {
@@ -191,7 +200,7 @@ mod tests {
             // Six standard errors of each estimate.
             assert!(mean.abs() <= 6.0 * sd / n.sqrt(), "{mean}");
             assert!((found - sd).abs() <= 6.0 * sd / (2.0 * n).sqrt(), "{found}");
-            // Neighbouring coordinates and frames are uncorrelated.
+            // Neighboring coordinates and frames are uncorrelated.
             for lag in [1, 69] {
                 let products = all.windows(lag + 1).map(|w| w[0] * w[lag]);
                 let r = products.sum::<f64>() / (n * sd * sd);

@@ -5,8 +5,8 @@ use ndarray::ArrayView2;
 use serde::Serialize;
 use std::ops::Range;
 
-/// Coordinates that differ by no more than this are unchanged, cm. Rounding to f32 and the way to the model's space and back
-/// stay below one micrometre.
+/// Coordinates that differ by no more than this are unchanged, cm. Rounding to f32 and the way to
+/// the model's space and back stay below one micrometer.
 pub const UNCHANGED: f64 = 1e-4;
 
 /// Upper ends of the bins of gap lengths, seconds; the last bin has none.
@@ -51,8 +51,8 @@ pub struct GapErrors {
 type OpenGap = (u64, ErrorSums);
 
 impl ErrorBreakdown {
-    /// Compares tables (frames, 3 J) within `runs` of consecutive frames, each with its frames a second; lengths in a unit of
-    /// `unit` centimetres.
+    /// Compares tables (frames, 3 J) within `runs` of consecutive frames, each with its frames a
+    /// second; lengths in a unit of `unit` centimeters.
     pub(super) fn of(
         truth: ArrayView2<'_, f64>,
         result: ArrayView2<'_, f64>,
@@ -140,8 +140,8 @@ mod tests {
 
     const NAN: f64 = f64::NAN;
 
-    /// Compares one point whose damaged table lacks the frames marked `.`; the result is off by one everywhere. `|` starts a
-    /// run.
+    /// Compares one point whose damaged table lacks the frames marked `.`; the result is off by one
+    /// everywhere. `|` starts a run.
     fn gaps(seen: &str, rate: Option<f64>) -> ErrorBreakdown {
         let (mut runs, mut frames) = (Vec::new(), 0);
         for run in seen.split('|') {
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn coordinates_are_sorted_by_the_damaged_table() {
         let truth = Array2::zeros((1, 12));
-        // Left as it was, mended, spoilt, filled but for one coordinate.
+        // Left as it was, mended, spoiled, filled but for one coordinate.
         let result = array![[0., 0., 0., 1., 1., 1., 2., 2., 2., 3., 3., NAN]];
         let damaged = array![[0., 0., 0., 9., 9., 9., 0., 0., 0., NAN, NAN, NAN]];
         let [truth, result, damaged] = [&truth, &result, &damaged].map(|a| a.view());

@@ -3,12 +3,14 @@
 use ndarray::ArrayView1;
 use serde::Serialize;
 
-/// Errors of a set of coordinates. Lengths are in the unit of the report; `None` if nothing was compared.
+/// Errors of a set of coordinates. Lengths are in the unit of the report; `None` if nothing was
+/// compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorStats {
     /// The number of coordinates with a value in the truth and in the result.
     pub coordinates: u64,
-    /// The number of coordinates with a value in the truth and none in the result; in none of the errors.
+    /// The number of coordinates with a value in the truth and none in the result; in none of the
+    /// errors.
     pub still_missing: u64,
     /// Mean squared error of a coordinate (unit squared).
     pub mse: Option<f64>,
@@ -20,7 +22,7 @@ pub struct ErrorStats {
     pub max: Option<f64>,
 }
 
-/// The sums behind [`ErrorStats`], in centimetres.
+/// The sums behind [`ErrorStats`], in centimeters.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ErrorSums {
     coordinates: u64,
@@ -71,7 +73,7 @@ impl ErrorSums {
         self.coordinates + self.missing == 0
     }
 
-    /// The errors, with lengths in a unit of `unit` centimetres.
+    /// The errors, with lengths in a unit of `unit` centimeters.
     pub fn errors(&self, unit: f64) -> ErrorStats {
         let mse = mean(self.squares, self.coordinates).map(|v| v / (unit * unit));
         ErrorStats {

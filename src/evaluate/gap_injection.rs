@@ -54,12 +54,12 @@ pub struct GapInjection {
 }
 
 impl GapInjection {
-    /// Injects the gaps into each take; `rates` are the takes' frames a second. Calls `skipped` with each take that gets no
-    /// gap, and why.
+    /// Injects the gaps into each take; `rates` are the takes' frames a second. Calls `skipped`
+    /// with each take that gets no gap, and why.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a number is 0 or a take has fewer points than a gap; [`Error::Data`] if the gaps of a take do not
-    /// fit, or no take is as long as a gap.
+    /// [`Error::Usage`] if a number is 0 or a take has fewer points than a gap; [`Error::Data`] if
+    /// the gaps of a take do not fit, or no take is as long as a gap.
     pub fn inject(
         &self,
         poses: &mut Poses,
@@ -88,7 +88,8 @@ impl GapInjection {
             }
             if fit < self.count {
                 return fail(format!(
-                    "{name}: only {fit} of {} gaps of {frames} frames in {} points fit; use fewer gaps, a shorter length or fewer points",
+                    "{name}: only {fit} of {} gaps of {frames} frames in {} points fit; use fewer \
+                     gaps, a shorter length or fewer points",
                     self.count, self.points
                 ));
             }
@@ -101,11 +102,13 @@ impl GapInjection {
         }
     }
 
-    /// Injects gaps of `frames` consecutive frames into take number `index`: coordinates in a gap become NaN.
+    /// Injects gaps of `frames` consecutive frames into take number `index`: coordinates in a gap
+    /// become NaN.
     ///
-    /// A gap lies within one run. Its points are observed in all its frames and in the frames before and after, so that two
-    /// gaps of a point never touch and the first and last frame of a run keep their values. Only if no run is longer than a
-    /// gap by two frames may a gap reach the ends of a run. All places left are equally likely. Time and memory are linear in
+    /// A gap lies within one run. Its points are observed in all its frames and in the frames
+    /// before and after, so that two gaps of a point never touch and the first and last frame
+    /// of a run keep their values. Only if no run is longer than a gap by two frames may a gap
+    /// reach the ends of a run. All places left are equally likely. Time and memory are linear in
     /// the size of the take.
     fn inject_take(&self, take: &mut Poses, frames: usize, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
@@ -210,7 +213,8 @@ impl FreeStarts {
         starts
     }
 
-    /// Frees the starts of a run from which a point is observed throughout, with `margin` frames on both sides.
+    /// Frees the starts of a run from which a point is observed throughout, with `margin` frames on
+    /// both sides.
     fn free_in_run(
         &mut self,
         xyz: ArrayView2<'_, f64>,
@@ -235,7 +239,8 @@ impl FreeStarts {
         (0..self.points).filter(|&p| row[p]).collect()
     }
 
-    /// Closes every start from which a gap of these points would overlap or touch the one at `start`.
+    /// Closes every start from which a gap of these points would overlap or touch the one at
+    /// `start`.
     fn occupy(&mut self, start: usize, points: &[usize]) {
         let last = (start + self.frames).min(self.slot.len() - 1);
         for near in start.saturating_sub(self.frames)..=last {
@@ -397,7 +402,7 @@ mod tests {
 
     #[test]
     fn too_many_gaps_are_cut_to_those_that_fit() {
-        // Gaps of one frame and their neighbours fill at most every other frame.
+        // Gaps of one frame and their neighbors fill at most every other frame.
         let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
         assert!((5..=10).contains(&laid.gaps.len()));
         assert!(stretches(&take).iter().all(|l| *l == 1));

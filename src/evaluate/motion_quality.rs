@@ -40,14 +40,16 @@ pub struct BoneLength {
     pub rms_difference: Option<f64>,
 }
 
-/// RMS accelerations of a coordinate (unit/s²), over all coordinates with three consecutive frames in truth and result.
+/// RMS accelerations of a coordinate (unit/s²), over all coordinates with three consecutive frames
+/// in truth and result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Accelerations {
     /// The number of accelerations compared.
     pub count: u64,
     /// RMS acceleration of the truth.
     pub truth: Option<f64>,
-    /// RMS acceleration of the result: larger than the truth's with jitter, smaller after too much smoothing.
+    /// RMS acceleration of the result: larger than the truth's with jitter, smaller after too much
+    /// smoothing.
     pub result: Option<f64>,
     /// RMS acceleration of the error, result minus truth.
     pub difference: Option<f64>,
@@ -71,7 +73,8 @@ impl RunningVariance {
 }
 
 impl BoneLengths {
-    /// The bones of two tables (frames, 3 J); lengths in a unit of `unit` centimetres. `None` without a known bone.
+    /// The bones of two tables (frames, 3 J); lengths in a unit of `unit` centimeters. `None`
+    /// without a known bone.
     pub(super) fn of(
         points: &[String],
         truth: ArrayView2<'_, f64>,
@@ -128,8 +131,8 @@ fn distance(xyz: ArrayView1<'_, f64>, a: usize, b: usize) -> f64 {
 }
 
 impl Accelerations {
-    /// The second differences of two tables (frames, 3 J) within `runs` of consecutive frames, each with its frames a
-    /// second; lengths in a unit of `unit` centimetres.
+    /// The second differences of two tables (frames, 3 J) within `runs` of consecutive frames, each
+    /// with its frames a second; lengths in a unit of `unit` centimeters.
     pub(super) fn of(
         truth: ArrayView2<'_, f64>,
         result: ArrayView2<'_, f64>,

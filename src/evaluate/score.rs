@@ -1,8 +1,9 @@
 //! How far a result is from the truth.
 //!
-//! Let t be a coordinate of the truth, r of the result, d of the damaged table that the result was made from. Over a set
-//! of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in asf²). A coordinate that is missing in t does
-//! not count. One that is missing in r counts as still missing and is in no mean.
+//! Let t be a coordinate of the truth, r of the result, d of the damaged table that the result was
+//! made from. Over a set of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in
+//! asf²). A coordinate that is missing in t does not count. One that is missing in r counts as
+//! still missing and is in no mean.
 
 use super::alignment::point_order;
 use super::error_breakdown::ErrorBreakdown;
@@ -50,8 +51,8 @@ pub struct PointErrors {
 
 /// Compares a table with the truth.
 ///
-/// Both must have the same frames. Points are matched by name; further points of the result do not count. Lengths of the
-/// report are in centimetres.
+/// Both must have the same frames. Points are matched by name; further points of the result do not
+/// count. Lengths of the report are in centimeters.
 ///
 /// ```
 /// use ndarray::array;
@@ -86,7 +87,8 @@ impl<'a> Score<'a> {
     /// A score of `result` against `truth`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if there is no frame, a point is missing in the result, or frames, takes or times differ.
+    /// [`Error::Usage`] if there is no frame, a point is missing in the result, or frames, takes or
+    /// times differ.
     pub fn new(truth: &'a Poses, result: &'a Poses) -> Result<Score<'a>> {
         if truth.frames() == 0 {
             return Err(Error::usage("the truth has no frames to compare"));
@@ -111,7 +113,8 @@ impl<'a> Score<'a> {
         Score { rates, ..self }
     }
 
-    /// Also reports errors by what `damaged` lacks, by the length of its gaps, and by what it observes.
+    /// Also reports errors by what `damaged` lacks, by the length of its gaps, and by what it
+    /// observes.
     ///
     /// # Errors
     /// As [`Score::new`], for the damaged table.
@@ -122,14 +125,14 @@ impl<'a> Score<'a> {
         })
     }
 
-    /// The report, in centimetres.
+    /// The report, in centimeters.
     pub fn finish(&self) -> ScoreReport {
         self.finish_in("cm", 1.0)
     }
 
-    /// The report, with lengths in a unit of `centimetres`.
-    pub fn finish_in(&self, units: &str, centimetres: f64) -> ScoreReport {
-        let (points, unit) = (&self.truth.points, centimetres);
+    /// The report, with lengths in a unit of `centimeters`.
+    pub fn finish_in(&self, units: &str, centimeters: f64) -> ScoreReport {
+        let (points, unit) = (&self.truth.points, centimeters);
         let (truth, result) = (self.truth.xyz.view(), self.result.view());
         let mut all = ErrorSums::default();
         let mut by_point = vec![ErrorSums::default(); points.len()];

@@ -1,7 +1,8 @@
 //! Acclaim skeletons (ASF).
 //!
-//! `length` in `:units` scales every length: metres = raw / length * 0.0254. Angles are `deg` or `rad`. A bone's own
-//! frame is `C = Rz Ry Rx` of its `axis` line, in the order it names; its direction is in global coordinates.
+//! `length` in `:units` scales every length: meters = raw / length * 0.0254. Angles are `deg` or
+//! `rad`. A bone's own frame is `C = Rz Ry Rx` of its `axis` line, in the order it names; its
+//! direction is in global coordinates.
 
 use super::Input;
 use super::text::{Lines, check_length, excerpt, parse_number};
@@ -18,9 +19,9 @@ const MOST_BONES: usize = 10_000;
 /// A skeleton with the conventions its AMC files follow.
 #[derive(Debug, Clone)]
 pub struct Asf {
-    /// The bones, in centimetres and radians.
+    /// The bones, in centimeters and radians.
     pub skeleton: Skeleton,
-    /// Centimetres in one unit of the files.
+    /// Centimeters in one unit of the files.
     pub unit: f64,
     /// Whether `:units` gives angles in degrees (AMC files may say otherwise).
     pub degrees: bool,
@@ -30,12 +31,14 @@ impl Asf {
     /// Opens a skeleton file.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound ASF file; the place has the line.
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound ASF file; the place has
+    /// the line.
     pub fn open(path: impl AsRef<Path>) -> Result<Asf> {
         Asf::read(Input::open(path)?, None)
     }
 
-    /// Reads a skeleton from an open input. `unit` (centimetres in one raw unit) overrides the file's own.
+    /// Reads a skeleton from an open input. `unit` (centimeters in one raw unit) overrides the
+    /// file's own.
     ///
     /// # Errors
     /// Those of [`Asf::open`].
@@ -58,7 +61,8 @@ impl Asf {
                     .to_ascii_lowercase();
                 continue;
             }
-            // Brackets and commas are white space to the format (Acclaim Skeleton File Definition 1.10).
+            // Brackets and commas are white space to the format (Acclaim Skeleton File Definition
+            // 1.10).
             let words: Vec<&str> = text
                 .split(|c: char| c.is_whitespace() || "(),".contains(c))
                 .filter(|w| !w.is_empty())
@@ -103,8 +107,8 @@ struct Parser {
     bones: Vec<RawBone>,
     open: Option<RawBone>,
     limits_open: bool,
-    /// The line that hangs a child on its parent. (Not the parent's name: one long name with many children on one
-    /// line would be copied for each.)
+    /// The line that hangs a child on its parent. (Not the parent's name: one long name with many
+    /// children on one line would be copied for each.)
     parents: HashMap<String, u64>,
     children: Vec<(String, Vec<String>)>,
     hierarchy_seen: bool,
@@ -148,7 +152,8 @@ impl Parser {
                 self.root_order = channels(&words[1..])?;
             }
             "axis" => {
-                // The order of `orientation`, which is added angle by angle: it only has to be an order.
+                // The order of `orientation`, which is added angle by angle: it only has to be an
+                // order.
                 parse_order(words.get(1).unwrap_or(&""))
                     .ok_or_else(|| "expected an axis order such as XYZ".to_string())?;
             }
@@ -337,7 +342,8 @@ impl Parser {
                     .map(|c| (*c, at)),
             );
         }
-        // Each child has one parent, so whatever the root does not reach is an orphan or on a cycle.
+        // Each child has one parent, so whatever the root does not reach is an orphan or on a
+        // cycle.
         for raw in &self.bones {
             if out.iter().any(|b| b.name == raw.name) {
                 continue;
@@ -389,10 +395,11 @@ impl Parser {
     }
 }
 
-/// One bone in centimetres and radians.
+/// One bone in centimeters and radians.
 fn bone(raw: &RawBone, parent: usize, unit: f64, angle: f64) -> Bone {
     let direction = raw.direction.unwrap_or(DVec3::ZERO);
-    // Published files give the direction to six digits; the length is what the file means to be exact.
+    // Published files give the direction to six digits; the length is what the file means to be
+    // exact.
     let offset = direction * raw.length.unwrap_or(0.0) * unit;
     let axis = raw.axis.map_or(DMat3::IDENTITY, |(a, order)| {
         // As on a dof line, the first number belongs to the axis named first, which turns first.

@@ -1,8 +1,8 @@
 //! Parses text ahead in blocks, on all threads.
 //!
-//! A [`BlockFormat`] parses regular records only, such as almost all text consists of. A block ends before the first
-//! irregular record (a comment, a quoted cell, an error). The reader of the format then reads some records one at a
-//! time, with all care: that reader alone reports errors.
+//! A [`BlockFormat`] parses regular records only, such as almost all text consists of. A block ends
+//! before the first irregular record (a comment, a quoted cell, an error). The reader of the format
+//! then reads some records one at a time, with all care: that reader alone reports errors.
 
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
@@ -14,8 +14,9 @@ pub(super) const BLOCK: usize = 1 << 20;
 /// The size of a piece, which one thread parses, in bytes.
 pub(super) const PIECE: usize = 1 << 15;
 
-/// The number of records that are read one at a time after an irregular one. The number doubles with each irregular
-/// record, so that a text full of them is not parsed twice, and one with a few is read nearly as fast as one without.
+/// The number of records that are read one at a time after an irregular one. The number doubles
+/// with each irregular record, so that a text full of them is not parsed twice, and one with a few
+/// is read nearly as fast as one without.
 const CAREFUL: RangeInclusive<u32> = 8..=1000;
 
 /// How the records of a text format are found and parsed.
@@ -28,7 +29,8 @@ pub(super) trait BlockFormat: Sync {
     /// The end of the first record that ends behind `from`, and the start of the next piece there.
     fn cut(&self, text: &[u8], from: usize) -> Option<(usize, Self::Start)>;
 
-    /// Replaces `records` by the regular records at the start of `text`, which ends with a line feed.
+    /// Replaces `records` by the regular records at the start of `text`, which ends with a line
+    /// feed.
     fn parse(&self, text: &[u8], start: Self::Start, records: &mut Self::Records) -> Parsed;
 }
 
@@ -90,7 +92,8 @@ impl<F: BlockFormat> BlockReader<F> {
         is_careful
     }
 
-    /// Parses the regular records at the start of `text`, a block at most; [`BlockReader::pieces`] holds them.
+    /// Parses the regular records at the start of `text`, a block at most; [`BlockReader::pieces`]
+    /// holds them.
     pub(super) fn read(&mut self, text: &[u8], start: F::Start) -> Parsed {
         let beyond = text.get(self.block_bytes..).unwrap_or_default();
         let end = memchr(b'\n', beyond).map_or(text.len(), |at| self.block_bytes + at + 1);

@@ -1,7 +1,8 @@
 //! The columns of a pose table.
 //!
-//! Three columns `NAME.x`, `NAME.y`, `NAME.z` are a point; `take` and `time` are what they say; every other column is
-//! carried along unchanged. An empty cell (or NaN) is a missing value, 0 never is.
+//! Three columns `NAME.x`, `NAME.y`, `NAME.z` are a point; `take` and `time` are what they say;
+//! every other column is carried along unchanged. An empty cell (or NaN) is a missing value, 0
+//! never is.
 
 use super::text::excerpt;
 use crate::pose::{joints, smpl_names};
@@ -54,7 +55,8 @@ impl Columns {
         Some(format!("NPY holds coordinates only: without {some}"))
     }
 
-    /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the paper's 2-D input.
+    /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the
+    /// paper's 2-D input.
     ///
     /// # Errors
     /// [`Error::Data`]: two columns with one name, or no point.
@@ -93,7 +95,8 @@ impl Columns {
         Ok(columns)
     }
 
-    /// Columns for points that come without a table, as amc2xyz writes them: take, time, then the points.
+    /// Columns for points that come without a table, as amc2xyz writes them: take, time, then the
+    /// points.
     pub fn for_points(points: Vec<String>, take: bool, time: bool) -> Columns {
         let mut names = Vec::new();
         let mut columns = Columns::default();
@@ -120,7 +123,8 @@ impl Columns {
     /// The columns of an NPY array with `width` numbers a frame.
     ///
     /// # Errors
-    /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's joints.
+    /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's
+    /// joints.
     pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
         let points = match names {
             Some([one]) if one == SMPL && width != 3 => smpl(width, place)?,
@@ -137,7 +141,8 @@ impl Columns {
                 let of_smpl = smpl_names(width / 3).is_some();
                 let way = if of_smpl { " (smpl for SMPL's)" } else { "" };
                 let what = format!(
-                    "has {width} columns, not the 69 of CMU's joints; name the points with the option `joints`{way}"
+                    "has {width} columns, not the 69 of CMU's joints; name the points with the \
+                     option `joints`{way}"
                 );
                 return Err(Error::data(place.clone(), what));
             }
@@ -158,14 +163,16 @@ const SMPL: &str = "smpl";
 fn smpl(width: usize, place: &Place) -> Result<Vec<String>> {
     smpl_names(width / 3).ok_or_else(|| {
         let what = format!(
-            "has {} points: arrays of SMPL's joints have 22 (the body), 24, 52 (SMPL-H) or 55 (SMPL-X); name the points with the option `joints A,B,...`",
+            "has {} points: arrays of SMPL's joints have 22 (the body), 24, 52 (SMPL-H) or 55 \
+             (SMPL-X); name the points with the option `joints A,B,...`",
             width / 3
         );
         Error::data(place.clone(), what)
     })
 }
 
-/// Reads the points' names of `--joints`: `23`, `smpl` (which an array gives its names by its width), or a list with commas.
+/// Reads the points' names of `--joints`: `23`, `smpl` (which an array gives its names by its
+/// width), or a list with commas.
 ///
 /// # Errors
 /// [`Error::Usage`]: an empty name, or one that stands twice.

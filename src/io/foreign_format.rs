@@ -129,8 +129,8 @@ pub fn needs_more(start: &[u8]) -> bool {
     text.starts_with(b"<") || text.starts_with(b"{") || text.starts_with(b"PK\x03\x04")
 }
 
-/// What a file is that begins so (12 bytes, or [`BYTES`] where it [needs more](needs_more)), and what to do with it; `None` for one
-/// that a command may read.
+/// What a file is that begins so (12 bytes, or [`BYTES`] where it [needs more](needs_more)), and
+/// what to do with it; `None` for one that a command may read.
 pub fn foreign(start: &[u8]) -> Option<String> {
     let text = text_of(start);
     let begins = |(beginning, ..): &&Beginning| starts(text, beginning);
@@ -200,7 +200,11 @@ mod tests {
             (b"; FBX 7.3.0 project", "FBX", "Blender"),
             (b"\x89HDF\r\n\x1a\n\0\0\0\0", "HDF5", "CSV"),
             (b"MATLAB 5.0 M", "MATLAB", "NPY"),
-            (b"<?xml version=\"1.0\"?>\n<mvnx version=\"4\">", "MVNX", "C3D"),
+            (
+                b"<?xml version=\"1.0\"?>\n<mvnx version=\"4\">",
+                "MVNX",
+                "C3D",
+            ),
             (b"\xef\xbb\xbf<mvnx>", "MVNX", "C3D"),
             (b"<!DOCTYPE html><html>", "web page", "download"),
             (b"\x80\x04\x95abc", "pickle", "numpy.save"),
@@ -208,13 +212,17 @@ mod tests {
             (b"\0\0\xfe\xff\0\0\0P\0\0\0a", "UTF-32", "utf-32"),
             (b"\0\0\0\x20ftypisom", "video", "motion"),
             (
-                b"PK\x03\x04\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xml",
+                b"PK\x03\x04\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0\
+                [Content_Types].xml",
                 "Excel",
                 "CSV",
             ),
         ] {
             let said = foreign(start).unwrap_or_default();
-            assert!(said.contains(what) && said.contains(way), "{start:?}: {said}");
+            assert!(
+                said.contains(what) && said.contains(way),
+                "{start:?}: {said}"
+            );
             assert!(what == "UTF-32" || !said.contains("iconv"), "{said}");
         }
     }

@@ -1,4 +1,5 @@
-//! The times of frames as a column of text has them: rounded, and sometimes at odds with the rate that the file states.
+//! The times of frames as a column of text has them: rounded, and sometimes at odds with the rate
+//! that the file states.
 
 /// Fewer frames do not tell a rate from their rounded times.
 const RATED_FRAMES: usize = 10;
@@ -65,7 +66,8 @@ impl TimeCells {
         })
     }
 
-    /// The times of so many frames. `number`: of the first frame, from 1; `rate`: as the file states it.
+    /// The times of so many frames. `number`: of the first frame, from 1; `rate`: as the file
+    /// states it.
     pub fn times(&self, frames: usize, number: u64, rate: Option<f64>) -> FrameTimes {
         let by_number = |note: Option<String>| FrameTimes {
             note,
@@ -88,7 +90,8 @@ impl TimeCells {
         }
         let not_ascending = |frame: usize| {
             let what = format!(
-                "its times do not ascend (frame {}); those of the frames' numbers and the rate are taken",
+                "its times do not ascend (frame {}); those of the frames' numbers and the rate \
+                 are taken",
                 number + frame as u64
             );
             by_number(Some(what))
@@ -103,7 +106,8 @@ impl TimeCells {
             && !(1.0 / NO_SECONDS..NO_SECONDS).contains(&(own / rate))
         {
             let what = format!(
-                "its times are no seconds (with {rate} frames per second they would tell {own:.3}); those of the frames' numbers and the rate are taken"
+                "its times are no seconds (with {rate} frames per second they would tell \
+                 {own:.3}); those of the frames' numbers and the rate are taken"
             );
             return by_number(Some(what));
         }

@@ -1,4 +1,4 @@
-//! Opening an input. The format is recognised by content, never by name.
+//! Opening an input. The format is recognized by content, never by name.
 
 use super::foreign_format::{self, foreign};
 use super::motion_format::is_told;
@@ -16,9 +16,10 @@ const BUFFER: usize = 1 << 16;
 /// What unpacks to more than this, bytes, may not be so many times larger than it was packed.
 const UNPACKED: u64 = 1 << 26;
 const MOST_UNPACKED: u64 = 100;
-/// The number of bytes by which a format is recognised.
+/// The number of bytes by which a format is recognized.
 const MAGIC: usize = 12;
-/// The most bytes by which a format of text is recognised, and the lines after each of which that is tried.
+/// The most bytes by which a format of text is recognized, and the lines after each of which that
+/// is tried.
 const AHEAD: usize = 1 << 18;
 const TRIED_LINES: usize = 16;
 
@@ -66,7 +67,8 @@ impl Input {
     /// Wraps a stream; gzip and zstd are decompressed. `name` is for messages.
     ///
     /// # Errors
-    /// [`Error::Io`]: the first bytes cannot be read or decompressed. [`Error::Data`]: a format that no command reads; the message
+    /// [`Error::Io`]: the first bytes cannot be read or decompressed. [`Error::Data`]: a format
+    /// that no command reads; the message
     /// names it and the way that exists.
     pub fn new(name: impl Into<String>, stream: impl Read + 'static) -> Result<Input> {
         let name = name.into();
@@ -128,8 +130,8 @@ impl Input {
         &self.first
     }
 
-    /// Reads on until [`Input::first_bytes`] tell the format of motion that it is; no further than that, since a table may arrive row
-    /// by row.
+    /// Reads on until [`Input::first_bytes`] tell the format of motion that it is; no further than
+    /// that, since a table may arrive row by row.
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails.
@@ -187,7 +189,8 @@ impl Input {
     /// Reads the remaining bytes, at most `limit`.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails, or far more is unpacked than was packed. [`Error::Data`]: more than `limit` bytes.
+    /// [`Error::Io`]: reading fails, or far more is unpacked than was packed. [`Error::Data`]: more
+    /// than `limit` bytes.
     pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let mut stream = self.reader.by_ref().take(limit.saturating_add(1));
@@ -233,7 +236,8 @@ impl<R: Read> Read for Unpacked<R> {
         let packed = self.packed.load(Ordering::Relaxed);
         if self.count > UNPACKED.max(MOST_UNPACKED * packed) {
             let what = format!(
-                "unpacks to more than {MOST_UNPACKED} times its size; if that is right, unpack it first"
+                "unpacks to more than {MOST_UNPACKED} times its size; if that is right, unpack it \
+                 first"
             );
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
@@ -241,7 +245,8 @@ impl<R: Read> Read for Unpacked<R> {
     }
 }
 
-/// The first bytes of a stream, and a stream that begins with them. (A pipe may give them one by one.)
+/// The first bytes of a stream, and a stream that begins with them. (A pipe may give them one by
+/// one.)
 fn start<R: Read>(mut stream: R) -> io::Result<(Vec<u8>, impl Read + use<R>)> {
     let mut bytes = Vec::with_capacity(MAGIC);
     stream.by_ref().take(MAGIC as u64).read_to_end(&mut bytes)?;

@@ -1,5 +1,5 @@
-//! The rows of a table of markers in text, which TRC, Motive and Qualisys files have in common: the frame's number, its time, and
-//! three cells a point.
+//! The rows of a table of markers in text, which TRC, Motive and Qualisys files have in common: the
+//! frame's number, its time, and three cells a point.
 
 use super::frame_times::{FrameTimes, TimeCells};
 use super::marker_take::{MarkerTake, unique_names};
@@ -14,8 +14,8 @@ const MOST_COLUMNS: usize = 100_000;
 const MOST_FRAMES: usize = 10_000_000;
 /// The most values, frames times columns: 2 GiB.
 const MOST_VALUES: usize = 1 << 28;
-/// More values than this (128 MiB) may not be so many times what the rows hold: a short file would fill the memory with frames that it
-/// leaves out, or with points that it names.
+/// More values than this (128 MiB) may not be so many times what the rows hold: a short file would
+/// fill the memory with frames that it leaves out, or with points that it names.
 const VALUES: usize = 1 << 24;
 const MOST_ABSENT: usize = 16;
 
@@ -32,9 +32,11 @@ pub struct Stated {
     pub units: Option<String>,
     /// Whether the first frame of a recording is frame 0, not 1.
     pub from_zero: bool,
-    /// Whether the column of times is the time; else it follows from the frames' numbers and the rate.
+    /// Whether the column of times is the time; else it follows from the frames' numbers and the
+    /// rate.
     pub has_times: bool,
-    /// Whether the rows count where the header announces more: only a file that ends within a row ends early.
+    /// Whether the rows count where the header announces more: only a file that ends within a row
+    /// ends early.
     pub rows_count: bool,
     /// What was odd, a line each.
     pub notes: Vec<String>,
@@ -62,7 +64,8 @@ pub struct MarkerRows {
 }
 
 impl MarkerRows {
-    /// Adds the row that stands in line `line`. Frames whose numbers are left out are frames without points.
+    /// Adds the row that stands in line `line`. Frames whose numbers are left out are frames
+    /// without points.
     ///
     /// # Errors
     /// [`Error::Unfit`]: a number that cannot be read, frames that do not rise, or more than fit.
@@ -124,19 +127,24 @@ impl MarkerRows {
         let values = frames.saturating_mul(width);
         if values > MOST_VALUES {
             return Err(format!(
-                "{frames} frames of {points} points are more than the {MOST_VALUES} values that fit; split the file"
-            ).into());
+                "{frames} frames of {points} points are more than the {MOST_VALUES} values that \
+                 fit; split the file"
+            )
+            .into());
         }
         if values > VALUES && values > MOST_ABSENT.saturating_mul(self.all_cells) {
             let there = self.all_cells / 3;
             return Err(format!(
-                "{frames} frames of {points} points by their numbers and names, but only {there} points in all rows; check the numbers of the frames and the names of the points"
-            ).into());
+                "{frames} frames of {points} points by their numbers and names, but only {there} \
+                 points in all rows; check the numbers of the frames and the names of the points"
+            )
+            .into());
         }
         Ok(())
     }
 
-    /// The take, whose [`TextCells::points`] count the cells that were pushed. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
+    /// The take, whose [`TextCells::points`] count the cells that were pushed. `whole` says whether
+    /// the file's last line has a line break; with `keep_whole`, a file that ends early gives the
     /// frames that it has.
     ///
     /// # Errors
@@ -254,7 +262,8 @@ impl MarkerRows {
     }
 }
 
-/// The points with their names and their numbers. Beyond the labels, those that are seen at all are named by their number.
+/// The points with their names and their numbers. Beyond the labels, those that are seen at all are
+/// named by their number.
 fn named_points(
     xyz: Array2<f64>,
     labels: &[String],
@@ -301,7 +310,8 @@ fn coordinate(cell: &str) -> Result<f64> {
     }
 }
 
-/// Whether a cell says that there is no value. Programs built with Microsoft's older compilers print NaN as `-1.#IND`.
+/// Whether a cell says that there is no value. Programs built with Microsoft's older compilers
+/// print NaN as `-1.#IND`.
 pub fn is_missing(cell: &str) -> bool {
     let unsigned = cell.trim_start_matches(['+', '-']);
     let begins = |word: &str| {

@@ -1,4 +1,5 @@
-//! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
+//! What files of markers have in common: points over time, and what the file says of its rate, unit
+//! and axes.
 
 use super::csv::{AddedColumn, After};
 use super::row::Cells;
@@ -32,7 +33,8 @@ pub struct MarkerTake {
     pub up_is_inferred: bool,
     /// What each point is; empty where all are positions.
     pub quantities: Vec<Quantity>,
-    /// The times of the frames in seconds, where the file's own are taken; `None`: they follow from the first frame's number and the rate.
+    /// The times of the frames in seconds, where the file's own are taken; `None`: they follow
+    /// from the first frame's number and the rate.
     pub times: Option<Vec<f64>>,
     /// What was odd, a line each.
     pub notes: Vec<String>,
@@ -47,7 +49,8 @@ pub struct MarkerTake {
 pub struct CarriedColumns {
     /// Their names, each once; none is that of a column of the points.
     pub names: Vec<String>,
-    /// Their text, a row for each frame that has a line in the file; a row may lack its last cells.
+    /// Their text, a row for each frame that has a line in the file; a row may lack its last
+    /// cells.
     pub rows: Vec<Cells>,
 }
 
@@ -178,18 +181,21 @@ impl MarkerTake {
         })
     }
 
-    /// The error of something that the file does not say, or says in words that are not known, and that no option gives.
+    /// The error of something that the file does not say, or says in words that are not known, and
+    /// that no option gives.
     pub fn asked_for(&self, what: &str, said: Option<&str>, option: &str) -> Error {
         let what = match said {
             Some(said) => format!(
-                "says \"{said}\" of its {what}, which is not understood; give it with the option `{option}"
+                "says \"{said}\" of its {what}, which is not understood; give it with the option \
+                 `{option}"
             ),
             None => format!("does not say its {what}; give it with the option `{option}"),
         };
         Error::data(Place::file(&self.name), what)
     }
 
-    /// The points in centimeters, y up, a frame a row, as the take `name`, with `rate` frames per second.
+    /// The points in centimeters, y up, a frame a row, as the take `name`, with `rate` frames per
+    /// second.
     ///
     /// # Errors
     /// [`Error::Data`]: a coordinate is too large.
@@ -247,11 +253,12 @@ impl MarkerTake {
     }
 }
 
-/// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is `point17` by its number. Control
-/// characters, which a terminal would obey, are dropped.
+/// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is
+/// `point17` by its number. Control characters, which a terminal would obey, are dropped.
 pub fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let mut taken = HashSet::new();
-    // By label: the next number to try. A thousand equal labels must not try a thousand numbers each.
+    // By label: the next number to try. A thousand equal labels must not try a thousand numbers
+    // each.
     let mut next: HashMap<String, usize> = HashMap::new();
     let unique = |(i, label): (usize, &str)| {
         let label: String = label.chars().filter(|c| !c.is_control()).collect();

@@ -14,8 +14,8 @@ pub enum Matrix {
     Quantized(QuantizedMatrix),
 }
 
-/// A matrix of 16-bit integers, which are multiplied by a step. A clone shares the integers with the file that they
-/// were read from; only the rows that are asked for are converted.
+/// A matrix of 16-bit integers, which are multiplied by a step. A clone shares the integers with
+/// the file that they were read from; only the rows that are asked for are converted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuantizedMatrix {
     /// The integers as `<i2`, row by row.
@@ -26,7 +26,8 @@ pub struct QuantizedMatrix {
 }
 
 impl QuantizedMatrix {
-    /// A matrix of `<i2` integers, row by row; `None` where there are none, or not as many as the shape says.
+    /// A matrix of `<i2` integers, row by row; `None` where there are none, or not as many as the
+    /// shape says.
     pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
         let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
         (size > 0 && numbers.len() == size).then_some(QuantizedMatrix {
@@ -36,7 +37,8 @@ impl QuantizedMatrix {
         })
     }
 
-    /// Rounds `array` to multiples of the smallest step that can hold the largest value. Every value must be finite.
+    /// Rounds `array` to multiples of the smallest step that can hold the largest value. Every
+    /// value must be finite.
     pub fn of(array: &Array2<f32>) -> QuantizedMatrix {
         let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
@@ -64,8 +66,8 @@ impl QuantizedMatrix {
 }
 
 impl Matrix {
-    /// The array of an NPY file in memory, of one dimension (one column) or two: `<f4`, `<f8`, or `<i2`, whose integers are
-    /// shared with `file`.
+    /// The array of an NPY file in memory, of one dimension (one column) or two: `<f4`, `<f8`, or
+    /// `<i2`, whose integers are shared with `file`.
     ///
     /// # Errors
     /// [`Error::Data`]: other numbers, more dimensions, or not as many bytes as the shape needs.

@@ -43,7 +43,7 @@ impl MeshOutput {
         }
     }
 
-    /// Writes meshes of `faces`, vertices in centimetres, in the unit and axis `units`.
+    /// Writes meshes of `faces`, vertices in centimeters, in the unit and axis `units`.
     ///
     /// # Errors
     /// [`Error::Usage`]: several meshes for one file. [`Error::Io`]: a file cannot be written.
@@ -72,7 +72,8 @@ impl MeshOutput {
     /// Makes the folder, if it is one.
     ///
     /// # Errors
-    /// [`Error::Io`]: it cannot be made. [`Error::Usage`]: it holds meshes already, which would be mixed with the new ones.
+    /// [`Error::Io`]: it cannot be made. [`Error::Usage`]: it holds meshes already, which would be
+    /// mixed with the new ones.
     pub fn prepare(&self) -> Result<()> {
         let MeshOutput::Folder(path, _) = self else {
             return Ok(());
@@ -82,14 +83,16 @@ impl MeshOutput {
         let is_mesh = |e: &std::fs::DirEntry| MeshFormat::of(e.path()).is_ok();
         match files.flatten().any(|e| is_mesh(&e)) {
             true => Err(Error::usage(format!(
-                "{}: holds meshes already, and old and new ones would be mixed; name another folder, or empty it",
+                "{}: holds meshes already, and old and new ones would be mixed; name another \
+                 folder, or empty it",
                 path.display()
             ))),
             false => Ok(()),
         }
     }
 
-    /// Writes meshes of a folder, the first of them number `first` of fewer than `most`; a frame without a mesh has no file.
+    /// Writes meshes of a folder, the first of them number `first` of fewer than `most`; a frame
+    /// without a mesh has no file.
     ///
     /// # Errors
     /// [`Error::Io`]: a file cannot be written.
@@ -114,7 +117,7 @@ impl MeshOutput {
     }
 }
 
-/// A mesh in the unit and axis `units`, of vertices in centimetres.
+/// A mesh in the unit and axis `units`, of vertices in centimeters.
 pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: Units) -> Mesh {
     let vertex = |v: &DVec3| {
         let mut xyz = v.to_array();

@@ -1,4 +1,5 @@
-//! Model files: an `.npz` archive of named arrays, which `numpy.load` opens, and `meta`, JSON as an array of bytes.
+//! Model files: an `.npz` archive of named arrays, which `numpy.load` opens, and `meta`, JSON as an
+//! array of bytes.
 //!
 //! Entries are stored in a fixed order with the time 1980-01-01, so equal models are equal bytes.
 
@@ -22,7 +23,8 @@ pub use super::matrix::{Matrix, QuantizedMatrix};
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
 
-/// The largest number of points of a model: memory and time of priors grow with its square or faster.
+/// The largest number of points of a model: memory and time of priors grow with its square or
+/// faster.
 pub const MAX_POINTS: usize = 2048;
 
 /// Checks the number of points of a model; `source` is for the message.
@@ -41,8 +43,8 @@ pub fn check_point_count(points: usize, source: &str) -> Result<()> {
 /// The largest size of a model file, in bytes.
 const LARGEST: u64 = 8 << 30;
 
-/// The largest ratio of unpacked to packed size. Floats hardly compress, so an archive beyond it is made to fill the
-/// memory.
+/// The largest ratio of unpacked to packed size. Floats hardly compress, so an archive beyond it is
+/// made to fill the memory.
 const MOST_PACKED: u64 = 50;
 
 /// The description of a model and its history.
@@ -56,7 +58,8 @@ pub struct Meta {
     pub points: Vec<String>,
     /// Always `cm`.
     pub units: String,
-    /// `body`: rows were used as they were (root at the origin, no global rotation); `world`: each was placed.
+    /// `body`: rows were used as they were (root at the origin, no global rotation); `world`: each
+    /// was placed.
     pub space: String,
     /// The bones and their lengths in the model's space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -64,14 +67,14 @@ pub struct Meta {
     /// The largest number of atoms in a code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sparsity: Option<usize>,
-    /// Root mean square of the training poses' error a coordinate, centimetres.
+    /// Root mean square of the training poses' error a coordinate, centimeters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training_rms: Option<f64>,
-    /// Words that must go with the data the model was learnt from.
+    /// Words that must go with the data the model was learned from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub credit: Option<String>,
-    /// Arrays that are kept as 16-bit whole multiples (`<i2`) of a step: by name, the step. Only in files; here the arrays
-    /// know.
+    /// Arrays that are kept as 16-bit whole multiples (`<i2`) of a step: by name, the step. Only
+    /// in files; here the arrays know.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     steps: BTreeMap<String, f32>,
     /// Other facts that the kind needs.
@@ -100,7 +103,7 @@ pub struct HistoryEntry {
 pub struct BodyMeta {
     /// The point each point hangs on.
     pub parents: Vec<Option<usize>>,
-    /// Centimetres.
+    /// Centimeters.
     pub lengths: Vec<Option<f64>>,
 }
 
@@ -257,7 +260,8 @@ impl Model {
         Ok(zip.finish().map_err(|e| fail(e.to_string()))?.into_inner())
     }
 
-    /// Reads a model from its bytes, which it keeps where there are packed arrays; `name` is for messages.
+    /// Reads a model from its bytes, which it keeps where there are packed arrays; `name` is for
+    /// messages.
     ///
     /// # Errors
     /// [`Error::Data`]: no sound archive, no model, or one of a newer format.
@@ -385,8 +389,8 @@ impl Model {
     }
 }
 
-/// What an entry holds: where it is not compressed, where it stands in the archive. Of others no more than a little above
-/// `most` is read: the directory's sizes are not to be trusted.
+/// What an entry holds: where it is not compressed, where it stands in the archive. Of others no
+/// more than a little above `most` is read: the directory's sizes are not to be trusted.
 fn content(
     entry: &mut zip::read::ZipFile<'_, impl Read>,
     archive: &Bytes,

@@ -1,4 +1,5 @@
-//! Angles, forces, moments and powers, which C3D files store as points: columns of their own, never positions.
+//! Angles, forces, moments and powers, which C3D files store as points: columns of their own, never
+//! positions.
 
 use super::csv::{AddedColumn, After};
 use super::marker_take::{MarkerTake, Quantity};

@@ -16,14 +16,16 @@ pub const EXTENSIONS: [&str; 10] = [
 pub struct MotionFolder {
     /// The files and their paths within the folder, in the order of their names.
     pub files: Vec<(PathBuf, PathBuf)>,
-    /// Folders that cannot be read, with their paths within the folder, whose own is the given one.
+    /// Folders that cannot be read, with their paths within the folder, whose own is the given
+    /// one.
     pub unreadable: Vec<(PathBuf, PathBuf, Error)>,
     /// The number of files that are none of motion, or that were not wanted.
     pub left_out: usize,
 }
 
 impl MotionFolder {
-    /// Searches a folder, but not what is in the folder `but` (without links); files that `is_wanted` refuses are left out, and hidden ones.
+    /// Searches a folder, but not what is in the folder `but` (without links); files that
+    /// `is_wanted` refuses are left out, and hidden ones.
     pub fn search(
         folder: &Path,
         but: Option<&Path>,

@@ -83,46 +83,54 @@ impl MotionFormat {
     }
 }
 
-/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table. The first lines of
-/// text tell more than its first bytes ([`look_ahead`](super::Input::look_ahead)).
+/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what
+/// may be a table. The first lines of text tell more than its first bytes
+/// ([`look_ahead`](super::Input::look_ahead)).
 pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
         MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
         MotionFormat::Amc => {
-            "is an AMC file: convert it with amc2xyz, with the option `asf SUBJECT.asf` and the option `fps F`"
+            "is an AMC file: convert it with amc2xyz, with the option `asf SUBJECT.asf` and the \
+             option `fps F`"
         }
         MotionFormat::Asf => {
-            "is an ASF skeleton: give it to amc2xyz with the option `asf`, together with an AMC take"
+            "is an ASF skeleton: give it to amc2xyz with the option `asf`, together with an AMC \
+             take"
         }
         MotionFormat::Trc => "is a TRC file: convert it with trc2xyz, with the option `up y`",
         MotionFormat::MotiveCsv => {
             "is a Motive CSV file: convert it with csv2xyz, with the option `up y`"
         }
         MotionFormat::QualisysTsv => {
-            "is a Qualisys TSV file: convert it with csv2xyz, with the option `units mm` and the option `up z`"
+            "is a Qualisys TSV file: convert it with csv2xyz, with the option `units mm` and the \
+             option `up z`"
         }
         MotionFormat::NexusCsv => {
             "is a Vicon Nexus CSV file: convert it with csv2xyz, with the option `up z`"
         }
         MotionFormat::PointTable => {
-            "is a table of points of another program: convert it with csv2xyz, with the option `units`, the option `up` and the option `fps`"
+            "is a table of points of another program: convert it with csv2xyz, with the option \
+             `units`, the option `up` and the option `fps`"
         }
         MotionFormat::OpenSim => {
-            "is an OpenSim file (.mot, .sto), which holds columns and no points: csv2xyz makes a table of them"
+            "is an OpenSim file (.mot, .sto), which holds columns and no points: csv2xyz makes a \
+             table of them"
         }
         MotionFormat::Csv if start.trim_ascii_start().starts_with(b"{") => {
             "is a JSON file: save its positions as CSV, which csv2xyz reads"
         }
         MotionFormat::Csv if is_binary(start) => {
-            "is a binary file of no format that is read (the second byte of a C3D file is 0x50): export C3D, TRC, BVH or CSV from the program that wrote it (Motive's .tak, Vicon's .x2d, Xsens' .mvn and Qualisys' .qtm are theirs alone)"
+            "is a binary file of no format that is read (the second byte of a C3D file is 0x50): \
+             export C3D, TRC, BVH or CSV from the program that wrote it (Motive's .tak, Vicon's \
+             .x2d, Xsens' .mvn and Qualisys' .qtm are theirs alone)"
         }
         MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz => return None,
     })
 }
 
-/// Whether a file that begins so is a C3D file: the second byte is the key of all, and what stands around it are numbers, never text
-/// alone.
+/// Whether a file that begins so is a C3D file: the second byte is the key of all, and what stands
+/// around it are numbers, never text alone.
 pub fn is_c3d(start: &[u8]) -> bool {
     matches!(start, [_, 0x50, ..]) && is_binary(&start[..start.len().min(12)])
 }

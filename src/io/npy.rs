@@ -1,5 +1,5 @@
-//! NumPy's array files as pose tables: (frames, 3 x points) or (frames, points, 3), `<f4` or `<f8`, C or Fortran
-//! order; NaN is missing. Read without seeking, so standard input works.
+//! NumPy's array files as pose tables: (frames, 3 x points) or (frames, points, 3), `<f4` or `<f8`,
+//! C or Fortran order; NaN is missing. Read without seeking, so standard input works.
 
 use super::Input;
 use super::columns::Columns;
@@ -43,11 +43,14 @@ impl Header {
         match self.descr.as_str() {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
-            "|O" => Err("holds a Python object (a pickle), which may run code: save its positions alone with numpy.save".into()),
-            other => Err(format!(
-                "has values of type {}, expected <f4 or <f8",
-                excerpt(other)
-            ).into()),
+            "|O" => Err(
+                "holds a Python object (a pickle), which may run code: save its positions alone \
+                 with numpy.save"
+                    .into(),
+            ),
+            other => {
+                Err(format!("has values of type {}, expected <f4 or <f8", excerpt(other)).into())
+            }
         }
     }
 }
@@ -56,7 +59,8 @@ impl NpyReader {
     /// Reads the header; an array in Fortran order is read whole.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three columns a point.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three
+    /// columns a point.
     pub fn new(input: Input, options: &TableOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);
@@ -67,7 +71,9 @@ impl NpyReader {
         let (frames, width) = match header.shape[..] {
             [_, 263] => {
                 return fail(
-                    "holds features of HumanML3D (263 a frame), expected positions: those are in new_joints".into(),
+                    "holds features of HumanML3D (263 a frame), expected positions: those are in \
+                     new_joints"
+                        .into(),
                 );
             }
             [frames, width] => (frames, width),
@@ -104,7 +110,8 @@ impl NpyReader {
     /// Reads the next frame; `false` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: the array ends early or late, or a value is infinite or too large.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: the array ends early or late, or a value is
+    /// infinite or too large.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         let width = self.columns.width();
         *row = Row {
@@ -142,7 +149,8 @@ impl NpyReader {
             }
         }
         self.next += 1;
-        // Without an early end, for the compiler to compare several at once; NaN is not beyond anything.
+        // Without an early end, for the compiler to compare several at once; NaN is not beyond
+        // anything.
         let beyond = |any: bool, v: &f64| any | (v.abs() > MAX_COORDINATE);
         if row.xyz.iter().fold(false, beyond) {
             return Err(self.beyond(&row.xyz));
@@ -164,7 +172,8 @@ impl NpyReader {
     }
 
     fn read_fortran(&mut self, shape: &[u64]) -> Result<Vec<f64>> {
-        // Read in pieces: a header that lies about its size must not take memory before the bytes are there.
+        // Read in pieces: a header that lies about its size must not take memory before the bytes
+        // are there.
         let size = if self.wide { 8 } else { 4 };
         let count = self.frames.saturating_mul(self.columns.width() as u64);
         let mut bytes = Vec::new();
@@ -296,8 +305,8 @@ fn parse_header(text: &str) -> Result<Header> {
     })
 }
 
-/// The header of a C-order `<f8` array of (frames, width): always 128 bytes for sizes in use, so that a file can be
-/// written first and its count of frames set last.
+/// The header of a C-order `<f8` array of (frames, width): always 128 bytes for sizes in use, so
+/// that a file can be written first and its count of frames set last.
 pub fn header(frames: u64, width: usize) -> Vec<u8> {
     header_of("<f8", &[frames as usize, width])
 }
@@ -337,8 +346,9 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     Ok(rest)
 }
 
-/// The bytes of an array file of frames, `file`, whose coordinates are `old` (frames, 3 P), with those of `new` that are another number. All
-/// other bytes stay; a missing value takes no number away.
+/// The bytes of an array file of frames, `file`, whose coordinates are `old` (frames, 3 P), with
+/// those of `new` that are another number. All other bytes stay; a missing value takes no number
+/// away.
 ///
 /// # Errors
 /// [`Error::Unfit`]: no array of frames of such a size.

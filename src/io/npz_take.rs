@@ -1,4 +1,5 @@
-//! Positions in NPZ archives: markers of AMASS with their names and rate, or the one array of joints (frames, points, 3).
+//! Positions in NPZ archives: markers of AMASS with their names and rate, or the one array of
+//! joints (frames, points, 3).
 
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
@@ -21,7 +22,7 @@ const MOST_PACKED: u64 = 100;
 const MOST_ENTRIES: usize = 4096;
 /// Entries that a message lists.
 const LISTED: usize = 8;
-/// The extent of a body's markers in metres, in whatever pose.
+/// The extent of a body's markers in meters, in whatever pose.
 const BODY: RangeInclusive<f64> = 0.2..=5.0;
 
 /// A take of an archive.
@@ -45,7 +46,8 @@ impl NpzTake {
     /// Reads an archive. `joints` are the points' names, instead of those in it.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: it is damaged, or has no array of positions, or several.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: it is damaged, or has no array of positions,
+    /// or several.
     pub fn read(input: Input, joints: Option<&[String]>) -> Result<NpzTake> {
         let name = input.name.clone();
         let archive: Bytes = input.read_all(LARGEST)?.into();
@@ -75,12 +77,12 @@ impl NpzTake {
         };
         let content = zipped.content(chosen.index)?;
         let (points, xyz) = positions(&name, content, names)?;
-        let is_metres = is_amass && is_metric(xyz.view());
-        if is_metres {
-            notes.push("taken as metres, z up, as markers of AMASS are by custom".into());
+        let is_meters = is_amass && is_metric(xyz.view());
+        if is_meters {
+            notes.push("taken as meters, z up, as markers of AMASS are by custom".into());
         } else if is_amass {
             notes.push(
-                "its markers' extent is no body's in metres, as markers of AMASS are by custom"
+                "its markers' extent is no body's in meters, as markers of AMASS are by custom"
                     .into(),
             );
         }
@@ -92,10 +94,10 @@ impl NpzTake {
                 xyz,
                 first_frame: 1,
                 rate,
-                units: is_metres.then(|| "m".to_string()),
-                up: is_metres.then(|| "+Z".to_string()),
-                units_are_inferred: is_metres,
-                up_is_inferred: is_metres,
+                units: is_meters.then(|| "m".to_string()),
+                up: is_meters.then(|| "+Z".to_string()),
+                units_are_inferred: is_meters,
+                up_is_inferred: is_meters,
                 notes,
                 ..MarkerTake::default()
             },
@@ -118,8 +120,8 @@ impl NpzTake {
         Ok(of_posing(&zipped.entries()?).is_some())
     }
 
-    /// The bytes of the archive with the positions `new` (frames, 3 P; in the archive's unit and axes). All other entries stay byte by
-    /// byte, and so do values that did not change.
+    /// The bytes of the archive with the positions `new` (frames, 3 P; in the archive's unit and
+    /// axes). All other entries stay byte by byte, and so do values that did not change.
     ///
     /// # Errors
     /// [`Error::Data`]: the archive cannot be made.
@@ -153,10 +155,12 @@ impl NpzTake {
     }
 }
 
-/// The take of an array file, NPY, which says neither its rate nor its unit and axis. `joints` are the points' names.
+/// The take of an array file, NPY, which says neither its rate nor its unit and axis. `joints` are
+/// the points' names.
 ///
 /// # Errors
-/// [`Error::Io`]: reading fails. [`Error::Data`]: no array of positions, or none whose points have names.
+/// [`Error::Io`]: reading fails. [`Error::Data`]: no array of positions, or none whose points have
+/// names.
 pub fn read_npy(input: Input, joints: Option<&[String]>) -> Result<MarkerTake> {
     let name = input.name.clone();
     let content = input.read_all(LARGEST)?;
@@ -197,7 +201,7 @@ fn positions(
     Ok((points, xyz))
 }
 
-/// Whether a body of these positions may be in metres: by the largest extent of the median frame.
+/// Whether a body of these positions may be in meters: by the largest extent of the median frame.
 fn is_metric(xyz: ArrayView2<'_, f64>) -> bool {
     let extents = xyz.rows().into_iter().filter_map(|row| {
         let along = |axis: usize| {
@@ -419,7 +423,9 @@ fn without_positions(entries: &[Entry]) -> String {
     let arrays = listed(entries.iter());
     match has("poses") || has("body_pose") || has("pose_body") || has("smpl_poses") {
         true => format!(
-            "holds parameters of a SMPL body and no positions ({arrays}): a body model (smplx in Python) turns them into joints; save these with numpy.save and read them with the option `joints` smpl"
+            "holds parameters of a SMPL body and no positions ({arrays}): a body model (smplx in \
+             Python) turns them into joints; save these with numpy.save and read them with the \
+             option `joints` smpl"
         ),
         false => format!(
             "holds no array of positions (frames, points, 3) of <f4 or <f8; it has {arrays}"
@@ -441,7 +447,7 @@ fn listed<'a>(entries: impl Iterator<Item = &'a Entry>) -> String {
     }
 }
 
-/// Whether the positions are AMASS' markers, which are in metres, z up.
+/// Whether the positions are AMASS' markers, which are in meters, z up.
 fn is_amass(entries: &[Entry], chosen: &Entry) -> bool {
     let has = |word: &str| entries.iter().any(|e| plain(&e.name) == word);
     match plain(&chosen.name).as_str() {
@@ -578,7 +584,7 @@ mod tests {
                 (take.units.as_deref(), take.up.as_deref()),
                 (Some("m"), Some("+Z"))
             );
-            assert!(take.notes[0].contains("metres, z up"), "{:?}", take.notes);
+            assert!(take.notes[0].contains("meters, z up"), "{:?}", take.notes);
             assert!(take.units_are_inferred && take.up_is_inferred);
             assert!(take.xyz[[0, 5]].is_nan());
             let mut new = take.xyz.clone();
@@ -599,7 +605,7 @@ mod tests {
                 "a missing value takes none away"
             );
         }
-        let millimetres = archive(
+        let millimeters = archive(
             &[(
                 "marker_data",
                 "<f8",
@@ -608,10 +614,10 @@ mod tests {
             )],
             false,
         );
-        let take = read(millimetres, None).unwrap().take;
+        let take = read(millimeters, None).unwrap().take;
         assert_eq!((take.units, take.points.len()), (None, 2));
-        assert!(!take.units_are_inferred && take.notes.concat().contains("no body's in metres"));
-        // A hand in centimetres, and a body of which one marker flew off.
+        assert!(!take.units_are_inferred && take.notes.concat().contains("no body's in meters"));
+        // A hand in centimeters, and a body of which one marker flew off.
         let of = |values: &[f64]| {
             is_metric(ArrayView2::from_shape((values.len() / 6, 6), values).unwrap())
         };

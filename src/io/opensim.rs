@@ -1,5 +1,6 @@
-//! OpenSim's .mot and .sto files: a header that ends in `endheader`, a row of titles, and rows of numbers, the time first. They hold angles,
-//! forces, muscles' states and the like, and no positions of points: all columns are carried along.
+//! OpenSim's .mot and .sto files: a header that ends in `endheader`, a row of titles, and rows of
+//! numbers, the time first. They hold angles, forces, muscles' states and the like, and no
+//! positions of points: all columns are carried along.
 
 use super::input::Input;
 use super::marker_csv::points::rate_of_times;
@@ -11,11 +12,12 @@ use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::io::BufRead;
 
-/// Reads a file. Its take has no points; its times and its columns are the file's. With `keep_whole`, one that ends early gives the rows
-/// that it has.
+/// Reads a file. Its take has no points; its times and its columns are the file's. With
+/// `keep_whole`, one that ends early gives the rows that it has.
 ///
 /// # Errors
-/// [`Error::Data`]: it is no such file, has no times or rows, ends early, or a row has other cells than there are titles.
+/// [`Error::Data`]: it is no such file, has no times or rows, ends early, or a row has other cells
+/// than there are titles.
 /// [`Error::Io`]: reading fails.
 pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
     input.look_ahead()?;
@@ -148,7 +150,8 @@ fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<String>> {
     Ok(lines.next_filled(char::is_whitespace)?.map(str::to_string))
 }
 
-/// The cells of a row: parted by tabs or, where these do not give the cells that are `expected`, by blanks.
+/// The cells of a row: parted by tabs or, where these do not give the cells that are `expected`, by
+/// blanks.
 fn cells(line: &str, expected: Option<usize>) -> Vec<&str> {
     let mut by_tabs: Vec<&str> = line.trim_end().split('\t').map(str::trim).collect();
     // Rows may begin with a tab.
@@ -170,7 +173,14 @@ mod tests {
     use super::*;
     use std::io::Cursor;
 
-    const MOT: &str = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nUnits are S.I. units.\n\nendheader\ntime\tpelvis_tilt\tknee_angle_r\n3.3800\t0.00000\t-1.00000\n3.3900\t3.97339\t-0.94496\n";
+    const MOT: &str = "Coordinates\nversion=1\n\
+        nRows=2\nnColumns=3\n\
+        inDegrees=yes\n\n\
+        Units are S.I. units.\n\
+        \nendheader\n\
+        time\tpelvis_tilt\tknee_angle_r\n\
+        3.3800\t0.00000\t-1.00000\n\
+        3.3900\t3.97339\t-0.94496\n";
 
     fn take(text: &str, keep_whole: bool) -> Result<MarkerTake> {
         read(

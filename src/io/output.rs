@@ -11,13 +11,15 @@ use std::path::{Path, PathBuf};
 
 /// Where bytes are written: a file, or a stream such as standard output.
 ///
-/// A file is at its path only when [`Output::finish`] puts it there. An output that is dropped before that leaves nothing behind,
-/// nor does, where the system has files without names, a process that is killed.
+/// A file is at its path only when [`Output::finish`] puts it there. An output that is dropped
+/// before that leaves nothing behind, nor does, where the system has files without names, a process
+/// that is killed.
 ///
 /// A name that ends in `.gz` or `.zst` gets what it says.
 ///
-/// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of the process
-/// (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to is written.
+/// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of
+/// the process (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to
+/// is written.
 pub struct Output {
     /// The name that messages use.
     name: String,
@@ -165,7 +167,8 @@ impl Output {
         self.complete()?.publish()
     }
 
-    /// Flushes, and syncs a file, which is not yet at its path: of several, none appears before all are complete.
+    /// Flushes, and syncs a file, which is not yet at its path: of several, none appears before all
+    /// are complete.
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
@@ -202,7 +205,8 @@ impl CompleteOutput {
     }
 }
 
-/// The path with links resolved, and the number of the open file of this process that it names, if it names one.
+/// The path with links resolved, and the number of the open file of this process that it names, if
+/// it names one.
 fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -228,7 +232,8 @@ pub fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     resolved(path).map(|(path, _)| path)
 }
 
-/// The number of the open file of this process that a path leads to, links followed: 1 is standard output.
+/// The number of the open file of this process that a path leads to, links followed: 1 is standard
+/// output.
 pub fn file_descriptor(path: &Path) -> Option<u32> {
     resolved(path).ok()?.1
 }

@@ -1,5 +1,5 @@
-//! Titles of tables of points, as many programs write them: one row of NAME_x, NAME_y, NAME_z, or a row of names above a row of x, y, z
-//! (pandas, DeepLabCut, Vicon Nexus).
+//! Titles of tables of points, as many programs write them: one row of NAME_x, NAME_y, NAME_z, or a
+//! row of names above a row of x, y, z (pandas, DeepLabCut, Vicon Nexus).
 
 use super::marker_rows::is_missing;
 use super::row_cells::texts_of;
@@ -8,7 +8,8 @@ use super::text_cells::Separator;
 use crate::Result;
 use std::collections::HashMap;
 
-/// The most rows that titles have: scorer, individual, point, axis, and the unit or the name of the index.
+/// The most rows that titles have: scorer, individual, point, axis, and the unit or the name of the
+/// index.
 pub const MOST_ROWS: usize = 5;
 
 /// What stands between a name and an axis.
@@ -36,7 +37,8 @@ pub struct PointTitles {
 }
 
 impl PointTitles {
-    /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are no titles of points.
+    /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are
+    /// no titles of points.
     pub fn read(lines: &[&str]) -> Option<PointTitles> {
         PointTitles::of_lines(lines, Group::is_position)
     }
@@ -80,10 +82,12 @@ impl PointTitles {
     pub fn unit(&self) -> Result<Option<String>> {
         match &self.units[..] {
             [one, other, ..] => Err(format!(
-                "has points in {} and in {}: convert them to one unit, or leave out those of the other",
+                "has points in {} and in {}: convert them to one unit, or leave out those of the \
+                 other",
                 excerpt(one),
                 excerpt(other)
-            ).into()),
+            )
+            .into()),
             units => Ok(units.first().map(|unit| excerpt(unit))),
         }
     }
@@ -210,8 +214,8 @@ const OTHER_QUANTITIES: [&str; 22] = [
     "power",
     "reaction",
 ];
-/// Last words of a position, whatever is said before: the centre of rotation is one.
-const POSITIONS: [&str; 4] = ["pos", "position", "center", "centre"];
+/// Last words of a position, whatever is said before: the center of rotation is one.
+const POSITIONS: [&str; 3] = ["pos", "position", "center"];
 
 /// Whether a name says that its x, y and z are no position.
 fn is_other_quantity(name: &str) -> bool {
@@ -220,7 +224,9 @@ fn is_other_quantity(name: &str) -> bool {
         let single = word.strip_suffix('s').unwrap_or(word);
         list.contains(&word.as_str()) || list.contains(&single)
     };
-    let is_position = words.last().is_some_and(|word| is_of(word, &POSITIONS));
+    // Europeans write center with -tre.
+    let american = |word: &String| word.replace("tre", "ter");
+    let is_position = (words.last()).is_some_and(|word| is_of(&american(word), &POSITIONS));
     !is_position && words.iter().any(|word| is_of(word, &OTHER_QUANTITIES))
 }
 
@@ -306,8 +312,8 @@ impl Group {
         groups
     }
 
-    /// The groups of a row of axes below names, one a column; before the first name there are none. A name that comes again begins a new
-    /// group.
+    /// The groups of a row of axes below names, one a column; before the first name there are none.
+    /// A name that comes again begins a new group.
     fn of_rows(names: &[String], axes: &[String]) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let mut last: HashMap<&str, usize> = HashMap::new();
@@ -385,8 +391,9 @@ fn is_axes(row: &[String]) -> bool {
     has(0) && has(1)
 }
 
-/// The name of each column, from the row above the axes; with that of its person, from the rows above it where they differ. A name may
-/// stand above the first of its columns alone: it ends where an axis comes a second time, and what follows has no name.
+/// The name of each column, from the row above the axes; with that of its person, from the rows
+/// above it where they differ. A name may stand above the first of its columns alone: it ends where
+/// an axis comes a second time, and what follows has no name.
 fn names_above(rows: &[Vec<String>], axes: usize) -> Vec<String> {
     let width = rows[axes].len();
     let filled = |row: &Vec<String>, ends: bool| -> Vec<String> {

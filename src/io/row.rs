@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// One frame as it was read.
 #[derive(Debug, Clone, Default)]
 pub struct Row {
-    /// Coordinates, three a point, centimetres; NaN is missing.
+    /// Coordinates, three a point, centimeters; NaN is missing.
     pub xyz: Vec<f64>,
     /// Seconds.
     pub time: Option<f64>,
@@ -82,7 +82,8 @@ impl Cells {
         self.ends.clone_from(&other.ends);
         (self.line, self.plain) = (other.line, other.plain);
     }
-    /// Becomes the cells of a line that has commas between them and no quotes; cell k ends at `ends[k]`.
+    /// Becomes the cells of a line that has commas between them and no quotes; cell k ends at
+    /// `ends[k]`.
     pub(super) fn set_plain(&mut self, text: &[u8], ends: &[usize], line: u64) {
         self.text.clear();
         self.text.extend_from_slice(text);

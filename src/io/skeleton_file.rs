@@ -19,8 +19,8 @@ pub enum SkeletonFile {
 }
 
 impl SkeletonFile {
-    /// Reads an ASF or a BVH file; the notes of the BVH reader. `unit` (centimetres) and `turn` (from the file's axes
-    /// to ours) are those of a BVH; an ASF states its own.
+    /// Reads an ASF or a BVH file; the notes of the BVH reader. `unit` (centimeters) and `turn`
+    /// (from the file's axes to ours) are those of a BVH; an ASF states its own.
     ///
     /// # Errors
     /// Those of [`Asf::open`] and [`Bvh::open`].

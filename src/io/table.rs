@@ -41,12 +41,14 @@ impl Table {
     /// table.poses.xyz[[0, 2]] = 2.5;
     /// table.save(&copy)?;
     /// // The other cells keep their text.
-    /// assert_eq!(std::fs::read_to_string(&copy)?, "time,hand.x,hand.y,hand.z\n0.0,1.50,2,2.5\n0.1,1e0,2,3\n");
+    /// let expected = "time,hand.x,hand.y,hand.z\n0.0,1.50,2,2.5\n0.1,1e0,2,3\n";
+    /// assert_eq!(std::fs::read_to_string(&copy)?, expected);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
-    /// `Error::Io`: the file cannot be read. `Error::Data`: no table; the place has the line and the column.
+    /// `Error::Io`: the file cannot be read. `Error::Data`: no table; the place has the line and
+    /// the column.
     pub fn open(path: impl AsRef<Path>) -> Result<Table> {
         let options = TableOptions {
             cells: true,
@@ -79,14 +81,15 @@ impl Table {
         })
     }
 
-    /// A table of `poses`, with the columns that `amc2xyz` writes: take and time, where the poses have them, then the
-    /// points. [`Table::poses`] are the way back.
+    /// A table of `poses`, with the columns that `amc2xyz` writes: take and time, where the poses
+    /// have them, then the points. [`Table::poses`] are the way back.
     ///
     /// ```
     /// use ndarray::array;
     /// use posing::{io::Table, pose::Poses};
     ///
-    /// let poses = Poses { points: vec!["hand".into()], xyz: array![[1.0, 2.0, f64::NAN]], ..Poses::default() };
+    /// let (points, xyz) = (vec!["hand".into()], array![[1.0, 2.0, f64::NAN]]);
+    /// let poses = Poses { points, xyz, ..Poses::default() };
     /// let folder = tempfile::tempdir()?;
     /// let path = folder.path().join("hand.csv");
     /// Table::from_poses(poses).save(&path)?;
@@ -105,8 +108,9 @@ impl Table {
         }
     }
 
-    /// Writes the table, NPY where the path ends in `.npy`, else CSV; complete or not at all. The bytes are those that
-    /// the commands write: a cell whose text reads as the number in [`Table::poses`] keeps its text.
+    /// Writes the table, NPY where the path ends in `.npy`, else CSV; complete or not at all. The
+    /// bytes are those that the commands write: a cell whose text reads as the number in
+    /// [`Table::poses`] keeps its text.
     ///
     /// # Errors
     /// `Error::Io`: the file cannot be written.
@@ -117,7 +121,8 @@ impl Table {
         for frame in 0..self.poses.frames() {
             self.row_into(frame, &mut row);
             xyz.clone_from(&row.xyz);
-            // The numbers of the file, for comparison: a cell keeps its text if its number has not changed.
+            // The numbers of the file, for comparison: a cell keeps its text if its number has not
+            // changed.
             for (point, columns) in self.columns.coordinates.iter().enumerate() {
                 for (axis, cell) in columns.iter().enumerate() {
                     if let Some(cell) = cell.and_then(|c| row.cells.get(c)) {

@@ -53,7 +53,7 @@ impl TakeRows {
 }
 
 impl RowReader {
-    /// Recognises the format by content and reads the header.
+    /// Recognizes the format by content and reads the header.
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no table; the place has the line.
@@ -95,7 +95,8 @@ impl RowReader {
     /// Reads the next frame; `false` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the column.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the
+    /// column.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         match self {
             RowReader::Csv(r) => r.read(row),

@@ -1,7 +1,7 @@
 //! Writes pose tables row by row, as CSV or as an NPY array.
 //!
-//! A background thread formats the rows (CSV on all threads) and writes them in order, while the caller computes the
-//! next ones. The text of a CSV row is that of [`CsvFormat::push_row`].
+//! A background thread formats the rows (CSV on all threads) and writes them in order, while the
+//! caller computes the next ones. The text of a CSV row is that of [`CsvFormat::push_row`].
 
 use super::columns::Columns;
 use super::csv::{AddedColumn, CsvFormat};
@@ -16,9 +16,11 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 
-/// The size of a batch, in bytes of output: no more than the buffer of a pipe, so that a row waits for few others.
+/// The size of a batch, in bytes of output: no more than the buffer of a pipe, so that a row waits
+/// for few others.
 const BATCH_BYTES: usize = 1 << 16;
-/// The largest number of batches that wait for the background thread, which takes all of them at once.
+/// The largest number of batches that wait for the background thread, which takes all of them at
+/// once.
 const MAX_WAITING: usize = 8;
 /// The least number of rows that one thread formats at a time.
 const MIN_CHUNK: usize = 8;
@@ -35,8 +37,8 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// The format that the extension of a path names: NPY for `.npy`, in either case, packed (`.npy.gz`, `.npy.zst`) or not; CSV
-    /// for any other.
+    /// The format that the extension of a path names: NPY for `.npy`, in either case, packed
+    /// (`.npy.gz`, `.npy.zst`) or not; CSV for any other.
     pub fn of_path(path: impl AsRef<Path>) -> TableFormat {
         let path = path.as_ref();
         let packed = |e: &std::ffi::OsStr| ["gz", "zst"].iter().any(|p| e.eq_ignore_ascii_case(p));
@@ -49,7 +51,8 @@ impl TableFormat {
         }
     }
 
-    /// Checks that a table in this format can have `added` columns: an array holds coordinates alone.
+    /// Checks that a table in this format can have `added` columns: an array holds coordinates
+    /// alone.
     ///
     /// # Errors
     /// [`Error::Usage`]: columns would be added to an array.
@@ -105,8 +108,8 @@ impl TableWriter {
         })
     }
 
-    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimetres, NaN is missing),
-    /// `added` the cells of the added columns. See [`CsvFormat::push_row`].
+    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimeters,
+    /// NaN is missing), `added` the cells of the added columns. See [`CsvFormat::push_row`].
     ///
     /// # Errors
     /// [`Error::Io`]: this row or one before it could not be written.
@@ -278,7 +281,8 @@ enum Format {
     Npy {
         width: usize,
         frames: u64,
-        /// A nameless file for the values, where the header of the output cannot be rewritten once their count is known.
+        /// A nameless file for the values, where the header of the output cannot be rewritten once
+        /// their count is known.
         spool: Option<File>,
     },
 }

@@ -3,13 +3,15 @@
 use crate::{Error, Place, Result};
 use std::io::{BufRead, Read};
 
-/// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
+/// The longest line a text format may have. (A BVH with all its frames on one line is read
+/// elsewhere.)
 pub const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// The byte ^Z, with which programs of DOS end a text.
 const DOS_END: u8 = 0x1a;
 
-/// The byte that ends the lines of a text: a line feed, but CR where there is no other in the first [`MAX_LINE_BYTES`].
+/// The byte that ends the lines of a text: a line feed, but CR where there is no other in the first
+/// [`MAX_LINE_BYTES`].
 pub fn line_end(text: &[u8]) -> u8 {
     let start = &text[..text.len().min(MAX_LINE_BYTES + 1)];
     match !start.contains(&b'\n') && start.contains(&b'\r') {
@@ -18,8 +20,9 @@ pub fn line_end(text: &[u8]) -> u8 {
     }
 }
 
-/// Lines of a text, numbered from 1, without their ending (LF, CRLF or none, CR alone where [asked for](Lines::any_end)) and without a
-/// byte-order mark. A line of ^Z alone, the mark of DOS, is the end.
+/// Lines of a text, numbered from 1, without their ending (LF, CRLF or none, CR alone where [asked
+/// for](Lines::any_end)) and without a byte-order mark. A line of ^Z alone, the mark of DOS, is the
+/// end.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
 pub struct Lines<R> {
@@ -28,9 +31,11 @@ pub struct Lines<R> {
     pub name: String,
     /// The number of the line last read.
     pub number: u64,
-    /// Whether the line last read had a line break at its end, which the last line of a file may lack.
+    /// Whether the line last read had a line break at its end, which the last line of a file may
+    /// lack.
     pub whole: bool,
-    /// The byte that ends a line; `None` before the first line of a text that may end its lines in CR alone.
+    /// The byte that ends a line; `None` before the first line of a text that may end its lines in
+    /// CR alone.
     end: Option<u8>,
     /// What of such a text was read ahead, and how much of it was passed on.
     ahead: (Vec<u8>, usize),
@@ -127,7 +132,8 @@ impl<R: BufRead> Lines<R> {
         Ok(None)
     }
 
-    /// Reads a line with its end, or the start of one that is too long, into the buffer; how many bytes.
+    /// Reads a line with its end, or the start of one that is too long, into the buffer; how many
+    /// bytes.
     fn read_until(&mut self, end: u8) -> Result<usize> {
         self.buffer.clear();
         let (ahead, at) = (&self.ahead.0, self.ahead.1);
@@ -167,7 +173,8 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-/// Waits for the reader's buffer to hold something, unless it ended. (A call that was only interrupted is repeated.)
+/// Waits for the reader's buffer to hold something, unless it ended. (A call that was only
+/// interrupted is repeated.)
 pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
     loop {
         match reader.fill_buf() {
@@ -177,7 +184,8 @@ pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
     }
 }
 
-/// The finite number that `text` begins with, and its length in bytes. [`parse_number`] reads the same number.
+/// The finite number that `text` begins with, and its length in bytes. [`parse_number`] reads the
+/// same number.
 pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
     let (value, length) = fast_float2::parse_partial::<f64, _>(text).ok()?;
     value.is_finite().then_some((value, length))
@@ -195,20 +203,20 @@ pub fn parse_number(text: &str) -> Result<f64> {
     }
 }
 
-/// No coordinate or length is further from zero, centimetres: a larger one is damage, and its square would not be
-/// finite much longer.
+/// No coordinate or length is further from zero, centimeters: a larger one is damage, and its
+/// square would not be finite much longer.
 pub const MAX_COORDINATE: f64 = 1e12;
 
-/// A length in centimetres that is no damage, or what is wrong with it.
+/// A length in centimeters that is no damage, or what is wrong with it.
 ///
 /// # Errors
 /// [`Error::Unfit`]: the length is beyond [`MAX_COORDINATE`].
-pub fn check_length(centimetres: f64) -> Result<f64> {
-    if centimetres.abs() <= MAX_COORDINATE {
-        Ok(centimetres)
+pub fn check_length(centimeters: f64) -> Result<f64> {
+    if centimeters.abs() <= MAX_COORDINATE {
+        Ok(centimeters)
     } else {
         Err(
-            format!("{centimetres:e} cm is too large: expected at most {MAX_COORDINATE:e} cm")
+            format!("{centimeters:e} cm is too large: expected at most {MAX_COORDINATE:e} cm")
                 .into(),
         )
     }
@@ -228,7 +236,8 @@ pub fn excerpt(text: &str) -> String {
     }
 }
 
-/// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a missing value).
+/// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a
+/// missing value).
 pub fn push_f64(out: &mut Vec<u8>, value: f64) {
     push_shortest(out, value);
 }
@@ -382,8 +391,12 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn a_prefix_is_the_number_at_the_start(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
-            for text in [value.to_string(), format!("{value:e}"), digits.clone(), format!("-{digits}.{digits}e{exponent}")] {
+        fn a_prefix_is_the_number_at_the_start(
+            value in proptest::num::f64::ANY, digits in "[0-9]{1,30}",
+            exponent in -340..310i32, behind in "[,; \n#x_]?",
+        ) {
+            let decimal = format!("-{digits}.{digits}e{exponent}");
+            for text in [value.to_string(), format!("{value:e}"), digits, decimal] {
                 let whole = parse_number(&text).ok().map(|v| (v.to_bits(), text.len()));
                 let prefix = finite_prefix(format!("{text}{behind}").as_bytes());
                 proptest::prop_assert_eq!(prefix.map(|(v, n)| (v.to_bits(), n)), whole);

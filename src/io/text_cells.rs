@@ -1,11 +1,12 @@
-//! Where the coordinates of a take stand in its file of text, so that they can be written again and all else stays as it is.
+//! Where the coordinates of a take stand in its file of text, so that they can be written again and
+//! all else stays as it is.
 
 use super::row_cells::cells_of;
 use super::text::{line_end, push_f64};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
 
-/// Digits after the point of what is written: a micrometre in files of metres.
+/// Digits after the point of what is written: a micrometer in files of meters.
 const DECIMALS: f64 = 1e6;
 
 /// How the cells of a row are parted.
@@ -18,7 +19,8 @@ pub enum Separator {
     Comma,
     /// By semicolons.
     Semicolon,
-    /// By tabs; by tabs and blanks, of any number, in a row without a tab, and in a row that is whole only so.
+    /// By tabs; by tabs and blanks, of any number, in a row without a tab, and in a row that is
+    /// whole only so.
     TabOrBlanks {
         /// The cells of a whole row.
         whole: usize,
@@ -45,7 +47,8 @@ impl Separator {
         let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
         let is_mixed = |cell: &[u8]| cell.trim_ascii().iter().any(is_blank);
         let mut cells = row.split(|b| *b == b'\t');
-        // Two tabs beside the frame's number, or blanks within a cell: else an empty cell is a missing value.
+        // Two tabs beside the frame's number, or blanks within a cell: else an empty cell is a
+        // missing value.
         let time = cells.clone().nth(1);
         let is_odd = time.is_some_and(|time| time.trim_ascii().is_empty()) || cells.any(is_mixed);
         let by_words = !row.contains(&b'\t') || is_odd && words() == whole;
@@ -67,14 +70,16 @@ pub struct TextCells {
 }
 
 impl TextCells {
-    /// Sets the cells of the points, which were counted among those of the points, to those of the rows.
+    /// Sets the cells of the points, which were counted among those of the points, to those of the
+    /// rows.
     pub fn move_points(&mut self, cell: impl Fn(usize) -> usize) {
         let cells = self.points.iter_mut().flatten();
         cells.for_each(|c| *c = cell(*c));
     }
 
-    /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new` (frames, 3 P; both in the file's unit
-    /// and axes). Every other byte stays; a missing value takes no measured one away.
+    /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new`
+    /// (frames, 3 P; both in the file's unit and axes). Every other byte stays; a missing value
+    /// takes no measured one away.
     pub fn with_points(
         &self,
         original: &[u8],
@@ -230,7 +235,8 @@ mod tests {
 
     #[test]
     fn cells_of_odd_files_are_found() {
-        // CR alone ends the lines; two tabs and a blank part the cells; a comma stands before decimals.
+        // CR alone ends the lines; two tabs and a blank part the cells; a comma stands before
+        // decimals.
         let cells = TextCells {
             lines: vec![Some(2)],
             points: vec![[1, 2, 3]],

@@ -20,8 +20,8 @@ pub enum TextStart {
     PoseTable,
 }
 
-/// Which table a file is that begins with this text, whose last line may be cut: what its first whole lines tell, so that no later
-/// ones change it, nor bytes behind them that are no text.
+/// Which table a file is that begins with this text, whose last line may be cut: what its first
+/// whole lines tell, so that no later ones change it, nor bytes behind them that are no text.
 pub fn of_lines(start: &[u8]) -> Option<TextStart> {
     let start = &start[..start.len().min(MOST_LINE_BYTES)];
     let breaks = (0..start.len()).filter(|&i| matches!(start[i], b'\n' | b'\r'));
@@ -71,7 +71,8 @@ pub fn too_long(start: &[u8]) -> Option<String> {
     let lines = start.iter().filter(|b| matches!(b, b'\n' | b'\r')).count();
     (lines < MOST_ROWS).then(|| {
         format!(
-            "begins with lines that are longer than the {MOST_LINE_BYTES} bytes that are read of titles: split its columns"
+            "begins with lines that are longer than the {MOST_LINE_BYTES} bytes that are read of \
+             titles: split its columns"
         )
     })
 }

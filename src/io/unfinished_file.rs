@@ -1,5 +1,6 @@
-//! A file that is being written. Where the system allows it, the file has no name before it is whole, so that nothing is left of it
-//! however the process ends; else it has a temporary name in the same folder, and [`remove_unfinished_files`] removes it.
+//! A file that is being written. Where the system allows it, the file has no name before it is
+//! whole, so that nothing is left of it however the process ends; else it has a temporary name in
+//! the same folder, and [`remove_unfinished_files`] removes it.
 
 use std::fs::{self, File, Permissions};
 use std::io::{self, Seek, SeekFrom, Write};
@@ -17,7 +18,8 @@ const MOST_OPEN: i32 = 64;
 /// The temporary files that exist now.
 static UNFINISHED_FILES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files that are not finished, and lets no more be made. For use before a signal ends the process.
+/// Removes the temporary files that are not finished, and lets no more be made. For use before a
+/// signal ends the process.
 pub fn remove_unfinished_files() {
     let all = UNFINISHED_FILES
         .lock()
@@ -33,7 +35,8 @@ pub fn remove_unfinished_files() {
 struct TemporaryName(PathBuf);
 
 impl TemporaryName {
-    /// Makes a temporary file. Both are one step: no signal comes between that would leave the file.
+    /// Makes a temporary file. Both are one step: no signal comes between that would leave the
+    /// file.
     fn make<F>(
         make: impl FnOnce() -> io::Result<NamedTempFile<F>>,
     ) -> io::Result<(NamedTempFile<F>, TemporaryName)> {
@@ -56,7 +59,8 @@ impl Drop for TemporaryName {
     }
 }
 
-/// A file for another program, in the system's folder for such files. It goes when it is dropped, or a signal ends the process.
+/// A file for another program, in the system's folder for such files. It goes when it is dropped,
+/// or a signal ends the process.
 pub struct TemporaryFile {
     file: NamedTempFile,
     _name: TemporaryName,
@@ -107,7 +111,8 @@ enum Whole {
 }
 
 impl UnfinishedFile {
-    /// Starts a file in the folder of `path`, with the mode that the file there has, or that a new one gets.
+    /// Starts a file in the folder of `path`, with the mode that the file there has, or that a new
+    /// one gets.
     pub fn create(path: PathBuf) -> io::Result<UnfinishedFile> {
         let (mode, old) = (mode(&path), fs::metadata(&path).ok());
         let mut file = UnfinishedFile::start(path, mode)?;
@@ -227,7 +232,8 @@ fn link(file: &File, path: &Path) -> io::Result<()> {
     Ok(linkat(CWD, open_path(file), CWD, path, flags)?)
 }
 
-/// Puts a file without a name in place of what is at `path`: by way of another name, as no link replaces a file.
+/// Puts a file without a name in place of what is at `path`: by way of another name, as no link
+/// replaces a file.
 #[cfg(target_os = "linux")]
 fn replace(file: &File, path: &Path) -> io::Result<()> {
     let make = || builder().make_in(folder(path), |name| link(file, name));

@@ -24,8 +24,8 @@ pub struct UnitWriter {
 }
 
 impl UnitWriter {
-    /// Starts a table with the columns `columns` and `added`; of the units `[read, written]` the first are those of the cells that
-    /// were read.
+    /// Starts a table with the columns `columns` and `added`; of the units `[read, written]` the
+    /// first are those of the cells that were read.
     ///
     /// # Errors
     /// Those of [`TableWriter::new`].
@@ -57,8 +57,8 @@ impl UnitWriter {
         })
     }
 
-    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimeters, y up), `added` the cells of
-    /// the added columns.
+    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimeters,
+    /// y up), `added` the cells of the added columns.
     ///
     /// # Errors
     /// [`Error::Data`]: a coordinate that only damage can give. [`Error::Io`]: writing fails.
@@ -87,7 +87,8 @@ impl UnitWriter {
         self.writer.write(row, &xyz, &added)
     }
 
-    /// Writes a whole table with the coordinates `xyz` (frames, 3 P); `cells` gives the added cells of a frame.
+    /// Writes a whole table with the coordinates `xyz` (frames, 3 P); `cells` gives the added cells
+    /// of a frame.
     ///
     /// # Errors
     /// Those of [`UnitWriter::write`].

@@ -1,4 +1,5 @@
-//! Texts in UTF-16, as some programs of Windows write them, as UTF-8: all readers of text get them so.
+//! Texts in UTF-16, as some programs of Windows write them, as UTF-8: all readers of text get them
+//! so.
 
 use std::io::{self, BufReader, Read};
 
@@ -12,7 +13,8 @@ pub enum Utf16 {
 }
 
 impl Utf16 {
-    /// Whether a file that begins so is a text in UTF-16: by its mark, or since every other byte is zero and the others are ASCII's.
+    /// Whether a file that begins so is a text in UTF-16: by its mark, or since every other byte is
+    /// zero and the others are ASCII's.
     pub fn of(start: &[u8]) -> Option<Utf16> {
         let is_text = |of: usize| {
             let text = |b: &u8| b.is_ascii_graphic() || b.is_ascii_whitespace();

@@ -1,4 +1,5 @@
-//! Positions at exactly 0 0 0: some programs write them for missing points, but they may be measurements.
+//! Positions at exactly 0 0 0: some programs write them for missing points, but they may be
+//! measurements.
 
 use ndarray::{Array2, ArrayView2, s};
 

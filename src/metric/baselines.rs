@@ -10,15 +10,16 @@
 //! | `rgf-boost` | differences of chosen geometric features: (45) | the choice |
 //! | `game` | ends of the body and the path ahead, scaled by their spreads | |
 //!
-//! The paper leaves open: how rotations are compared (here by 2 sin(θ/2), see [`super::features`]; fitted to the joints, without
-//! the twist about a bone), the units (body heights and seconds, λ = 1), and the pool of `rgf-boost` (the geometric pose
-//! descriptor, each feature of variance 1). The hip's place is compared by its height alone, as place is removed. Distances
-//! are the roots of (40) to (43), which order poses alike.
+//! The paper leaves open: how rotations are compared (here by 2 sin(θ/2), see [`super::features`];
+//! fitted to the joints, without the twist about a bone), the units (body heights and seconds, λ =
+//! 1), and the pool of `rgf-boost` (the geometric pose descriptor, each feature of variance 1). The
+//! hip's place is compared by its height alone, as place is removed. Distances are the roots of
+//! (40) to (43), which order poses alike.
 
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::{JOINTS, JointMap, joint};
-use super::pairs::LabelledPair;
+use super::pairs::LabeledPair;
 use super::pose_metric::{PoseMetric, Projection};
 use super::scaling::ScalingRule;
 use super::train::{Learner, TrainSettings, train};
@@ -96,8 +97,8 @@ impl Baseline {
         Baseline::ALL.into_iter().find(|b| b.name() == name)
     }
 
-    /// Whether it is learnt from pairs of both labels.
-    pub fn is_learnt(self) -> bool {
+    /// Whether it is learned from pairs of both labels.
+    pub fn is_learned(self) -> bool {
         matches!(
             self,
             Baseline::Ljod | Baseline::Ljcd | Baseline::JrfLms | Baseline::RgfBoost
@@ -115,7 +116,7 @@ impl Baseline {
         }
     }
 
-    /// The distance, from `takes` and, where it is learnt, labelled pairs of their frames.
+    /// The distance, from `takes` and, where it is learned, labeled pairs of their frames.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: labels or joints that it needs are missing.
@@ -123,7 +124,7 @@ impl Baseline {
         self,
         map: &JointMap,
         takes: &[BodyFramePoses],
-        pairs: &[LabelledPair],
+        pairs: &[LabeledPair],
     ) -> Result<PoseMetric> {
         let settings = TrainSettings {
             features: self.features(),
@@ -135,13 +136,13 @@ impl Baseline {
             window: 0.0,
             learner: match self {
                 Baseline::RgfBoost => Learner::Boost,
-                _ if self.is_learnt() => Learner::Lms,
+                _ if self.is_learned() => Learner::Lms,
                 _ => Learner::L2,
             },
             ..TrainSettings::new(map.clone())
         };
         let mut metric = train(takes, pairs, &settings)?.metric;
-        if !self.is_learnt() && self != Baseline::Game {
+        if !self.is_learned() && self != Baseline::Game {
             let joints = if matches!(self, Baseline::Wjod | Baseline::Wjcd) {
                 &MAIN[..]
             } else {
@@ -153,7 +154,8 @@ impl Baseline {
     }
 }
 
-/// 1 for features of `joints` (all joints, if there are none), 0 for others and for the rate of climb, which no equation has.
+/// 1 for features of `joints` (all joints, if there are none), 0 for others and for the rate of
+/// climb, which no equation has.
 fn hand_weights(features: PoseFeatures, joints: &[usize]) -> Vec<f32> {
     let names = features.feature_names();
     let weight = |name: &String| {

@@ -1,14 +1,15 @@
-//! One clip goes over into another: the second is moved and turned to where the first is, and over some frames the points go
-//! from those of the first to those of the second.
+//! One clip goes over into another: the second is moved and turned to where the first is, and over
+//! some frames the points go from those of the first to those of the second.
 //!
 //! ```text
 //! p(k) = (1 - w(k)) a(i + k) + w(k) (Ry(turn) (b(j + k) - hip_b(j)) + hip_a(i))
 //! w(k) = 3 u² - 2 u³,  u = (k + h) / 2 h,  limited to 0 and 1
 //! ```
 //!
-//! i and j are the frames of the transition, k counts frames from them, h is half the cross-fade. The turn about the vertical
-//! carries the yaw of b at j to that of a at i; the hips are their places on the ground, so heights stay. Averages of
-//! positions shorten bones where the poses differ: [`super::blend_test`] measures it.
+//! i and j are the frames of the transition, k counts frames from them, h is half the cross-fade.
+//! The turn about the vertical carries the yaw of b at j to that of a at i; the hips are their
+//! places on the ground, so heights stay. Averages of positions shorten bones where the poses
+//! differ: [`super::blend_test`] measures it.
 
 use super::body_frame;
 use super::clip::Clip;
@@ -61,9 +62,11 @@ pub struct Blend<'a> {
 }
 
 impl<'a> Blend<'a> {
-    /// The transition from one clip to another at a frame of each, with `half` frames of cross-fade before and after it.
+    /// The transition from one clip to another at a frame of each, with `half` frames of cross-fade
+    /// before and after it.
     ///
-    /// Both clips should be able to fade there ([`Clip::can_fade`]); points are missing where they do not.
+    /// Both clips should be able to fade there ([`Clip::can_fade`]); points are missing where they
+    /// do not.
     pub fn new(clips: [&'a Clip; 2], frames: [usize; 2], half: usize) -> Blend<'a> {
         Blend {
             clips,
@@ -73,15 +76,17 @@ impl<'a> Blend<'a> {
         }
     }
 
-    /// The weight of clip b, `offset` frames from the transition: 0 before the cross-fade, 1 after it.
+    /// The weight of clip b, `offset` frames from the transition: 0 before the cross-fade, 1 after
+    /// it.
     pub fn weight(&self, offset: isize) -> f64 {
         let half = self.half as f64;
         let u = ((offset as f64 + half) / (2.0 * half)).clamp(0.0, 1.0);
         u * u * (3.0 - 2.0 * u)
     }
 
-    /// A point of the blend, `offset` frames from the transition, cm. At weight 0 it is that of clip a, at weight 1 that of the
-    /// moved clip b, exactly; between them it is missing where either clip lacks it.
+    /// A point of the blend, `offset` frames from the transition, cm. At weight 0 it is that of
+    /// clip a, at weight 1 that of the moved clip b, exactly; between them it is missing where
+    /// either clip lacks it.
     pub fn point(&self, offset: isize, point: usize) -> DVec3 {
         let of = |clip: usize| {
             let frame = self.frames[clip] as isize + offset;
@@ -102,8 +107,8 @@ impl<'a> Blend<'a> {
         sum / points.len() as f64
     }
 
-    /// The whole clip: a up to the transition, the cross-fade, the rest of b, with all points. Times are those of a, and go on
-    /// with the steps of b; the take has the name `name`.
+    /// The whole clip: a up to the transition, the cross-fade, the rest of b, with all points.
+    /// Times are those of a, and go on with the steps of b; the take has the name `name`.
     pub fn poses(&self, name: &str) -> Poses {
         let [a, b] = self.clips;
         let first = -(self.frames[0] as isize);

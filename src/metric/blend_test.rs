@@ -1,17 +1,19 @@
-//! Whether a transition is good: blending the clips there keeps bone lengths, foot contacts and accelerations within the
-//! clips' own ranges.
+//! Whether a transition is good: blending the clips there keeps bone lengths, foot contacts and
+//! accelerations within the clips' own ranges.
 //!
-//! Each measure is a share of its limit; a transition is good where none is above 1. Speeds and accelerations are taken over
-//! frames 1/30 s apart ([`STEP_SECONDS`]), so that they mean the same at any rate and the noise of single frames counts less:
+//! Each measure is a share of its limit; a transition is good where none is above 1. Speeds and
+//! accelerations are taken over frames 1/30 s apart ([`STEP_SECONDS`]), so that they mean the same
+//! at any rate and the noise of single frames counts less:
 //!
-//! - Bones: how far a bone's length leaves the range of both clips, over [`BONE_SLACK`] of the length. Bones of ASF files never
-//!   vary; without a slack no blend would be good.
-//! - Feet: the speed of a foot while it is planted in the clip of more weight, over [`SLIDING`]. A foot is planted where it moves
-//!   by less than [`PLANTED_SPEED`] within [`PLANTED_HEIGHT`] of the lowest that it is in its clip.
+//! - Bones: how far a bone's length leaves the range of both clips, over [`BONE_SLACK`] of the
+//!   length. Bones of ASF files never vary; without a slack no blend would be good.
+//! - Feet: the speed of a foot while it is planted in the clip of more weight, over [`SLIDING`]. A
+//!   foot is planted where it moves by less than [`PLANTED_SPEED`] within [`PLANTED_HEIGHT`] of the
+//!   lowest that it is in its clip.
 //! - Acceleration: the largest of each joint, over the largest of that joint in either clip.
 //!
-//! What is not seen, such as accelerations at the ends of a clip, counts as within its limit. People may judge otherwise: this is
-//! a rule in their place.
+//! What is not seen, such as accelerations at the ends of a clip, counts as within its limit.
+//! People may judge otherwise: this is a rule in their place.
 
 use super::blend::Blend;
 use super::clip::Clip;
@@ -20,18 +22,20 @@ use glam::DVec3;
 
 /// By how much of its length a bone may leave its range.
 pub const BONE_SLACK: f64 = 0.05;
-/// The speed below which a low foot is planted, cm/s. In walks of CMU ankles stay below it a third of the time, and swing with
-/// some 400.
+/// The speed below which a low foot is planted, cm/s. In walks of CMU ankles stay below it a third
+/// of the time, and swing with some 400.
 pub const PLANTED_SPEED: f64 = 20.0;
-/// The height above the clip's lowest up to which a slow foot is planted, cm: an ankle rises by some 8 while the toes stay.
+/// The height above the clip's lowest up to which a slow foot is planted, cm: an ankle rises by
+/// some 8 while the toes stay.
 pub const PLANTED_HEIGHT: f64 = 10.0;
-/// The speed that a planted foot may have in the blend, cm/s: half as much again, since the feet of clips that begin or end to
-/// stand have it too.
+/// The speed that a planted foot may have in the blend, cm/s: half as much again, since the feet of
+/// clips that begin or end to stand have it too.
 pub const SLIDING: f64 = 30.0;
 /// The time between the frames of which speeds and accelerations are taken, seconds.
 pub const STEP_SECONDS: f64 = 1.0 / 30.0;
 
-/// What rounding may add to a share: a clip that goes over into its own moved copy is as good as the clip.
+/// What rounding may add to a share: a clip that goes over into its own moved copy is as good as
+/// the clip.
 const ROUNDING: f64 = 1e-6;
 
 /// The joints that are feet.
@@ -218,7 +222,8 @@ mod tests {
             wide[j].x += 10.0;
         }
         let found = quality(&clip(&[standing(); 40]), &clip(&[wide; 40]), [20, 20], 5);
-        // 10 cm in 1/3 s by a smoothstep: at most 1.5 times the mean of 30 cm/s, here over two frames.
+        // 10 cm in 1/3 s by a smoothstep: at most 1.5 times the mean of 30 cm/s, here over two
+        // frames.
         assert!((1.3..1.5).contains(&found.feet), "{found:?}");
         // Feet in the air may do so.
         let raised = |mut pose: [DVec3; 16]| {

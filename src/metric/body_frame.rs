@@ -1,8 +1,9 @@
-//! Poses of the sixteen joints in the body's own frame: the hip at the origin, no yaw, lengths in body heights.
+//! Poses of the sixteen joints in the body's own frame: the hip at the origin, no yaw, lengths in
+//! body heights.
 //!
-//! The body faces along z: yaw is taken from the direction of the right hip joint to the left one, which becomes x. Pitch and
-//! roll stay. The height of a body is measured from its take: the median lengths of the bones from the head to the hip and
-//! from a hip joint to its foot, added up.
+//! The body faces along z: yaw is taken from the direction of the right hip joint to the left one,
+//! which becomes x. Pitch and roll stay. The height of a body is measured from its take: the median
+//! lengths of the bones from the head to the hip and from a hip joint to its foot, added up.
 
 use super::joint_map::{JointMap, PARENTS, joint};
 use crate::Result;
@@ -21,7 +22,8 @@ pub struct BodyFramePoses {
     pub hip_height: Vec<f64>,
     /// The hip's place on the ground (x, z), body heights, a frame.
     pub place: Vec<[f64; 2]>,
-    /// The yaw that was removed, radians, a frame: the turn about y that carries the body's x to that of the world.
+    /// The yaw that was removed, radians, a frame: the turn about y that carries the body's x to
+    /// that of the world.
     pub yaw: Vec<f64>,
     /// Runs of consecutive frames.
     pub runs: Vec<Range<usize>>,
@@ -83,8 +85,8 @@ impl BodyFramePoses {
     }
 }
 
-/// The turn about y that carries `across`, from the right hip joint to the left one, into the plane z = 0, x > 0. Where it
-/// stands upright, no turn.
+/// The turn about y that carries `across`, from the right hip joint to the left one, into the plane
+/// z = 0, x > 0. Where it stands upright, no turn.
 fn without_yaw(across: DVec3) -> impl Fn(DVec3) -> DVec3 {
     let length = across.x.hypot(across.z);
     let (c, s) = match length > 0.0 {
@@ -103,7 +105,8 @@ pub(super) fn yaw(across: DVec3) -> f64 {
 const TALL: [usize; 3] = [joint::CHEST, joint::NECK, joint::HEAD];
 const LEGS: [[usize; 2]; 2] = [[joint::LKNEE, joint::LFOOT], [joint::RKNEE, joint::RFOOT]];
 
-/// The height of a body, cm: the mean of both legs, and the trunk. `None` if a bone is never seen, or all are points.
+/// The height of a body, cm: the mean of both legs, and the trunk. `None` if a bone is never seen,
+/// or all are points.
 fn height(frames: usize, at: impl Fn(usize, usize) -> DVec3) -> Option<f64> {
     let length = |j: &usize| {
         let lengths = (0..frames).map(|t| (at(t, *j) - at(t, PARENTS[*j])).length());

@@ -1,9 +1,11 @@
-//! Features chosen by boosting: the distance of Chen, Zhuang, Xiao and Liang (Perceptual 3D pose distance estimation by boosting
-//! relational geometric features, 2009), which the paper's (45) sums up.
+//! Features chosen by boosting: the distance of Chen, Zhuang, Xiao and Liang (Perceptual 3D pose
+//! distance estimation by boosting relational geometric features, 2009), which the paper's (45)
+//! sums up.
 //!
-//! A weak classifier calls a pair alike when the difference of one feature is below a threshold. AdaBoost (Freund and Schapire
-//! 1997) picks one at a time, and then raises the weight of the pairs that it gets wrong. The distance is the sum of the
-//! differences of the features picked, each with weight 1. The reference draws from a pool of some 500,000 features; here the pool
+//! A weak classifier calls a pair alike when the difference of one feature is below a threshold.
+//! AdaBoost (Freund and Schapire 1997) picks one at a time, and then raises the weight of the pairs
+//! that it gets wrong. The distance is the sum of the differences of the features picked, each with
+//! weight 1. The reference draws from a pool of some 500,000 features; here the pool
 //! is the features given.
 
 use crate::Result;
@@ -21,8 +23,8 @@ struct Stump {
     error: f64,
 }
 
-/// The features (those with true) that tell pairs that are alike from others, given the magnitudes of differences (pairs,
-/// features).
+/// The features (those with true) that tell pairs that are alike from others, given the magnitudes
+/// of differences (pairs, features).
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: one of the labels is missing.

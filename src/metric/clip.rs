@@ -1,4 +1,5 @@
-//! A take that can be blended with others: its poses in the world, and where its joints are seen without a break.
+//! A take that can be blended with others: its poses in the world, and where its joints are seen
+//! without a break.
 
 use super::joint_map::{JOINTS, JointColumns, JointMap};
 use crate::Result;
@@ -57,7 +58,8 @@ impl Clip {
         ((seconds * self.rate).round() as usize).max(1)
     }
 
-    /// For each frame, whether the clip goes on for `half` frames before and after it and shows all joints in them.
+    /// For each frame, whether the clip goes on for `half` frames before and after it and shows all
+    /// joints in them.
     pub fn can_fade(&self, half: usize) -> Vec<bool> {
         let is_whole = |t: usize| (0..JOINTS.len()).all(|j| self.joint(t as isize, j).is_finite());
         let mut can = vec![false; self.poses.frames()];
@@ -89,7 +91,8 @@ pub(super) mod tests {
     use crate::metric::joint_map::joint;
     use glam::DQuat;
 
-    /// A person who walks along a circle and waves, `rate` frames a second; `late` seconds later than another.
+    /// A person who walks along a circle and waves, `rate` frames a second; `late` seconds later
+    /// than another.
     pub fn stroll(frames: usize, rate: f64, late: f64) -> Clip {
         let pose = |t: usize| {
             let s = t as f64 / rate - late;

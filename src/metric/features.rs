@@ -75,12 +75,13 @@ impl PoseFeatures {
         }
     }
 
-    /// Whether a frame's neighbours in time are needed.
+    /// Whether a frame's neighbors in time are needed.
     pub fn needs_rate(self) -> bool {
         self.gpd().is_none_or(|gpd| gpd.needs_rate())
     }
 
-    /// The features of some frames (frames, features); NaN where a joint is missing, or a rate that is needed.
+    /// The features of some frames (frames, features); NaN where a joint is missing, or a rate that
+    /// is needed.
     pub fn describe(self, poses: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
         let width = self.feature_names().len();
         let gpd = self.gpd();

@@ -1,4 +1,5 @@
-//! Metrics as model files: kind `metric`, the arrays `shift`, `scale` and `projection` or `weights`.
+//! Metrics as model files: kind `metric`, the arrays `shift`, `scale` and `projection` or
+//! `weights`.
 
 use super::features::PoseFeatures;
 use super::joint_map::{JOINTS, JointMap};
@@ -33,7 +34,8 @@ impl PoseMetric {
     /// The metric of a model; `source` names it in errors.
     ///
     /// # Errors
-    /// [`Error::Data`]: the model is of another kind, or its arrays and settings do not belong together.
+    /// [`Error::Data`]: the model is of another kind, or its arrays and settings do not belong
+    /// together.
     pub fn from_model(model: &Model, source: &str) -> Result<PoseMetric> {
         let fail = |what: String| Error::data(Place::file(source), what);
         if model.meta.kind != KIND {

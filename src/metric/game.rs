@@ -1,8 +1,10 @@
-//! The distance that game engines ship to choose the next frame of a character (motion matching; S. Clavel: Motion Matching and
-//! the Road to Next-Gen Animation, GDC 2016): positions and velocities of feet and hands, the hip's velocity, and where the
-//! character will be and face a third, two thirds and one second later.
+//! The distance that game engines ship to choose the next frame of a character (motion matching; S.
+//! Clavel: Motion Matching and the Road to Next-Gen Animation, GDC 2016): positions and velocities
+//! of feet and hands, the hip's velocity, and where the character will be and face a third, two
+//! thirds and one second later.
 //!
-//! Weights are by hand: 1 for each group of numbers, and each group is scaled by its spread over the poses at hand.
+//! Weights are by hand: 1 for each group of numbers, and each group is scaled by its spread over
+//! the poses at hand.
 
 use super::body_frame::BodyFramePoses;
 use super::joint_map::{JOINTS, joint};
@@ -38,7 +40,8 @@ pub(super) fn names() -> Vec<String> {
         .collect()
 }
 
-/// Appends the features of frame `t`, in the body's frame; lengths in body heights, times in seconds. NaN without a rate.
+/// Appends the features of frame `t`, in the body's frame; lengths in body heights, times in
+/// seconds. NaN without a rate.
 pub(super) fn describe_frame(poses: &BodyFramePoses, t: usize, out: &mut Vec<f32>) {
     let Some(rate) = poses.rate else {
         out.extend(vec![f32::NAN; GROUPS.iter().sum()]);

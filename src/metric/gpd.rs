@@ -1,4 +1,5 @@
-//! The geometric pose descriptor (Chen et al., section 3): 1,683 named numbers that say how a body is folded and how it moves.
+//! The geometric pose descriptor (Chen et al., section 3): 1,683 named numbers that say how a body
+//! is folded and how it moves.
 //!
 //! | family | what | how many |
 //! |---|---|---|
@@ -12,14 +13,16 @@
 //! | `PP_a` | angle between two planes' normals | 10 |
 //! | `J_k` | velocity and acceleration of the coordinates of `J_c` | 92 |
 //!
-//! Lengths are in body heights, angles in radians, 0 to π. (The paper's Table 1 has the counts of `LL_a` and `JP_d` exchanged.)
-//! The lines are the 15 limbs, the 5 lines from an end of the body to the joint two before it, and the 10 lines between two
-//! ends; the planes are those of trunk, arms and legs.
+//! Lengths are in body heights, angles in radians, 0 to π. (The paper's Table 1 has the counts of
+//! `LL_a` and `JP_d` exchanged.) The lines are the 15 limbs, the 5 lines from an end of the body to
+//! the joint two before it, and the 10 lines between two ends; the planes are those of trunk, arms
+//! and legs.
 //!
-//! Where a line has no length its direction is 0: angles with it are π/2, and the distance from it is that from its point. A
-//! straight limb has no plane, and a nearly straight one has a plane that rounding turns: below a sine of .01 the normal's length
-//! falls from 1 to 0 as the limb straightens, so that angles with it go to π/2, and distances from the plane to 0, without a jump.
-//! What a missing joint determines is NaN.
+//! Where a line has no length its direction is 0: angles with it are π/2, and the distance from it
+//! is that from its point. A straight limb has no plane, and a nearly straight one has a plane that
+//! rounding turns: below a sine of .01 the normal's length falls from 1 to 0 as the limb
+//! straightens, so that angles with it go to π/2, and distances from the plane to 0, without a
+//! jump. What a missing joint determines is NaN.
 
 use super::body_frame::BodyFramePoses;
 use super::joint_map::{JOINTS, PARENTS, joint};
@@ -130,7 +133,8 @@ impl Family {
 
 const AXES: [char; 3] = ['x', 'y', 'z'];
 
-/// The names of coordinates, or of their `derivatives`: of all joints but the hip, then of the hip's height.
+/// The names of coordinates, or of their `derivatives`: of all joints but the hip, then of the
+/// hip's height.
 fn coordinates(family: &str, derivatives: &[&str]) -> Vec<String> {
     let mut names = Vec::new();
     for derivative in derivatives {
@@ -242,13 +246,13 @@ impl Gpd {
         self.families.iter().flat_map(of).collect()
     }
 
-    /// Whether a frame's neighbours in time are needed.
+    /// Whether a frame's neighbors in time are needed.
     pub fn needs_rate(&self) -> bool {
         self.families.contains(&Family::JointKinetics)
     }
 
-    /// The names of the features, in order: without commas, such as `LL_a(LShoulder-LElbow:LElbow-LHand)` and
-    /// `JJ_o(LHand:Head)_x`.
+    /// The names of the features, in order: without commas, such as
+    /// `LL_a(LShoulder-LElbow:LElbow-LHand)` and `JJ_o(LHand:Head)_x`.
     pub fn names(&self) -> Vec<String> {
         (self.families.iter().flat_map(|f| self.features(*f))).collect()
     }
@@ -263,8 +267,9 @@ impl Gpd {
         names
     }
 
-    /// The features of each frame (frames, features). Without a rate the kinetics are NaN; velocities are central differences,
-    /// one-sided at the ends of a run, and a run of one frame has none: 0.
+    /// The features of each frame (frames, features). Without a rate the kinetics are NaN;
+    /// velocities are central differences, one-sided at the ends of a run, and a run of one
+    /// frame has none: 0.
     pub fn describe(&self, poses: &BodyFramePoses) -> Array2<f32> {
         let width = self.names().len();
         let rows = parallel::map_chunks(poses.frames(), CHUNK, |frames| {
@@ -391,7 +396,8 @@ fn angle(a: DVec3, b: DVec3) -> f32 {
     a.dot(b).clamp(-1.0, 1.0).acos() as f32
 }
 
-/// The first or second derivative of a frame's joints and of the hip's height, body heights a second (squared).
+/// The first or second derivative of a frame's joints and of the hip's height, body heights a
+/// second (squared).
 fn derivative(poses: &BodyFramePoses, t: usize, order: usize) -> ([DVec3; 16], f64) {
     let Some(rate) = poses.rate else {
         return ([DVec3::NAN; 16], f64::NAN);
@@ -408,8 +414,8 @@ fn derivative(poses: &BodyFramePoses, t: usize, order: usize) -> ([DVec3; 16], f
     (joints, height)
 }
 
-/// Frames and weights of a difference of first or second `order` at `t` within a run: central, one-sided at its ends; none
-/// where the run is too short.
+/// Frames and weights of a difference of first or second `order` at `t` within a run: central,
+/// one-sided at its ends; none where the run is too short.
 pub(super) fn stencil(t: usize, run: &Range<usize>, order: usize) -> Vec<(usize, f64)> {
     let last = run.end - 1;
     match (order, run.len()) {
@@ -494,7 +500,8 @@ mod tests {
 
     #[test]
     fn what_does_not_determine_a_feature_is_finite() {
-        // Arms, legs and trunk are straight; and a body all of whose joints but two are in one place.
+        // Arms, legs and trunk are straight; and a body all of whose joints but two are in one
+        // place.
         let mut folded = standing();
         for j in [joint::LKNEE, joint::LFOOT] {
             folded[j] = folded[joint::LHIP];

@@ -1,4 +1,5 @@
-//! The sixteen joints of the pose descriptor (Chen et al., Fig. 1), and which points of a table they are.
+//! The sixteen joints of the pose descriptor (Chen et al., Fig. 1), and which points of a table
+//! they are.
 
 use crate::Result;
 use crate::pose::{NameFinder, NameMap};
@@ -131,8 +132,9 @@ impl JointMap {
         }))
     }
 
-    /// The points of each joint among `points`. A name may be several with `|` between them, of which the first that is there counts,
-    /// and with `+` between them the middle of points. All may have one prefix, as in `mixamorig:Hips`.
+    /// The points of each joint among `points`. A name may be several with `|` between them, of
+    /// which the first that is there counts, and with `+` between them the middle of points.
+    /// All may have one prefix, as in `mixamorig:Hips`.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: joints whose points are not there, or those of two people.

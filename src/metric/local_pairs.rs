@@ -1,11 +1,13 @@
-//! From labelled pairs to pairs of poses that should be near: the moments around an alike pair, matched to each other.
+//! From labeled pairs to pairs of poses that should be near: the moments around an alike pair,
+//! matched to each other.
 //!
-//! A label says that two clips show the same around two frames. Within `reach` seconds of these frames each pose of one clip is
-//! paired with its nearest poses in all clips that are linked to it, whoever moves there. A few hundred labels thus give tens
-//! of thousands of differences between people that are to be ignored, and phases that are off in the labels do no harm. With a
-//! reach of 0 the pairs are those of the labels.
+//! A label says that two clips show the same around two frames. Within `reach` seconds of these
+//! frames each pose of one clip is paired with its nearest poses in all clips that are linked to
+//! it, whoever moves there. A few hundred labels thus give tens of thousands of differences between
+//! people that are to be ignored, and phases that are off in the labels do no harm. With a reach of
+//! 0 the pairs are those of the labels.
 
-use super::pairs::{FrameRef, LabelledPair};
+use super::pairs::{FrameRef, LabeledPair};
 use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2};
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +19,7 @@ const NEAREST: usize = 5;
 const SEARCHED_RATE: f64 = 30.0;
 const PAIRED: usize = 3;
 
-/// Frames of a clip about a labelled one.
+/// Frames of a clip about a labeled one.
 #[derive(Debug, Clone)]
 struct Around {
     label: FrameRef,
@@ -34,7 +36,7 @@ pub(super) struct Links {
 
 impl Links {
     /// The links of the alike pairs among `pairs`; takes have `frames` at `rates`.
-    pub fn new(pairs: &[LabelledPair], frames: &[usize], rates: &[f64], reach: f64) -> Links {
+    pub fn new(pairs: &[LabeledPair], frames: &[usize], rates: &[f64], reach: f64) -> Links {
         let around = |label: FrameRef, other: FrameRef| {
             let reach = (reach * rates[label.take]).round() as usize;
             // Within one take the moments stay apart, or each pose would be its own nearest.
@@ -65,7 +67,8 @@ impl Links {
         frames.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// The labelled frame, and every `nth` of the searched ones about it, which are the same for all labels.
+    /// The labeled frame, and every `nth` of the searched ones about it, which are the same for all
+    /// labels.
     fn thinned(&self, around: &Around, nth: usize) -> impl Iterator<Item = FrameRef> + use<> {
         let FrameRef { take, frame } = around.label;
         let step = nth * (self.rates[take] / SEARCHED_RATE).round().max(1.0) as usize;
@@ -76,7 +79,8 @@ impl Links {
             .map(move |frame| FrameRef { take, frame })
     }
 
-    /// Pairs of rows of `x`, the poses of [`Links::frames`], that are to be near. Poses that are not finite are left out.
+    /// Pairs of rows of `x`, the poses of [`Links::frames`], that are to be near. Poses that are
+    /// not finite are left out.
     pub fn pair(&self, frames: &[FrameRef], x: ArrayView2<'_, f64>) -> Vec<[usize; 2]> {
         let row = |frame: FrameRef| frames.binary_search(&frame).ok();
         let mut linked: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
@@ -126,7 +130,7 @@ mod tests {
     #[test]
     fn poses_around_a_pair_are_matched_by_their_nearest() {
         let frame = |take, frame| FrameRef { take, frame };
-        let pairs = [LabelledPair {
+        let pairs = [LabeledPair {
             ends: [frame(0, 10), frame(1, 12)],
             is_alike: true,
         }];
@@ -151,7 +155,7 @@ mod tests {
         };
         assert_eq!(of(frame(0, 9)), frame(1, 12));
         assert!(scatter_of_pairs(x.view(), &near)[[0, 0]] > 0.0);
-        let one_take = [LabelledPair {
+        let one_take = [LabeledPair {
             ends: [frame(0, 10), frame(0, 18)],
             is_alike: true,
         }];

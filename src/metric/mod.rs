@@ -1,13 +1,16 @@
-//! How alike two poses are: geometric pose descriptors, and metrics learnt from labelled pairs.
+//! How alike two poses are: geometric pose descriptors, and metrics learned from labeled pairs.
 //!
-//! After C. Chen, Y. Zhuang, F. Nie, Y. Yang, F. Wu, J. Xiao: Learning a 3D Human Pose Distance Metric from Geometric Pose
-//! Descriptor. IEEE TVCG 17 (11), 2011.
+//! After C. Chen, Y. Zhuang, F. Nie, Y. Yang, F. Wu, J. Xiao: Learning a 3D Human Pose Distance
+//! Metric from Geometric Pose Descriptor. IEEE TVCG 17 (11), 2011.
 //!
-//! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
-//! [`gpd`] describes the pose; [`features`] and [`scaling`] say what of it is compared. [`pair_proposal`] proposes pairs of poses for
-//! people to label, [`train`](mod@train) learns a distance from them by [`rdsr`] or one of the other [`learners`], and
-//! [`pose_metric`] is what was learnt. [`nearest`] searches with it; [`baselines`] are the distances to compare with. [`transition`] finds frames at which one
-//! clip can go over into another, [`blend`] joins the clips there, and [`blend_test`] tells whether the result moves as the clips do.
+//! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes
+//! place, heading and size, and [`gpd`] describes the pose; [`features`] and [`scaling`] say what
+//! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
+//! [`train`](mod@train) learns a distance from them by [`rdsr`] or one of the other [`learners`],
+//! and [`pose_metric`] is what was learned. [`nearest`] searches with it; [`baselines`] are the
+//! distances to compare with. [`transition`] finds frames at which one clip can go over into
+//! another, [`blend`] joins the clips there, and [`blend_test`] tells whether the result moves as
+//! the clips do.
 
 pub mod baselines;
 pub mod blend;
@@ -46,7 +49,7 @@ pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
 pub use joint_map::JointMap;
 pub use nearest::PoseDatabase;
-pub use pairs::{FrameRef, LabelledPair};
+pub use pairs::{FrameRef, LabeledPair};
 pub use pose_metric::PoseMetric;
 pub use train::{TrainSettings, Trained, train};
 pub use transition::{Candidate, TransitionSearch};

@@ -1,8 +1,9 @@
 //! The nearest poses of a database, exactly.
 //!
-//! Squared distances |q|² + |x|² - 2 qᵀx come from products of blocks of queries and poses, about the mean of the poses. Products are
-//! rounded, so each distance is known between two bounds; what may be among the k nearest by its lower bound is kept, and is
-//! compared by its differences at the end. City-block distances are summed directly.
+//! Squared distances |q|² + |x|² - 2 qᵀx come from products of blocks of queries and poses, about
+//! the mean of the poses. Products are rounded, so each distance is known between two bounds; what
+//! may be among the k nearest by its lower bound is kept, and is compared by its differences at the
+//! end. City-block distances are summed directly.
 
 use super::pose_metric::Norm;
 use crate::numeric::parallel;
@@ -20,7 +21,7 @@ pub struct PoseDatabase {
     /// (poses, dimensions).
     vectors: Array2<f32>,
     /// The vectors about their mean.
-    centred: Array2<f32>,
+    centered: Array2<f32>,
     mean: Array1<f32>,
     /// Their squared lengths.
     squares: Array1<f32>,
@@ -29,7 +30,7 @@ pub struct PoseDatabase {
 
 /// A pose found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Neighbour {
+pub struct Neighbor {
     /// Its row.
     pub row: usize,
     /// The distance.
@@ -40,24 +41,25 @@ impl PoseDatabase {
     /// A database of vectors (poses, dimensions). Rows with NaN are never found.
     pub fn new(vectors: Array2<f32>, norm: Norm) -> PoseDatabase {
         let mean = mean(&vectors);
-        let centred = &vectors - &mean;
+        let centered = &vectors - &mean;
         PoseDatabase {
-            squares: centred.rows().into_iter().map(|v| v.dot(&v)).collect(),
+            squares: centered.rows().into_iter().map(|v| v.dot(&v)).collect(),
             vectors,
-            centred,
+            centered,
             mean,
             norm,
         }
     }
 
-    /// The `k` nearest poses of each query (queries, dimensions), nearest first, of equal ones the first; fewer where the
-    /// database, or what `allowed` (query, row) leaves of it, is smaller; none for a query with NaN.
+    /// The `k` nearest poses of each query (queries, dimensions), nearest first, of equal ones the
+    /// first; fewer where the database, or what `allowed` (query, row) leaves of it, is
+    /// smaller; none for a query with NaN.
     pub fn nearest(
         &self,
         queries: ArrayView2<'_, f32>,
         k: usize,
         allowed: impl Fn(usize, usize) -> bool + Sync,
-    ) -> Vec<Vec<Neighbour>> {
+    ) -> Vec<Vec<Neighbor>> {
         // A lone query is shared by its poses, many by their queries.
         if queries.nrows() < QUERIES / 2 {
             return (0..queries.nrows())
@@ -83,7 +85,7 @@ impl PoseDatabase {
         q: usize,
         k: usize,
         allowed: &(impl Fn(usize, usize) -> bool + Sync),
-    ) -> Vec<Neighbour> {
+    ) -> Vec<Neighbor> {
         let parts = parallel::map_chunks(self.vectors.nrows(), 8 * POSES, |rows| {
             let mut best = vec![Best::new(k)];
             for start in rows.clone().step_by(POSES) {
@@ -116,10 +118,11 @@ impl PoseDatabase {
             }
             Norm::Euclidean => {
                 let own = &queries.slice(s![range.clone(), ..]) - &self.mean;
-                let products = own.dot(&self.centred.slice(s![start..end, ..]).t());
+                let products = own.dot(&self.centered.slice(s![start..end, ..]).t());
                 let squares = self.squares.slice(s![start..end]);
-                // The error of a sum of d products is at most that share of the lengths (Higham, Accuracy and Stability of
-                // Numerical Algorithms, 3.1); |q|² is the same for all, and left out.
+                // The error of a sum of d products is at most that share of the lengths (Higham,
+                // Accuracy and Stability of Numerical Algorithms, 3.1); |q|² is the
+                // same for all, and left out.
                 let share = (self.vectors.ncols() + 4) as f32 * UNIT;
                 for (((q, best), own), products) in
                     range.zip(best).zip(own.rows()).zip(products.rows())
@@ -142,10 +145,10 @@ impl PoseDatabase {
         q: usize,
         rows: Vec<Kept>,
         k: usize,
-    ) -> Vec<Neighbour> {
+    ) -> Vec<Neighbor> {
         let distance = |row| self.norm.distance(queries.row(q), self.vectors.row(row));
-        let mut found: Vec<Neighbour> = (rows.into_iter())
-            .map(|kept| Neighbour {
+        let mut found: Vec<Neighbor> = (rows.into_iter())
+            .map(|kept| Neighbor {
                 row: kept.row,
                 distance: distance(kept.row),
             })
@@ -236,9 +239,9 @@ mod tests {
             let database = PoseDatabase::new(poses.clone(), norm);
             let many = database.nearest(queries.view(), 10, |q, row| q != row % 50);
             for q in 0..60 {
-                let mut all: Vec<Neighbour> = (0..5000)
+                let mut all: Vec<Neighbor> = (0..5000)
                     .filter(|row| q != row % 50 && *row != 17)
-                    .map(|row| Neighbour {
+                    .map(|row| Neighbor {
                         row,
                         distance: norm.distance(queries.row(q), poses.row(row)),
                     })

@@ -1,13 +1,16 @@
-//! Rotations of the joints, fitted to their coordinates: the features of orientation-based distances (Chen et al., section 5.3).
+//! Rotations of the joints, fitted to their coordinates: the features of orientation-based
+//! distances (Chen et al., section 5.3).
 //!
-//! Each joint with children has axes: y along the trunk, x from right to left, in the T-pose those of the body. At the hip and the
-//! neck, which have three children, x is the direction between the two at the sides and y the part of the third one's direction
-//! that is perpendicular to it. At any other joint the axes are those of the parent, turned by the smallest rotation that carries
-//! the bone's direction in the T-pose to its present one: points alone do not show the twist about a bone.
+//! Each joint with children has axes: y along the trunk, x from right to left, in the T-pose those
+//! of the body. At the hip and the neck, which have three children, x is the direction between the
+//! two at the sides and y the part of the third one's direction that is perpendicular to it. At any
+//! other joint the axes are those of the parent, turned by the smallest rotation that carries
+//! the bone's direction in the T-pose to its present one: points alone do not show the twist about
+//! a bone.
 //!
-//! A rotation is described by the nine entries of its matrix relative to the parent's, over √2. Distances between descriptions
-//! are then 2 sin(θ/2) for two rotations θ apart: the straight line between their quaternions, doubled, which is θ where it is
-//! small.
+//! A rotation is described by the nine entries of its matrix relative to the parent's, over √2.
+//! Distances between descriptions are then 2 sin(θ/2) for two rotations θ apart: the straight line
+//! between their quaternions, doubled, which is θ where it is small.
 
 use super::body_frame::BodyFramePoses;
 use super::gpd::stencil;
@@ -33,8 +36,8 @@ pub(super) const ROTATED: [usize; 11] = [
 /// Numbers a frame: a matrix for each of [`ROTATED`], and the hip's height.
 pub(super) const STATIC: usize = 9 * ROTATED.len() + 1;
 
-/// The names of the features: `R(LElbow)_xy` the entry of row x and column y; the same with `v` before the axes for its
-/// velocity.
+/// The names of the features: `R(LElbow)_xy` the entry of row x and column y; the same with `v`
+/// before the axes for its velocity.
 pub(super) fn names() -> Vec<String> {
     let mut names = Vec::with_capacity(2 * STATIC);
     for order in ["", "v"] {
@@ -50,8 +53,8 @@ pub(super) fn names() -> Vec<String> {
     names
 }
 
-/// Appends the features of frame `t`: rotations and the hip's height, body heights, then their velocities (a second; NaN
-/// without a rate).
+/// Appends the features of frame `t`: rotations and the hip's height, body heights, then their
+/// velocities (a second; NaN without a rate).
 pub(super) fn describe_frame(poses: &BodyFramePoses, t: usize, out: &mut Vec<f32>) {
     let at = |t: usize| {
         let mut values = [0.0; STATIC];
@@ -115,8 +118,8 @@ fn rest_direction(j: usize) -> DVec3 {
     }
 }
 
-/// Axes with x along `across`, and `up` in the half-plane of x and y; those of the body where they are not determined, NaN for
-/// NaN.
+/// Axes with x along `across`, and `up` in the half-plane of x and y; those of the body where they
+/// are not determined, NaN for NaN.
 fn axes(across: DVec3, up: DVec3) -> DMat3 {
     let z = across.cross(up);
     if across.is_nan() || up.is_nan() {
@@ -128,7 +131,8 @@ fn axes(across: DVec3, up: DVec3) -> DMat3 {
     }
 }
 
-/// The smallest rotation that carries the unit vector `from` to the direction of `to`; none where that has no length.
+/// The smallest rotation that carries the unit vector `from` to the direction of `to`; none where
+/// that has no length.
 fn smallest(from: DVec3, to: DVec3) -> DMat3 {
     if from.is_nan() || to.is_nan() {
         return DMat3::from_cols(DVec3::NAN, DVec3::NAN, DVec3::NAN);

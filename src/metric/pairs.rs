@@ -9,17 +9,18 @@ pub struct FrameRef {
     pub frame: usize,
 }
 
-/// A labelled pair.
+/// A labeled pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LabelledPair {
+pub struct LabeledPair {
     /// The two frames.
     pub ends: [FrameRef; 2],
     /// Whether the poses are alike.
     pub is_alike: bool,
 }
 
-/// The position of a pair that is labelled both ways, in any order of its ends; `None` where labels agree.
-pub fn contradiction(pairs: &[LabelledPair]) -> Option<usize> {
+/// The position of a pair that is labeled both ways, in any order of its ends; `None` where labels
+/// agree.
+pub fn contradiction(pairs: &[LabeledPair]) -> Option<usize> {
     let mut seen = std::collections::HashMap::new();
     pairs.iter().position(|pair| {
         let [a, b] = pair.ends;
@@ -28,8 +29,9 @@ pub fn contradiction(pairs: &[LabelledPair]) -> Option<usize> {
     })
 }
 
-/// The largest share of pairs that one threshold on the distance decides right, (36) and (37), and the threshold: a pair is called
-/// alike when its distance is below it. Pairs whose distance is NaN count as unlike. `None` without pairs.
+/// The largest share of pairs that one threshold on the distance decides right, (36) and (37), and
+/// the threshold: a pair is called alike when its distance is below it. Pairs whose distance is NaN
+/// count as unlike. `None` without pairs.
 pub fn best_threshold(distances: &[f32], is_alike: &[bool]) -> Option<(f64, f32)> {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|a, b| distances[*a].total_cmp(&distances[*b]));
@@ -75,9 +77,9 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_labelled_both_ways_is_found_in_either_order() {
+    fn a_pair_labeled_both_ways_is_found_in_either_order() {
         let frame = |take, frame| FrameRef { take, frame };
-        let pair = |a, b, is_alike| LabelledPair {
+        let pair = |a, b, is_alike| LabeledPair {
             ends: [a, b],
             is_alike,
         };

@@ -1,4 +1,5 @@
-//! A distance of poses: features, scaled, of a frame or of a window in time, projected to vectors whose distance is the answer.
+//! A distance of poses: features, scaled, of a frame or of a window in time, projected to vectors
+//! whose distance is the answer.
 
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
@@ -64,8 +65,8 @@ pub struct PoseMetric {
     pub features: PoseFeatures,
     /// How features are scaled.
     pub scaling: Scaling,
-    /// Seconds from a frame to the frames before and after it that are described with it; 0: the frame alone. Frames beyond
-    /// the ends of a run are its first and last.
+    /// Seconds from a frame to the frames before and after it that are described with it; 0: the
+    /// frame alone. Frames beyond the ends of a run are its first and last.
     pub window: f64,
     /// The projection; its first features are those of the frame before, where there is a window.
     pub projection: Projection,
@@ -79,8 +80,9 @@ impl PoseMetric {
         self.window > 0.0 || self.features.needs_rate()
     }
 
-    /// All frames of a take as vectors (frames, dimensions), whose distances by [`PoseMetric::norm`] are those of the poses.
-    /// Rows of frames whose window lacks a joint that is needed are NaN.
+    /// All frames of a take as vectors (frames, dimensions), whose distances by
+    /// [`PoseMetric::norm`] are those of the poses. Rows of frames whose window lacks a joint
+    /// that is needed are NaN.
     pub fn embed(&self, take: &BodyFramePoses) -> Array2<f32> {
         self.embed_frames(take, &(0..take.frames()).collect::<Vec<_>>())
     }
@@ -115,8 +117,8 @@ impl PoseMetric {
         out
     }
 
-    /// Some frames of each take, one after another: which they are, and their vectors. `step` says how many frames of a take lie
-    /// from one to the next, at least 1.
+    /// Some frames of each take, one after another: which they are, and their vectors. `step` says
+    /// how many frames of a take lie from one to the next, at least 1.
     pub fn embed_takes(
         &self,
         takes: &[BodyFramePoses],

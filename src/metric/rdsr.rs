@@ -1,5 +1,5 @@
-//! Regularized distance metric learning with sparse representation (Chen et al., section 4), and what makes it work on people that
-//! it has not seen.
+//! Regularized distance metric learning with sparse representation (Chen et al., section 4), and
+//! what makes it work on people that it has not seen.
 //!
 //! From poses x (N, d), of which pairs are alike, W (d, rank) for the distance |Wᵀ(x_i - x_j)|:
 //!
@@ -9,20 +9,22 @@
 //! S_W = mean of (x_k - x_l)(x_k - x_l)ᵀ over pairs that are alike     (13)
 //! ```
 //!
-//! Both terms of B are means, so that α means the same for any number of poses and pairs. The paper maximises the ratio of traces
-//! tr(WᵀAW) / tr(WᵀBW) with orthonormal W ([`Criterion::TraceRatio`]). Without much of a ridge its columns are the directions in which
-//! B is nearly 0, whatever A is there: neighbours across people are then hardly better than chance. The default is the ratio
-//! trace, A w = λ B w, WᵀBW = I ([`Criterion::RatioTrace`]): each direction counts by its own ratio.
+//! Both terms of B are means, so that α means the same for any number of poses and pairs. The paper
+//! maximizes the ratio of traces tr(WᵀAW) / tr(WᵀBW) with orthonormal W
+//! ([`Criterion::TraceRatio`]). Without much of a ridge its columns are the directions in which
+//! B is nearly 0, whatever A is there: neighbors across people are then hardly better than chance.
+//! The default is the ratio trace, A w = λ B w, WᵀBW = I ([`Criterion::RatioTrace`]): each
+//! direction counts by its own ratio.
 
 use super::sparse_graph::SparseGraph;
 use super::stopwatch::Stopwatch;
-use super::trace_ratio::{TraceRatioMethod, maximise};
+use super::trace_ratio::{TraceRatioMethod, maximize};
 use crate::Result;
-use crate::numeric::linalg::{generalised_eigen, symmetric_eigen};
+use crate::numeric::linalg::{generalized_eigen, symmetric_eigen};
 use crate::numeric::product::{gram, product};
 use ndarray::{Array2, ArrayView2, Axis, s};
 
-/// What W maximises.
+/// What W maximizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Criterion {
     /// The ratio of traces, W orthonormal: the paper's (26).
@@ -34,7 +36,7 @@ pub enum Criterion {
 /// Settings of the learning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RdsrSettings {
-    /// What is maximised.
+    /// What is maximized.
     pub criterion: Criterion,
     /// Columns of W.
     pub rank: usize,
@@ -48,19 +50,19 @@ pub struct RdsrSettings {
     pub ridge: f64,
 }
 
-/// What was learnt.
+/// What was learned.
 #[derive(Debug, Clone)]
 pub struct Rdsr {
     /// W (d, rank).
     pub w: Array2<f64>,
-    /// The largest violation of optimality of the sparse graph; `None` without unlabelled poses.
+    /// The largest violation of optimality of the sparse graph; `None` without unlabeled poses.
     pub violation: Option<f64>,
     /// Seconds of each step, by name, in order.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Learns W from poses `x` (N, d) and the scatter `alike` (d, d) of pairs that are alike, a mean. Without poses it is the
-/// supervised form (46): the directions in which pairs differ least.
+/// Learns W from poses `x` (N, d) and the scatter `alike` (d, d) of pairs that are alike, a mean.
+/// Without poses it is the supervised form (46): the directions in which pairs differ least.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: numbers are not finite, or the poses do not vary.
@@ -88,9 +90,9 @@ pub fn learn(x: ArrayView2<'_, f64>, alike: &Array2<f64>, settings: &RdsrSetting
     b.diag_mut().mapv_inplace(|v| v + ridge);
     clock.lap("B");
     let w = match settings.criterion {
-        Criterion::TraceRatio(method) => maximise(&a, &b, rank, method).map(|t| t.w),
+        Criterion::TraceRatio(method) => maximize(&a, &b, rank, method).map(|t| t.w),
         Criterion::RatioTrace => {
-            generalised_eigen(&a, &b).map(|(_, w)| w.slice(s![.., ..rank]).to_owned())
+            generalized_eigen(&a, &b).map(|(_, w)| w.slice(s![.., ..rank]).to_owned())
         }
     }
     .ok_or_else(failed)?;

@@ -1,5 +1,5 @@
-//! Poses reduced to the directions in which they vary most, before a metric is learnt: a few hundred numbers in place of
-//! thousands.
+//! Poses reduced to the directions in which they vary most, before a metric is learned: a few
+//! hundred numbers in place of thousands.
 
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
@@ -32,8 +32,8 @@ pub(super) fn embed(
     concatenate(Axis(0), &views).unwrap_or_default()
 }
 
-/// A metric that compares all scaled features of a window, its scaling learnt from `frames`; those with missing joints are left
-/// out.
+/// A metric that compares all scaled features of a window, its scaling learned from `frames`; those
+/// with missing joints are left out.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: fewer than two poses are complete.
@@ -72,7 +72,8 @@ pub(super) fn all_features(
     Ok(metric(scaling, window_parts(window)))
 }
 
-/// `full`, reduced to principal components of `frames`: first those of one frame, then those of the window.
+/// `full`, reduced to principal components of `frames`: first those of one frame, then those of the
+/// window.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: the poses do not vary.
@@ -113,7 +114,8 @@ pub(super) fn principal(
     })
 }
 
-/// `full`, on an orthonormal basis of the range of `frames`: nothing that distinguishes them is lost.
+/// `full`, on an orthonormal basis of the range of `frames`: nothing that distinguishes them is
+/// lost.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: the poses do not vary.
@@ -137,10 +139,11 @@ pub(super) fn complete_rows(rows: ArrayView2<'_, f32>) -> Array2<f32> {
     rows.select(Axis(0), &complete)
 }
 
-/// The leading right singular vectors of `x` (n, d), about its mean or not, in columns (d, at most `most`). Those with a singular
-/// value under 1e-10 of the largest are dropped, or under what double precision tells of the products (d, d).
-fn components(x: ArrayView2<'_, f64>, most: usize, centred: bool) -> Result<Array2<f64>> {
-    let mean = match centred {
+/// The leading right singular vectors of `x` (n, d), about its mean or not, in columns (d, at most
+/// `most`). Those with a singular value under 1e-10 of the largest are dropped, or under what
+/// double precision tells of the products (d, d).
+fn components(x: ArrayView2<'_, f64>, most: usize, centered: bool) -> Result<Array2<f64>> {
+    let mean = match centered {
         true => x.mean_axis(Axis(0)).unwrap_or_default(),
         false => Array1::zeros(x.ncols()),
     };

@@ -7,7 +7,8 @@ use ndarray::{Array2, ArrayView2, Axis};
 
 /// Velocities count as the way of this many seconds.
 const VELOCITY_SECONDS: f32 = 0.2;
-/// The total standard deviation of the features that are neither coordinates nor velocities, of which the total is 1.
+/// The total standard deviation of the features that are neither coordinates nor velocities, of
+/// which the total is 1.
 const STATIC_SPREAD: f64 = 0.3;
 
 /// Rules by which features are scaled.
@@ -15,9 +16,10 @@ const STATIC_SPREAD: f64 = 0.3;
 pub enum ScalingRule {
     /// As they are.
     None,
-    /// Coordinates in body heights and velocities as the way of .2 seconds, with a total variance of 1; of other families each
-    /// feature has the same variance, and all of them a total standard deviation of .3. Rotations and their velocities are as
-    /// coordinates are. Groups of game features have equal variance each. All have mean 0.
+    /// Coordinates in body heights and velocities as the way of .2 seconds, with a total variance
+    /// of 1; of other families each feature has the same variance, and all of them a total
+    /// standard deviation of .3. Rotations and their velocities are as coordinates are. Groups
+    /// of game features have equal variance each. All have mean 0.
     Balanced,
     /// Each feature to [0, 1] by its range, then each pose to unit length: the paper's (38).
     UnitLength,
@@ -146,7 +148,7 @@ fn balance(features: PoseFeatures, variances: &[f64]) -> Vec<f32> {
 }
 
 fn balance_families(families: &[Family], variances: &[f64]) -> Vec<f32> {
-    // How a feature counts before the total is fixed: `None` for those that are standardised.
+    // How a feature counts before the total is fixed: `None` for those that are standardized.
     let unit = |family: &Family| match family {
         Family::JointCoordinate => Some(1.0),
         Family::JointKinetics => Some(VELOCITY_SECONDS),

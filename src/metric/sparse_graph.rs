@@ -1,20 +1,23 @@
-//! The sparse graph of poses (Chen et al., section 4.2.2): each pose as a sparse combination of the others.
+//! The sparse graph of poses (Chen et al., section 4.2.2): each pose as a sparse combination of the
+//! others.
 //!
-//! For each pose x_i, the weights a_i minimise
+//! For each pose x_i, the weights a_i minimize
 //!
 //! ```text
 //! 1/2 |x_i - Σ_j a_ij x_j|² + γ_i Σ_j |a_ij|,   a_ii = 0,   γ_i = γ max_{j≠i} |x_jᵀ x_i|
 //! ```
 //!
-//! The paper's (16) prints the length without the square; this is the lasso, which it cites. γ is relative to the largest
-//! correlation, so that it means the same on any data: from 1 on all weights are 0.
+//! The paper's (16) prints the length without the square; this is the lasso, which it cites. γ is
+//! relative to the largest correlation, so that it means the same on any data: from 1 on all
+//! weights are 0.
 //!
-//! Only inner products are needed. Coordinate descent runs on a working set of poses, to which those that violate optimality
-//! most are added until none does; the weights on a working set are finished by solving the equations of their signs, stepping
-//! only as far as the signs hold. Cost: O(N s) a pose and round for s poses with weights, and O(N²) memory for the products.
+//! Only inner products are needed. Coordinate descent runs on a working set of poses, to which
+//! those that violate optimality most are added until none does; the weights on a working set are
+//! finished by solving the equations of their signs, stepping only as far as the signs hold. Cost:
+//! O(N s) a pose and round for s poses with weights, and O(N²) memory for the products.
 
 use crate::numeric::parallel;
-use crate::numeric::small_linalg::{backward, dot, factorise, forward};
+use crate::numeric::small_linalg::{backward, dot, factorize, forward};
 use ndarray::ArrayView2;
 
 /// Poses that one thread codes at a time.
@@ -29,15 +32,17 @@ const ROUNDS: usize = 200;
 /// The weights of poses on others.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SparseGraph {
-    /// A pose's neighbours and their weights, in the order of the neighbours.
+    /// A pose's neighbors and their weights, in the order of the neighbors.
     pub weights: Vec<Vec<(usize, f64)>>,
-    /// The largest violation of optimality, relative to the pose's γ_i: |x_jᵀ r_i| - γ_i for a pose without weight, |x_jᵀ r_i -
-    /// γ_i sign a_ij| for one with. It is above the tolerance if a pose did not converge.
+    /// The largest violation of optimality, relative to the pose's γ_i: |x_jᵀ r_i| - γ_i for a
+    /// pose without weight, |x_jᵀ r_i - γ_i sign a_ij| for one with. It is above the tolerance
+    /// if a pose did not converge.
     pub violation: f64,
 }
 
 impl SparseGraph {
-    /// Codes each pose by the others, given all inner products (N, N), until optimality holds to `tolerance`. γ is 0 to 1.
+    /// Codes each pose by the others, given all inner products (N, N), until optimality holds to
+    /// `tolerance`. γ is 0 to 1.
     pub fn code(products: ArrayView2<'_, f64>, gamma: f64, tolerance: f64) -> SparseGraph {
         let standard = products.as_standard_layout();
         let n = standard.nrows();
@@ -133,7 +138,8 @@ impl PoseCode<'_> {
         largest / self.gamma
     }
 
-    /// Drops poses without weight, and adds those that violate optimality most. `false` if there are none.
+    /// Drops poses without weight, and adds those that violate optimality most. `false` if there
+    /// are none.
     fn extend(&mut self, correlations: &[f64], tolerance: f64) -> bool {
         let kept: Vec<usize> = (0..self.working.len())
             .filter(|k| self.weights[*k] != 0.0)
@@ -160,7 +166,7 @@ impl PoseCode<'_> {
         grows || !self.working.is_empty()
     }
 
-    /// Minimises over the working set.
+    /// Minimizes over the working set.
     fn descend(&mut self, tolerance: f64) {
         for _ in 0..ROUNDS {
             self.correlate();
@@ -215,7 +221,8 @@ impl PoseCode<'_> {
         }
     }
 
-    /// Goes towards the minimum for the present signs; a weight that reaches 0 on the way stays there, and the rest goes on.
+    /// Goes towards the minimum for the present signs; a weight that reaches 0 on the way stays
+    /// there, and the rest goes on.
     fn step_to_signs(&mut self) {
         let m = self.working.len();
         for _ in 0..m {
@@ -232,7 +239,7 @@ impl PoseCode<'_> {
                         - self.gamma * self.weights[*k].signum()
                 })
                 .collect();
-            factorise(&mut gram, s);
+            factorize(&mut gram, s);
             forward(&gram, s, &mut goal);
             backward(&gram, s, &mut goal);
             if !goal.iter().all(|v| v.is_finite()) {
@@ -298,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_is_not_its_own_neighbour_and_large_gamma_gives_no_weights() {
+    fn a_pose_is_not_its_own_neighbor_and_large_gamma_gives_no_weights() {
         let x = poses(30, 6);
         let products = x.dot(&x.t());
         let graph = SparseGraph::code(products.view(), 0.1, 1e-6);

@@ -1,11 +1,13 @@
-//! The largest ratio of two traces (Chen et al., section 4.3): W (d, r) with orthonormal columns that maximises
+//! The largest ratio of two traces (Chen et al., section 4.3): W (d, r) with orthonormal columns
+//! that maximizes
 //!
 //! ```text
 //! η(W) = tr(Wᵀ A W) / tr(Wᵀ B W)
 //! ```
 //!
-//! for symmetric A and B (d, d), B positive definite. With f(η) = max tr(Wᵀ (A - η B) W), the sum of the r largest eigenvalues, the
-//! optimum is the root of f, which falls. Each step is one eigendecomposition, O(d³).
+//! for symmetric A and B (d, d), B positive definite. With f(η) = max tr(Wᵀ (A - η B) W), the sum
+//! of the r largest eigenvalues, the optimum is the root of f, which falls. Each step is one
+//! eigendecomposition, O(d³).
 
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array2, s};
@@ -15,7 +17,8 @@ use ndarray::{Array2, s};
 pub enum TraceRatioMethod {
     /// Bisection between (29) and (30), the paper's: some 50 steps.
     Bisection,
-    /// η becomes the ratio at the best W for the η before, a Newton step on f (Jia, Nie, Zhang 2009): some five steps.
+    /// η becomes the ratio at the best W for the η before, a Newton step on f (Jia, Nie, Zhang
+    /// 2009): some five steps.
     Newton,
 }
 
@@ -35,8 +38,9 @@ const TOLERANCE: f64 = 1e-12;
 /// Steps, at most.
 const STEPS: usize = 200;
 
-/// Maximises the ratio. The rank is at most d. `None` when a matrix is not finite, B has no positive trace, or LAPACK gives up.
-pub fn maximise(
+/// Maximizes the ratio. The rank is at most d. `None` when a matrix is not finite, B has no
+/// positive trace, or LAPACK gives up.
+pub fn maximize(
     a: &Array2<f64>,
     b: &Array2<f64>,
     rank: usize,
@@ -120,8 +124,8 @@ mod tests {
     fn both_methods_find_one_optimum_with_orthonormal_columns() {
         for (d, rank) in [(12, 3), (30, 10), (5, 5), (4, 9)] {
             let (a, b) = (positive(d, 1), positive(d, 2));
-            let newton = maximise(&a, &b, rank, TraceRatioMethod::Newton).unwrap();
-            let bisection = maximise(&a, &b, rank, TraceRatioMethod::Bisection).unwrap();
+            let newton = maximize(&a, &b, rank, TraceRatioMethod::Newton).unwrap();
+            let bisection = maximize(&a, &b, rank, TraceRatioMethod::Bisection).unwrap();
             let difference = (newton.ratio - bisection.ratio).abs();
             assert!(difference <= 1e-8 * newton.ratio);
             let unit = newton.w.t().dot(&newton.w) - Array2::<f64>::eye(newton.w.ncols());
@@ -138,7 +142,7 @@ mod tests {
     #[test]
     fn no_ratio_without_a_positive_trace() {
         let a = positive(3, 1);
-        assert!(maximise(&a, &Array2::zeros((3, 3)), 2, TraceRatioMethod::Newton).is_none());
-        assert!(maximise(&a, &(&a * f64::NAN), 2, TraceRatioMethod::Newton).is_none());
+        assert!(maximize(&a, &Array2::zeros((3, 3)), 2, TraceRatioMethod::Newton).is_none());
+        assert!(maximize(&a, &(&a * f64::NAN), 2, TraceRatioMethod::Newton).is_none());
     }
 }

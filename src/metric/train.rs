@@ -1,11 +1,11 @@
-//! A metric from takes and labelled pairs of their frames.
+//! A metric from takes and labeled pairs of their frames.
 
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
-use super::learners::{Learnt, TrainingPairs, lmnn, nca, rca, sda, xing};
+use super::learners::{Learned, TrainingPairs, lmnn, nca, rca, sda, xing};
 use super::local_pairs::{Links, scatter_of_pairs};
-use super::pairs::{FrameRef, LabelledPair, contradiction};
+use super::pairs::{FrameRef, LabeledPair, contradiction};
 use super::pose_metric::{PoseMetric, Projection};
 use super::rdsr::{self, Criterion, RdsrSettings};
 use super::reduction;
@@ -20,12 +20,12 @@ use ndarray::{Array2, ArrayView2, Axis};
 use rand::seq::index;
 use std::collections::BTreeSet;
 
-/// How a metric is learnt.
+/// How a metric is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learner {
     /// [`rdsr`].
     Rdsr,
-    /// Nothing is learnt: the scaled features are compared.
+    /// Nothing is learned: the scaled features are compared.
     L2,
     /// [`lms`](super::learners::lms): weights by least squares, on the scaled features.
     Lms,
@@ -59,11 +59,12 @@ pub struct TrainSettings {
     /// Settings of [`rdsr`]; other methods use its rank.
     pub rdsr: RdsrSettings,
     /// Poses without labels that are drawn from the takes, at most.
-    pub unlabelled: usize,
-    /// Seconds about a labelled frame for which the label holds: poses within it are paired with their nearest; 0: the
-    /// labelled frames alone.
+    pub unlabeled: usize,
+    /// Seconds about a labeled frame for which the label holds: poses within it are paired with
+    /// their nearest; 0: the labeled frames alone.
     pub reach: f64,
-    /// Whether features are reduced to principal components before learning, or only to their range.
+    /// Whether features are reduced to principal components before learning, or only to their
+    /// range.
     pub is_reduced: bool,
     /// The seed of the draw.
     pub seed: u64,
@@ -86,7 +87,7 @@ impl TrainSettings {
                 tolerance: 1e-4,
                 ridge: 0.1,
             },
-            unlabelled: 5000,
+            unlabeled: 5000,
             reach: 1.0,
             is_reduced: true,
             seed: 0,
@@ -99,8 +100,8 @@ impl TrainSettings {
         self.features.needs_rate() || self.window > 0.0 || has_reach
     }
 
-    /// The paper's: all features of one frame, scaled by (38), the pairs as labelled, the ratio of traces. What the
-    /// paper leaves open is the ridge: 1e-6.
+    /// The paper's: all features of one frame, scaled by (38), the pairs as labeled, the ratio of
+    /// traces. What the paper leaves open is the ridge: 1e-6.
     pub fn paper(map: JointMap) -> TrainSettings {
         let default = TrainSettings::new(map);
         TrainSettings {
@@ -124,16 +125,16 @@ impl TrainSettings {
 pub struct Trained {
     /// The metric.
     pub metric: PoseMetric,
-    /// Poses without labels that it is learnt from, beyond the scaling of the features.
-    pub unlabelled: usize,
-    /// Labelled pairs of label 1 and 0 that it is learnt from.
+    /// Poses without labels that it is learned from, beyond the scaling of the features.
+    pub unlabeled: usize,
+    /// Labeled pairs of label 1 and 0 that it is learned from.
     pub alike: usize,
     /// See [`Trained::alike`].
     pub unlike: usize,
-    /// Labelled pairs that lack joints.
+    /// Labeled pairs that lack joints.
     pub ignored: usize,
-    /// Whether a learner that goes by steps came to an end before their limit, and the sparse graph is optimal within its
-    /// tolerance.
+    /// Whether a learner that goes by steps came to an end before their limit, and the sparse
+    /// graph is optimal within its tolerance.
     pub has_converged: bool,
     /// The largest violation of optimality of the sparse graph, for a method that has one.
     pub violation: Option<f64>,
@@ -141,20 +142,21 @@ pub struct Trained {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Learns a metric from takes and labelled pairs of their frames.
+/// Learns a metric from takes and labeled pairs of their frames.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: no pair that the method needs, labels that contradict each other, no rate, or poses without variation.
+/// [`crate::Error::Unfit`]: no pair that the method needs, labels that contradict each other, no
+/// rate, or poses without variation.
 pub fn train(
     takes: &[BodyFramePoses],
-    pairs: &[LabelledPair],
+    pairs: &[LabeledPair],
     settings: &TrainSettings,
 ) -> Result<Trained> {
     check(takes, pairs, settings)?;
     let mut clock = Stopwatch::default();
-    let labelled: BTreeSet<FrameRef> = pairs.iter().flat_map(|p| p.ends).collect();
-    let sample = match settings.unlabelled {
-        0 => labelled.iter().copied().collect(),
+    let labeled: BTreeSet<FrameRef> = pairs.iter().flat_map(|p| p.ends).collect();
+    let sample = match settings.unlabeled {
+        0 => labeled.iter().copied().collect(),
         most => sample(takes, most, settings.seed),
     };
     let full = reduction::all_features(
@@ -184,7 +186,7 @@ pub fn train(
 /// A training under way.
 struct Training<'a> {
     takes: &'a [BodyFramePoses],
-    pairs: &'a [LabelledPair],
+    pairs: &'a [LabeledPair],
     settings: &'a TrainSettings,
     /// The poses without labels.
     sample: Vec<FrameRef>,
@@ -195,7 +197,7 @@ impl Training<'_> {
     fn finish(self, metric: PoseMetric, used: Used) -> Trained {
         Trained {
             metric,
-            unlabelled: used.unlabelled,
+            unlabeled: used.unlabeled,
             alike: used.alike,
             unlike: used.unlike,
             ignored: used.ignored,
@@ -207,17 +209,17 @@ impl Training<'_> {
 
     /// A weight for each feature.
     fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained> {
-        let labelled = Labelled::new(self.takes, self.pairs, full, &[]);
-        let pairs = [labelled.alike.as_slice(), labelled.unlike.as_slice()].concat();
-        let is_alike: Vec<bool> = (0..pairs.len()).map(|k| k < labelled.alike.len()).collect();
+        let labeled = Labeled::new(self.takes, self.pairs, full, &[]);
+        let pairs = [labeled.alike.as_slice(), labeled.unlike.as_slice()].concat();
+        let is_alike: Vec<bool> = (0..pairs.len()).map(|k| k < labeled.alike.len()).collect();
         self.clock.lap("pairs");
-        let metric = weights::learn(full, rule, labelled.vectors.view(), &pairs, &is_alike)?;
+        let metric = weights::learn(full, rule, labeled.vectors.view(), &pairs, &is_alike)?;
         self.clock.lap("learning");
-        let used = labelled.used(self.pairs);
+        let used = labeled.used(self.pairs);
         Ok(self.finish(metric, used))
     }
 
-    /// A projection, learnt among the directions in which poses vary.
+    /// A projection, learned among the directions in which poses vary.
     fn projection(mut self, full: &PoseMetric) -> Result<Trained> {
         let basis = match self.settings.is_reduced {
             true => reduction::principal(full, self.takes, &self.sample)?,
@@ -239,56 +241,56 @@ impl Training<'_> {
         let poses = reduction::embed(basis, self.takes, &linked).mapv(f64::from);
         let near = links.pair(&linked, poses.view());
         if near.is_empty() {
-            return Err("no labelled pair has all joints".into());
+            return Err("no labeled pair has all joints".into());
         }
         let alike = scatter_of_pairs(poses.view(), &near);
         self.clock.lap("pairs");
-        let x = match self.settings.unlabelled {
+        let x = match self.settings.unlabeled {
             0 => Array2::zeros((0, poses.ncols())),
-            _ => self.unlabelled(basis),
+            _ => self.unlabeled(basis),
         };
-        let learnt = rdsr::learn(x.view(), &alike, &self.settings.rdsr)?;
-        self.clock.laps.extend(learnt.seconds);
-        let labelled = Labelled::new(self.takes, self.pairs, basis, &[]);
+        let learned = rdsr::learn(x.view(), &alike, &self.settings.rdsr)?;
+        self.clock.laps.extend(learned.seconds);
+        let labeled = Labeled::new(self.takes, self.pairs, basis, &[]);
         let used = Used {
             unlike: 0,
-            unlabelled: x.nrows(),
-            violation: learnt.violation,
-            stopped: learnt
+            unlabeled: x.nrows(),
+            violation: learned.violation,
+            stopped: learned
                 .violation
                 .is_some_and(|v| v > self.settings.rdsr.tolerance),
-            ..labelled.used(self.pairs)
+            ..labeled.used(self.pairs)
         };
-        Ok((learnt.w, used))
+        Ok((learned.w, used))
     }
 
     fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
-        let extra = match self.settings.unlabelled {
+        let extra = match self.settings.unlabeled {
             0 => &[][..],
             _ => &self.sample[..],
         };
-        let labelled = Labelled::new(self.takes, self.pairs, basis, extra);
-        let x = labelled.vectors.mapv(f64::from);
+        let labeled = Labeled::new(self.takes, self.pairs, basis, extra);
+        let x = labeled.vectors.mapv(f64::from);
         let pairs = TrainingPairs {
             x: x.view(),
-            alike: &labelled.alike,
-            unlike: &labelled.unlike,
+            alike: &labeled.alike,
+            unlike: &labeled.unlike,
         };
         self.clock.lap("pairs");
         let learner = self.settings.learner;
-        let learnt = learn_rival(learner, &pairs, self.settings.rdsr.rank)?;
+        let learned = learn_rival(learner, &pairs, self.settings.rdsr.rank)?;
         self.clock.lap("learning");
-        let mut used = labelled.used(self.pairs);
-        used.stopped = !learnt.converged;
-        // The other learners see labelled poses alone.
+        let mut used = labeled.used(self.pairs);
+        used.stopped = !learned.converged;
+        // The other learners see labeled poses alone.
         if matches!(learner, Learner::Sda | Learner::Rca) {
-            used.unlabelled = extra.len();
+            used.unlabeled = extra.len();
         }
-        Ok((learnt.w, used))
+        Ok((learned.w, used))
     }
 
-    /// The unlabelled poses that are complete, in a basis (N, d). The paper's are not centred.
-    fn unlabelled(&self, basis: &PoseMetric) -> Array2<f64> {
+    /// The unlabeled poses that are complete, in a basis (N, d). The paper's are not centered.
+    fn unlabeled(&self, basis: &PoseMetric) -> Array2<f64> {
         let vectors = reduction::embed(basis, self.takes, &self.sample);
         let x = reduction::complete_rows(vectors.view()).mapv(f64::from);
         match x.mean_axis(Axis(0)) {
@@ -298,8 +300,8 @@ impl Training<'_> {
     }
 }
 
-fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learnt> {
-    let exact = |w: Array2<f64>| Learnt { w, converged: true };
+fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned> {
+    let exact = |w: Array2<f64>| Learned { w, converged: true };
     let xing = xing::Settings {
         rank,
         ..Default::default()
@@ -329,8 +331,9 @@ fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Resu
     }
 }
 
-/// The vectors of labelled poses, and of others, with the pairs of their rows. Poses that lack joints are left out, and their pairs.
-struct Labelled {
+/// The vectors of labeled poses, and of others, with the pairs of their rows. Poses that lack
+/// joints are left out, and their pairs.
+struct Labeled {
     vectors: Array2<f32>,
     alike: Vec<[usize; 2]>,
     unlike: Vec<[usize; 2]>,
@@ -342,13 +345,13 @@ struct Used {
     alike: usize,
     unlike: usize,
     ignored: usize,
-    unlabelled: usize,
+    unlabeled: usize,
     violation: Option<f64>,
     stopped: bool,
 }
 
-impl Labelled {
-    fn used(&self, pairs: &[LabelledPair]) -> Used {
+impl Labeled {
+    fn used(&self, pairs: &[LabeledPair]) -> Used {
         let (alike, unlike) = (self.alike.len(), self.unlike.len());
         Used {
             alike,
@@ -360,10 +363,10 @@ impl Labelled {
 
     fn new(
         takes: &[BodyFramePoses],
-        pairs: &[LabelledPair],
+        pairs: &[LabeledPair],
         metric: &PoseMetric,
         others: &[FrameRef],
-    ) -> Labelled {
+    ) -> Labeled {
         let ends = pairs.iter().flat_map(|p| p.ends);
         let frames: BTreeSet<FrameRef> = ends.chain(others.iter().copied()).collect();
         let frames: Vec<FrameRef> = frames.into_iter().collect();
@@ -375,10 +378,10 @@ impl Labelled {
             kept.binary_search(&all).ok()
         };
         let rows = |is_alike: bool| {
-            let labelled = pairs.iter().filter(move |p| p.is_alike == is_alike);
-            labelled.filter_map(|p| Some([row(p.ends[0])?, row(p.ends[1])?]))
+            let labeled = pairs.iter().filter(move |p| p.is_alike == is_alike);
+            labeled.filter_map(|p| Some([row(p.ends[0])?, row(p.ends[1])?]))
         };
-        Labelled {
+        Labeled {
             alike: rows(true).collect(),
             unlike: rows(false).collect(),
             vectors: all.select(Axis(0), &kept),
@@ -386,9 +389,9 @@ impl Labelled {
     }
 }
 
-fn check(takes: &[BodyFramePoses], pairs: &[LabelledPair], settings: &TrainSettings) -> Result<()> {
+fn check(takes: &[BodyFramePoses], pairs: &[LabeledPair], settings: &TrainSettings) -> Result<()> {
     if let Some(k) = contradiction(pairs) {
-        return Err(format!("pair {} is labelled both 1 and 0", k + 1).into());
+        return Err(format!("pair {} is labeled both 1 and 0", k + 1).into());
     }
     if settings.learner != Learner::L2 && !pairs.iter().any(|p| p.is_alike) {
         return Err("no pair has label 1".into());

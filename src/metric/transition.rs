@@ -1,8 +1,9 @@
 //! Frames at which one clip can go over into another: where their distances are locally least.
 //!
-//! Of the matrix of distances between the frames of two clips only a band of rows is held at a time. Where the clips are alike
-//! over a while the matrix has a valley with many minima: of those closer together than `apart` in both clips the nearest is
-//! kept. Cost: frames of a x frames of b x dimensions; all minima are held, up to a ninth of the cells.
+//! Of the matrix of distances between the frames of two clips only a band of rows is held at a
+//! time. Where the clips are alike over a while the matrix has a valley with many minima: of those
+//! closer together than `apart` in both clips the nearest is kept. Cost: frames of a x frames of b
+//! x dimensions; all minima are held, up to a ninth of the cells.
 
 use super::pose_metric::Norm;
 use crate::numeric::parallel;
@@ -32,9 +33,9 @@ pub struct Candidate {
     pub distance: f32,
 }
 
-/// The candidates between two clips, nearest first, from the vectors (frames, dimensions) of their frames by a metric. Frames
-/// whose vectors have NaN are never candidates. `wanted` is asked in this order about those that may be kept; what it turns down
-/// does not keep others away.
+/// The candidates between two clips, nearest first, from the vectors (frames, dimensions) of their
+/// frames by a metric. Frames whose vectors have NaN are never candidates. `wanted` is asked in
+/// this order about those that may be kept; what it turns down does not keep others away.
 pub fn candidates(
     vectors: [ArrayView2<'_, f32>; 2],
     norm: Norm,
@@ -63,8 +64,8 @@ pub fn candidates(
     spread(found, search, wanted)
 }
 
-/// Distances of a frame to all frames of the other clip, squared for the Euclidean norm; `columns` are its vectors by
-/// dimension.
+/// Distances of a frame to all frames of the other clip, squared for the Euclidean norm; `columns`
+/// are its vectors by dimension.
 fn distances(
     row: ArrayView1<'_, f32>,
     columns: &[Vec<f32>],
@@ -84,13 +85,13 @@ fn distances(
     sums
 }
 
-/// The cells in `rows` that no neighbour is below; `band` are distances from row `start` on.
+/// The cells in `rows` that no neighbor is below; `band` are distances from row `start` on.
 fn minima(band: &[Vec<f32>], start: usize, rows: Range<usize>) -> Vec<[usize; 2]> {
     let mut found = Vec::new();
     for i in rows {
         for j in 0..band[i - start].len() {
             let own = band[i - start][j];
-            let is_least = NEIGHBOURS.iter().all(|(down, right, may_equal)| {
+            let is_least = NEIGHBORS.iter().all(|(down, right, may_equal)| {
                 let row = (i - start).checked_add_signed(*down);
                 let column = j.checked_add_signed(*right);
                 let cell = row.zip(column).and_then(|(r, c)| band.get(r)?.get(c));
@@ -104,9 +105,10 @@ fn minima(band: &[Vec<f32>], start: usize, rows: Range<usize>) -> Vec<[usize; 2]
     found
 }
 
-/// The cells about one, and whether they may be equal to it. Where a clip stands still whole blocks are equal: their first cell
-/// is the minimum. Along the diagonal, where a clip meets its copy, each may be.
-const NEIGHBOURS: [(isize, isize, bool); 8] = [
+/// The cells about one, and whether they may be equal to it. Where a clip stands still whole blocks
+/// are equal: their first cell is the minimum. Along the diagonal, where a clip meets its copy,
+/// each may be.
+const NEIGHBORS: [(isize, isize, bool); 8] = [
     (-1, -1, true),
     (-1, 0, false),
     (-1, 1, false),

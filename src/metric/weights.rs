@@ -1,4 +1,4 @@
-//! Metrics that weigh features, learnt from pairs: by least squares, or by boosting.
+//! Metrics that weigh features, learned from pairs: by least squares, or by boosting.
 
 use super::boost;
 use super::features::PoseFeatures;
@@ -7,7 +7,7 @@ use super::pose_metric::{Norm, PoseMetric, Projection};
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
-/// How weights are learnt.
+/// How weights are learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum WeightRule {
     /// [`lms`].
@@ -16,10 +16,11 @@ pub(super) enum WeightRule {
     Boosting,
 }
 
-/// `full` with weights, learnt from its vectors of labelled poses and pairs of their rows.
+/// `full` with weights, learned from its vectors of labeled poses and pairs of their rows.
 ///
-/// By least squares, coordinates and rotations have a weight a joint (Wang and Bodenheimer: LJCD, LJOD), distances of joints one
-/// each for their magnitudes (Tang et al.: JRF+LMS), other features one each for their squares.
+/// By least squares, coordinates and rotations have a weight a joint (Wang and Bodenheimer: LJCD,
+/// LJOD), distances of joints one each for their magnitudes (Tang et al.: JRF+LMS), other features
+/// one each for their squares.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: one of the labels is missing.

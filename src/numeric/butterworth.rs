@@ -1,8 +1,9 @@
-//! The low-pass filter of biomechanics: a Butterworth filter of second order, run forwards and backwards.
+//! The low-pass filter of biomechanics: a Butterworth filter of second order, run forwards and
+//! backwards.
 //!
-//! Both runs together have no lag and fourth order. Two runs damp the stated cutoff twice; so that the pair has its −3 dB there, each
-//! is designed at the angular cutoff tan(π cutoff / rate) / (√2 − 1)^¼ (Winter, Biomechanics and Motor Control of Human Movement,
-//! 4th edition, section 3.4.4.2).
+//! Both runs together have no lag and fourth order. Two runs damp the stated cutoff twice; so that
+//! the pair has its −3 dB there, each is designed at the angular cutoff tan(π cutoff / rate) / (√2
+//! − 1)^¼ (Winter, Biomechanics and Motor Control of Human Movement, 4th edition, section 3.4.4.2).
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -19,7 +20,8 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// A filter whose two runs pass half the power at `cutoff`, for `rate` values a second; `None` unless 0 < cutoff < .4 rate.
+    /// A filter whose two runs pass half the power at `cutoff`, for `rate` values a second; `None`
+    /// unless 0 < cutoff < .4 rate.
     pub fn new(cutoff: f64, rate: f64) -> Option<LowPass> {
         if !(cutoff > 0.0 && cutoff < 0.4 * rate) {
             return None;
@@ -35,7 +37,8 @@ impl LowPass {
         })
     }
 
-    /// Filters values on end, which go on beyond their ends as their point reflections do; fewer than [`FEWEST`] stay as they are.
+    /// Filters values on end, which go on beyond their ends as their point reflections do; fewer
+    /// than [`FEWEST`] stay as they are.
     pub fn apply(&self, values: &mut [f64]) {
         let n = values.len();
         if n < FEWEST {

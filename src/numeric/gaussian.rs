@@ -1,16 +1,18 @@
 //! A Gaussian conditioned on some noisy coordinates.
 //!
-//! For e ~ N(0, S) and r = e_o + noise of variances R: the mean of e is S_:o (S_oo + R)⁻¹ r, its covariance
-//! S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain Cholesky factorisation here costs less
-//! than starting LAPACK.
+//! For e ~ N(0, S) and r = e_o + noise of variances R: the mean of e is S_:o (S_oo + R)⁻¹ r, its
+//! covariance S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain
+//! Cholesky factorization here costs less than starting LAPACK.
 
-use super::small_linalg::{add, backward, factorise, forward};
+use super::small_linalg::{add, backward, factorize, forward};
 use ndarray::{Array2, ArrayView2};
 
-/// The smallest noise variance that a solve uses, cm²: 0.1 mm. No capture is better, and solves stay well conditioned.
+/// The smallest noise variance that a solve uses, cm²: 0.1 mm. No capture is better, and solves
+/// stay well conditioned.
 pub const EXACT_VARIANCE: f64 = 1e-4;
 
-/// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
+/// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the
+/// variances that are left.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConditionalGaussian {
     observed: Vec<usize>,
@@ -69,7 +71,8 @@ impl ConditionalGaussian {
         }
     }
 
-    /// The covariance that is left, (D, D): `prior` (the S that was conditioned) less what was learnt.
+    /// The covariance that is left, (D, D): `prior` (the S that was conditioned) less what was
+    /// learned.
     pub fn covariance(&self, prior: ArrayView2<'_, f64>) -> Array2<f64> {
         let d = self.variance.len();
         let mut out = prior.to_owned();
@@ -125,12 +128,12 @@ fn factor(covariance: ArrayView2<'_, f64>, noise: &[f64], observed: &[usize]) ->
         }
         a[row * n + row] += noise[i];
     }
-    factorise(&mut a, n);
+    factorize(&mut a, n);
     a
 }
 
-/// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT_VARIANCE`]: what [`ConditionalGaussian`] says, for
-/// one solve in place of many.
+/// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT_VARIANCE`]:
+/// what [`ConditionalGaussian`] says, for one solve in place of many.
 pub fn most_probable(
     mut mean: Vec<f64>,
     covariance: ArrayView2<'_, f64>,

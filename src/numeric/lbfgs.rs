@@ -1,4 +1,4 @@
-//! L-BFGS: minimises a smooth function of many numbers from its gradient.
+//! L-BFGS: minimizes a smooth function of many numbers from its gradient.
 
 use std::collections::VecDeque;
 
@@ -21,11 +21,11 @@ pub struct Minimum {
     pub converged: bool,
 }
 
-/// Minimises from `x` by L-BFGS with backtracking (Nocedal and Wright 2006, algorithm 7.4).
+/// Minimizes from `x` by L-BFGS with backtracking (Nocedal and Wright 2006, algorithm 7.4).
 ///
-/// Stops after `steps` steps, or once a step falls by at most `tolerance` (1 + |value|). The function may be infinite, but
-/// not at the start.
-pub fn minimise(
+/// Stops after `steps` steps, or once a step falls by at most `tolerance` (1 + |value|). The
+/// function may be infinite, but not at the start.
+pub fn minimize(
     mut x: Vec<f64>,
     steps: usize,
     tolerance: f64,
@@ -81,7 +81,8 @@ pub fn minimise(
     }
 }
 
-/// The first point along `direction`, at most `step` far, that falls enough (Armijo): where, its value and gradient.
+/// The first point along `direction`, at most `step` far, that falls enough (Armijo): where, its
+/// value and gradient.
 fn backtrack(
     x: &[f64],
     value: f64,
@@ -137,10 +138,10 @@ mod tests {
             let by = vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b];
             (a * a + 100.0 * b * b, by)
         };
-        let end = minimise(vec![-1.2, 1.0], 200, 1e-9, &mut valley);
+        let end = minimize(vec![-1.2, 1.0], 200, 1e-9, &mut valley);
         assert!(end.converged && end.value <= 1e-8 && (end.at[0] - 1.0).abs() <= 1e-3);
-        assert!(!minimise(vec![-1.2, 1.0], 3, 1e-9, &mut valley).converged);
-        let end = minimise(vec![1.0], 10, 1e-9, &mut |_| (f64::NAN, vec![f64::NAN]));
+        assert!(!minimize(vec![-1.2, 1.0], 3, 1e-9, &mut valley).converged);
+        let end = minimize(vec![1.0], 10, 1e-9, &mut |_| (f64::NAN, vec![f64::NAN]));
         assert!(end.value.is_nan() && !end.converged);
     }
 }

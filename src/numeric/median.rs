@@ -1,6 +1,7 @@
 //! The median.
 
-/// The middle of the sorted values, of an even number the upper of both in the middle; `None` for none.
+/// The middle of the sorted values, of an even number the upper of both in the middle; `None` for
+/// none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()

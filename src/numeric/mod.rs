@@ -1,4 +1,5 @@
-//! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS, Gaussians, SIMD, deterministic parallelism.
+//! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS, Gaussians,
+//! SIMD, deterministic parallelism.
 
 pub mod butterworth;
 pub mod gaussian;

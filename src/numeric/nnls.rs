@@ -1,9 +1,10 @@
 //! Least squares with unknowns of at least 0, on the Gram matrix.
 //!
-//! minimise ½ wᵀ G w − bᵀ w over w ≥ 0,
+//! minimize ½ wᵀ G w − bᵀ w over w ≥ 0,
 //!
-//! for a positive definite G (k, k) and b (k). Coordinate descent (Franc, Hlaváč, Navara 2005) finds the unknowns that are above 0;
-//! those are then solved for exactly (Lawson and Hanson 1974, chapter 23). Cost: O(k³) a round; a handful of rounds are needed.
+//! for a positive definite G (k, k) and b (k). Coordinate descent (Franc, Hlaváč, Navara 2005)
+//! finds the unknowns that are above 0; those are then solved for exactly (Lawson and Hanson 1974,
+//! chapter 23). Cost: O(k³) a round; a handful of rounds are needed.
 
 use crate::numeric::linalg::cholesky_solve;
 use ndarray::{Array1, Array2, Axis};
@@ -15,7 +16,8 @@ const SWEEPS: usize = 20;
 /// Rounds of sweeps and exact solution; a handful are needed.
 const ROUNDS: usize = 1000;
 
-/// Minimises ½ wᵀ G w − bᵀ w over w ≥ 0, for a positive definite G (k, k), best of unit diagonal, and b (k).
+/// Minimizes ½ wᵀ G w − bᵀ w over w ≥ 0, for a positive definite G (k, k), best of unit diagonal,
+/// and b (k).
 ///
 /// `None`: G is not positive definite, a value is not finite, or no minimum was found.
 pub fn nonnegative_least_squares(g: &Array2<f64>, b: &Array1<f64>) -> Option<Array1<f64>> {
@@ -38,7 +40,8 @@ pub fn nonnegative_least_squares(g: &Array2<f64>, b: &Array1<f64>) -> Option<Arr
     None
 }
 
-/// Moves to the exact minimum over the weights above 0; those that would fall below on the way become 0.
+/// Moves to the exact minimum over the weights above 0; those that would fall below on the way
+/// become 0.
 fn solve_support(g: &Array2<f64>, b: &Array1<f64>, w: &mut Array1<f64>) -> Option<()> {
     loop {
         let support: Vec<usize> = (0..w.len()).filter(|&j| w[j] > 0.0).collect();
@@ -60,7 +63,8 @@ fn solve_support(g: &Array2<f64>, b: &Array1<f64>, w: &mut Array1<f64>) -> Optio
     }
 }
 
-/// How far the conditions of a minimum are broken: the gradient is 0 where w > 0, and at least 0 where w = 0.
+/// How far the conditions of a minimum are broken: the gradient is 0 where w > 0, and at least 0
+/// where w = 0.
 fn suboptimality(gradient: &Array1<f64>, w: &Array1<f64>) -> f64 {
     let errors = gradient
         .iter()

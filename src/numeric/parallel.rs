@@ -31,8 +31,8 @@ where
     chunks.into_par_iter().map(one).collect()
 }
 
-/// Applies `work` to each item on rayon's threads, the answers in the order of the items; `desk` makes what one thread works
-/// with, which must not change an answer.
+/// Applies `work` to each item on rayon's threads, the answers in the order of the items; `desk`
+/// makes what one thread works with, which must not change an answer.
 pub fn map_each<T, D, R>(
     items: Vec<T>,
     desk: impl Fn() -> D + Sync + Send,
@@ -49,8 +49,8 @@ where
     items.into_par_iter().map_init(desk, work).collect()
 }
 
-/// [`map_chunks`] where `desk` makes what one thread works with. A desk serves one chunk after another: it must not change an
-/// answer, but room that is large is made once a thread.
+/// [`map_chunks`] where `desk` makes what one thread works with. A desk serves one chunk after
+/// another: it must not change an answer, but room that is large is made once a thread.
 pub fn map_chunks_with<T, D>(
     len: usize,
     chunk: usize,
@@ -93,8 +93,9 @@ thread_local! {
     static SINGLE_THREADED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Does `work` on this thread alone: chunks and items that are met in it are not shared with others. So its time is its own;
-/// a thread that waits for others takes up what has nothing to do with it.
+/// Does `work` on this thread alone: chunks and items that are met in it are not shared with
+/// others. So its time is its own; a thread that waits for others takes up what has nothing to do
+/// with it.
 pub fn single_threaded<R>(work: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -106,11 +107,11 @@ pub fn single_threaded<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// Works on the items of a stream on all of rayon's threads while `next` reads more of them, here; `put` is given what became
-/// of them, here too, in their order.
+/// Works on the items of a stream on all of rayon's threads while `next` reads more of them, here;
+/// `put` is given what became of them, here too, in their order.
 ///
-/// Up to `ahead` items are on their way at a time: a few a thread where each is worked on by one, two where work is shared
-/// among them itself. Not for rayon's own threads, as this one waits.
+/// Up to `ahead` items are on their way at a time: a few a thread where each is worked on by one,
+/// two where work is shared among them itself. Not for rayon's own threads, as this one waits.
 ///
 /// # Errors
 /// The first, in the order of the items; all before it are put.
@@ -163,7 +164,8 @@ pub fn ordered_pipeline<T: Send, R: Send>(
     })
 }
 
-/// A random generator for one stream of one seed: the same on every machine and for any number of threads.
+/// A random generator for one stream of one seed: the same on every machine and for any number of
+/// threads.
 pub fn rng(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(stream);

@@ -1,8 +1,8 @@
-//! PCHIP: piecewise cubic interpolation that keeps the shape of its data (Fritsch and Butland 1984): between two data points
-//! it never leaves their range.
+//! PCHIP: piecewise cubic interpolation that keeps the shape of its data (Fritsch and Butland
+//! 1984): between two data points it never leaves their range.
 
-/// The interpolant through the points (`x`, `y`), x rising, at each of `at`. Outside it goes on as the first or last piece;
-/// one point alone gives a constant.
+/// The interpolant through the points (`x`, `y`), x rising, at each of `at`. Outside it goes on as
+/// the first or last piece; one point alone gives a constant.
 pub fn pchip(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
     let n = x.len();
     if n < 2 {
@@ -42,7 +42,8 @@ fn slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     out
 }
 
-/// The slope at an end: that of the parabola through three points, unless it would leave their range.
+/// The slope at an end: that of the parabola through three points, unless it would leave their
+/// range.
 fn end_slope(h0: f64, h1: f64, d0: f64, d1: f64) -> f64 {
     let slope = ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1);
     if slope * d0 <= 0.0 {

@@ -1,7 +1,8 @@
 //! Inner loops at the machine's vector width, chosen when the program runs.
 //!
-//! Every sum here is taken in eight lanes, in an order that the machine has no say in, and nothing is fused: the bytes are
-//! the same whatever the vectors are. Rows are as long as a multiple of [`LANES`]; what is beyond the data is 0.
+//! Every sum here is taken in eight lanes, in an order that the machine has no say in, and nothing
+//! is fused: the bytes are the same whatever the vectors are. Rows are as long as a multiple of
+//! [`LANES`]; what is beyond the data is 0.
 
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
@@ -26,7 +27,8 @@ pub fn rows(all: &Array2<f64>) -> Vec<f32> {
     out
 }
 
-/// Runs `f`, into which all is inlined, with the widest vectors that serve [`LANES`] numbers side by side.
+/// Runs `f`, into which all is inlined, with the widest vectors that serve [`LANES`] numbers side
+/// by side.
 #[inline]
 pub fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
     of_eight().dispatch(f)
@@ -52,8 +54,8 @@ pub fn widest_lanes() -> usize {
     dispatch_widest(Lanes)
 }
 
-/// e^x by 12 terms of its series beside the nearest power of two, so that loops of it run side by side: within 1e-14 of it
-/// from −700 to 700; beyond, that of these.
+/// e^x by 12 terms of its series beside the nearest power of two, so that loops of it run side by
+/// side: within 1e-14 of it from −700 to 700; beyond, that of these.
 #[inline(always)]
 fn exp(x: f64) -> f64 {
     // Added to a number it leaves the nearest whole one in the lowest bits.
@@ -84,7 +86,8 @@ pub fn add_decays(heights: &[f64], rates: &[f64], x: &[f64], out: &mut [f64]) {
     );
 }
 
-/// Not AVX-512: eight lanes are half of its vectors, and code that is made for it runs a tenth slower.
+/// Not AVX-512: eight lanes are half of its vectors, and code that is made for it runs a tenth
+/// slower.
 fn of_eight() -> pulp::Arch {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     *ARCH.get_or_init(|| match pulp::Arch::new() {
@@ -147,7 +150,8 @@ pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
     )
 }
 
-/// Σ s z z, Σ s v z and Σ s v v for each row s of `scales`, into `out`; the last two only of the rows that `both` says.
+/// Σ s z z, Σ s v z and Σ s v v for each row s of `scales`, into `out`; the last two only of the
+/// rows that `both` says.
 pub fn weighted_forms(
     scales: &[f32],
     z: &[f32],
@@ -186,7 +190,8 @@ pub fn weighted_forms(
     )
 }
 
-/// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as far as `x` goes.
+/// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as
+/// far as `x` goes.
 pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     dispatch8(
         #[inline(always)]
@@ -198,8 +203,8 @@ pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     )
 }
 
-/// Σ wₖ aₖ bₖ of rows with each other: the lower triangle, (n, n) by rows. Rows are `stride` apart and read as far as the
-/// weights (padded) go.
+/// Σ wₖ aₖ bₖ of rows with each other: the lower triangle, (n, n) by rows. Rows are `stride` apart
+/// and read as far as the weights (padded) go.
 pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     /// Rows that share what is read of another.
     const AT_ONCE: usize = 4;

@@ -1,4 +1,5 @@
-//! Products, a factorisation and its solves for vectors and matrices of a pose's size, where calling a library costs more than the work.
+//! Products, a factorization and its solves for vectors and matrices of a pose's size, where
+//! calling a library costs more than the work.
 
 use crate::numeric::simd::dispatch8;
 
@@ -23,9 +24,9 @@ pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
 
-/// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction
-/// is then known exactly, as a duplicate of others.
-pub fn factorise(a: &mut [f64], n: usize) {
+/// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a
+/// small one: the direction is then known exactly, as a duplicate of others.
+pub fn factorize(a: &mut [f64], n: usize) {
     dispatch8(
         #[inline(always)]
         || {
@@ -44,7 +45,7 @@ pub fn factorise(a: &mut [f64], n: usize) {
     );
 }
 
-/// z ← L⁻¹ z, with L as [`factorise`] leaves it.
+/// z ← L⁻¹ z, with L as [`factorize`] leaves it.
 pub fn forward(a: &[f64], n: usize, z: &mut [f64]) {
     dispatch8(
         #[inline(always)]
@@ -75,7 +76,8 @@ pub fn log_sum(logs: &[f64]) -> f64 {
     top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
 }
 
-/// Σ log of numbers above 0, by products of as many as fit a number: logarithms cost more than products.
+/// Σ log of numbers above 0, by products of as many as fit a number: logarithms cost more than
+/// products.
 pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut sum, mut product) = (0.0, 1.0);
     for value in values {
@@ -142,7 +144,7 @@ mod tests {
         add(&mut sum, 2.0, &y);
         assert_eq!(sum[3], -1.0);
         let mut a = [4.0, 0.0, 2.0, 5.0];
-        factorise(&mut a, 2);
+        factorize(&mut a, 2);
         assert_eq!([a[0], a[2], a[3]], [2.0, 1.0, 2.0]);
         // (4 2; 2 5) z = (8, 12)
         let mut z = [8.0, 12.0];

@@ -1,7 +1,8 @@
 //! A body: which joints its bones join, and how long they are.
 //!
-//! Carrying a pose from one body to another, `y'ₖ = y'ₚ + rₖ (yₖ − yₚ)` with rₖ the ratio of the lengths, is linear in
-//! the pose. So a whole dictionary can be carried to the captured body, whatever joints are missing there.
+//! Carrying a pose from one body to another, `y'ₖ = y'ₚ + rₖ (yₖ − yₚ)` with rₖ the ratio of the
+//! lengths, is linear in the pose. So a whole dictionary can be carried to the captured body,
+//! whatever joints are missing there.
 
 use super::joints::{CMU, parents_by_name};
 use glam::DVec3;
@@ -12,7 +13,8 @@ use ndarray::ArrayView2;
 pub struct Body {
     /// The point each point hangs on; `None` for roots.
     pub parents: Vec<Option<usize>>,
-    /// Bone lengths from parent to point, centimetres; NaN where unknown or where there is no parent.
+    /// Bone lengths from parent to point, centimeters; NaN where unknown or where there is no
+    /// parent.
     pub lengths: Vec<f64>,
 }
 
@@ -23,9 +25,11 @@ impl Body {
         Body { parents, lengths }
     }
 
-    /// The bones of frames x 3 J numbers: each length is the median over the frames that show both ends.
+    /// The bones of frames x 3 J numbers: each length is the median over the frames that show both
+    /// ends.
     ///
-    /// At most 2,000 frames are looked at, evenly spread, so that the cost does not grow with the take.
+    /// At most 2,000 frames are looked at, evenly spread, so that the cost does not grow with the
+    /// take.
     pub fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> Body {
         let step = xyz.nrows().div_ceil(2000).max(1);
         let lengths = parents
@@ -60,7 +64,8 @@ impl Body {
     pub fn order(&self) -> Vec<usize> {
         let mut order = Vec::with_capacity(self.parents.len());
         let mut done = vec![false; self.parents.len()];
-        // At most as many rounds as the deepest chain; a cycle (never built here) would end them early.
+        // At most as many rounds as the deepest chain; a cycle (never built here) would end them
+        // early.
         loop {
             let before = order.len();
             for k in 0..self.parents.len() {
@@ -75,8 +80,8 @@ impl Body {
         }
     }
 
-    /// Ratio of each bone's length in `other` to its length here. Bones that either body does not know take the
-    /// median of the known ratios, or 1 when there is none.
+    /// Ratio of each bone's length in `other` to its length here. Bones that either body does not
+    /// know take the median of the known ratios, or 1 when there is none.
     pub fn ratios_to(&self, other: &Body) -> Vec<f64> {
         let ratio = |k: usize| other.lengths[k] / self.lengths[k];
         let known = |r: &f64| r.is_finite() && *r > 0.0;
@@ -89,8 +94,8 @@ impl Body {
             .collect()
     }
 
-    /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and keeps its
-    /// direction. Roots stay. Linear in the pose.
+    /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and
+    /// keeps its direction. Roots stay. Linear in the pose.
     pub fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
         for &k in order {
             for c in 0..3 {
@@ -103,8 +108,8 @@ impl Body {
     }
 }
 
-/// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with CMU's names (bone ends) and `noise` of
-/// this standard deviation on each coordinate, cm; `None`
+/// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with
+/// CMU's names (bone ends) and `noise` of this standard deviation on each coordinate, cm; `None`
 /// where a foot, a hip and the head are not all among them, or no frame shows a bone of each.
 pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>, noise: f64) -> Option<f64> {
     let find = |name: &str| names.iter().position(|n| n == name);

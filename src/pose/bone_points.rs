@@ -1,4 +1,5 @@
-//! Where named points stand on their bones: at the ends, as CMU's joints do, or at the starts, as the joints of a BVH file.
+//! Where named points stand on their bones: at the ends, as CMU's joints do, or at the starts, as
+//! the joints of a BVH file.
 
 use super::joints::{CMU, CMU_PARENT};
 use glam::DVec3;
@@ -17,7 +18,8 @@ const EXTREMITIES: [(&str, &str); 8] = [
     ("rfingers", "rhand"),
 ];
 
-/// Bones that start together are less than this share of the figure's size apart; their ends are about 15% apart.
+/// Bones that start together are less than this share of the figure's size apart; their ends are
+/// about 15% apart.
 const TOGETHER: f64 = 0.08;
 
 /// Frames that are looked at.
@@ -33,8 +35,9 @@ pub enum BonePoints {
 }
 
 impl BonePoints {
-    /// Tells from names and lengths, for CMU's names: starts, if there are points NAME_end, or if points whose bones start
-    /// together are at one place. Of other names nothing is known, and they count as ends. `xyz`: (frames, 3 J), NaN missing.
+    /// Tells from names and lengths, for CMU's names: starts, if there are points NAME_end, or if
+    /// points whose bones start together are at one place. Of other names nothing is known, and
+    /// they count as ends. `xyz`: (frames, 3 J), NaN missing.
     pub fn of(names: &[String], xyz: ArrayView2<'_, f64>) -> BonePoints {
         let is_end = |n: &String| n.strip_suffix("_end").is_some_and(is_bone);
         if names.iter().any(is_end) || siblings_are_together(names, xyz) {
@@ -53,9 +56,10 @@ impl BonePoints {
     }
 }
 
-/// For each point of a table of starts, the bone at whose end it stands: that above its own, or for NAME_end the bone NAME. The
-/// root stands for itself. Of several points at one place the first has the name; the others, and what CMU does not know, are named
-/// as nothing is, so that they match no joint.
+/// For each point of a table of starts, the bone at whose end it stands: that above its own, or for
+/// NAME_end the bone NAME. The root stands for itself. Of several points at one place the first has
+/// the name; the others, and what CMU does not know, are named as nothing is, so that they match no
+/// joint.
 pub fn bone_ends_of_starts(names: &[String]) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(names.len());
     for name in names {
@@ -85,7 +89,8 @@ fn is_bone(name: &str) -> bool {
     CMU.contains(&name) || parent(name).is_some()
 }
 
-/// Whether bones with one parent start at one place, in the median of the frames and of the pairs. `false` without such pairs.
+/// Whether bones with one parent start at one place, in the median of the frames and of the pairs.
+/// `false` without such pairs.
 fn siblings_are_together(names: &[String], xyz: ArrayView2<'_, f64>) -> bool {
     let parents: Vec<_> = names.iter().map(|n| parent(n)).collect();
     let mut pairs = Vec::new();

@@ -46,7 +46,8 @@ pub const PAPER_SIX: [&str; 6] = [
     "rfoot",
 ];
 
-/// The indices of the six joints of the paper's completion test; `None` unless all six are among the points.
+/// The indices of the six joints of the paper's completion test; `None` unless all six are among
+/// the points.
 pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
     let found = PAPER_SIX.map(|name| points.iter().position(|p| p == name));
     found
@@ -67,10 +68,11 @@ pub struct BodyParts {
 /// The first joints of the limbs: the trunk is what remains of the body.
 const LIMBS: [&str; 4] = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle"];
 
-/// The parts of a body with these points: {whole}, {legs and root, upper body}, {left leg and root, right leg, upper body}
-/// and {legs and root, trunk, left arm, right arm}.
+/// The parts of a body with these points: {whole}, {legs and root, upper body}, {left leg and root,
+/// right leg, upper body} and {legs and root, trunk, left arm, right arm}.
 ///
-/// Points that CMU's skeleton does not have make a single part, the whole; so do points that leave a part empty.
+/// Points that CMU's skeleton does not have make a single part, the whole; so do points that leave
+/// a part empty.
 pub fn body_parts(points: &[String]) -> BodyParts {
     // 0 the trunk, 1 to 4 the limbs.
     let limb_of = |name: &String| {
@@ -134,8 +136,9 @@ pub fn cmu_names() -> Vec<String> {
 
 /// The parent of each name among the same names, by CMU's hierarchy.
 ///
-/// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is `root`.
-/// `None` for the root, for names CMU does not know and for those with no ancestor in the list.
+/// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is
+/// `root`. `None` for the root, for names CMU does not know and for those with no ancestor in the
+/// list.
 pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
     names
         .iter()
@@ -161,7 +164,8 @@ pub fn bones(points: &[String]) -> Vec<(usize, usize)> {
     known.filter_map(|(i, p)| p.map(|p| (p, i))).collect()
 }
 
-/// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if `names` holds it.
+/// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if
+/// `names` holds it.
 pub fn mirrored(names: &[String], index: usize) -> Option<usize> {
     let name = names.get(index)?;
     let other = if let Some(rest) = name.strip_prefix("Left") {

@@ -1,8 +1,9 @@
 //! Forward kinematics: positions of the joints by the values of a frame, and their derivatives.
 //!
-//! Letters: `q` the values of a frame (radians and centimetres, [`Skeleton::dof_count`] of them); `C` a bone's own
-//! axes; `M = R_n … R_1` its rotations, the first named turning first; `L = C M C⁻¹`; `G` the bone's global rotation,
-//! `G = G_parent L`; a bone ends at `start + G (offset)`, where its children start.
+//! Letters: `q` the values of a frame (radians and centimeters, [`Skeleton::dof_count`] of them);
+//! `C` a bone's own axes; `M = R_n … R_1` its rotations, the first named turning first; `L = C M
+//! C⁻¹`; `G` the bone's global rotation, `G = G_parent L`; a bone ends at `start + G (offset)`,
+//! where its children start.
 
 use super::skeleton::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
@@ -12,9 +13,9 @@ use glam::{DMat3, DVec3};
 pub struct Posture {
     /// The global rotation of each bone.
     pub rotations: Vec<DMat3>,
-    /// Where each bone starts, centimetres.
+    /// Where each bone starts, centimeters.
     pub starts: Vec<DVec3>,
-    /// Where each bone ends: its joint, centimetres.
+    /// Where each bone ends: its joint, centimeters.
     pub ends: Vec<DVec3>,
 }
 
@@ -51,8 +52,8 @@ impl Skeleton {
         self.posture_where(|_| true, q, out);
     }
 
-    /// [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents, too (see
-    /// [`Skeleton::ancestors`]); the others stand at the origin.
+    /// [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents,
+    /// too (see [`Skeleton::ancestors`]); the others stand at the origin.
     pub fn posture_of_bones(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
         self.posture_where(|i| wanted[i], q, out);
     }
@@ -139,10 +140,10 @@ pub enum DofMotion {
     Turn {
         /// The axis.
         axis: DVec3,
-        /// A point on it, centimetres.
+        /// A point on it, centimeters.
         about: DVec3,
     },
-    /// A shift, centimetres a centimetre.
+    /// A shift, centimeters a centimeter.
     Slide(DVec3),
 }
 

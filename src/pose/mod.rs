@@ -36,7 +36,7 @@ pub use status::{FillMethod, Status};
 pub use transform::PoseTransform;
 pub use units::{LengthUnit, Units, UpAxis};
 
-/// Centimetres in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
+/// Centimeters in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
 ///
 /// The paper's errors are mean squares in this unit, and so is its "standard Gaussian noise".
 pub const ASF_UNIT_CM: f64 = 2.54 / 0.45;

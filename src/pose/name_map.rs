@@ -22,10 +22,12 @@ static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
     maps.into_iter().map(map).collect()
 });
 
-/// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at other places.
+/// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
+/// other places.
 pub const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
 
-/// The points that a map must find to be taken without being named: hips, knees, ankles, shoulders, elbows and wrists.
+/// The points that a map must find to be taken without being named: hips, knees, ankles, shoulders,
+/// elbows and wrists.
 const CORE: [&str; 12] = [
     "lhipjoint",
     "lfemur",
@@ -46,7 +48,8 @@ const CORE: [&str; 12] = [
 pub struct NameMap {
     /// The name of the map, or of its file.
     pub name: String,
-    /// By point of the model, the point of the file; of names with `|` between them the first that is there.
+    /// By point of the model, the point of the file; of names with `|` between them the first that
+    /// is there.
     pub joints: BTreeMap<String, String>,
     /// By name of [`TRUNK`], the point of the file likewise; empty for maps of others.
     pub trunk: BTreeMap<String, String>,
@@ -64,8 +67,9 @@ impl NameMap {
         maps.find(|map| map.name.eq_ignore_ascii_case(name))
     }
 
-    /// The shipped map that fits the `points` best: by the share of its names that are there, then by their number, then by its own
-    /// name. It has hips, knees, ankles, shoulders, elbows and wrists; `None` also where two people have them.
+    /// The shipped map that fits the `points` best: by the share of its names that are there, then
+    /// by their number, then by its own name. It has hips, knees, ankles, shoulders, elbows and
+    /// wrists; `None` also where two people have them.
     pub fn fitting(points: &[String]) -> Option<&'static NameMap> {
         let fits = SHIPPED.iter().filter_map(|map| {
             let columns = map.columns(points);
@@ -76,8 +80,8 @@ impl NameMap {
         best(fits)
     }
 
-    /// The shipped map of which the `points` have most, as [`NameMap::fitting`] ranks them, and how many names; `None` where they have
-    /// none.
+    /// The shipped map of which the `points` have most, as [`NameMap::fitting`] ranks them, and how
+    /// many names; `None` where they have none.
     pub fn nearest(points: &[String]) -> Option<(&'static NameMap, usize)> {
         let found = |map: &'static NameMap| (map, map.columns(points).len());
         let map = best(SHIPPED.iter().map(found).filter(|(_, found)| *found > 0))?;
@@ -95,7 +99,8 @@ impl NameMap {
                 map.name
             ),
             Some((map, found)) => format!(
-                "the nearest shipped map is {}, with {found} of its {} names there (not {}); {flag}",
+                "the nearest shipped map is {}, with {found} of its {} names there (not {}); \
+                 {flag}",
                 map.name,
                 map.joints.len(),
                 map.missing(points)
@@ -130,7 +135,8 @@ impl NameMap {
             .collect()
     }
 
-    /// The names by which the model knows the `points`; those that the map does not name are named as nothing is.
+    /// The names by which the model knows the `points`; those that the map does not name are named
+    /// as nothing is.
     pub fn model_names(&self, points: &[String]) -> Vec<String> {
         let columns = self.columns(points);
         let name = |(p, point): (usize, &String)| {
@@ -144,7 +150,8 @@ impl NameMap {
     }
 }
 
-/// The best of some maps, each with the number of its names that are there; of equal ones the first.
+/// The best of some maps, each with the number of its names that are there; of equal ones the
+/// first.
 fn best(maps: impl Iterator<Item = (&'static NameMap, usize)>) -> Option<&'static NameMap> {
     let better = |a: &(&NameMap, usize), b: &(&NameMap, usize)| {
         // Shares of whole numbers, compared exactly.
@@ -155,10 +162,11 @@ fn best(maps: impl Iterator<Item = (&'static NameMap, usize)>) -> Option<&'stati
     found.map(|(map, _)| map)
 }
 
-/// Points by names that they may have after a prefix, as in `mixamorig:Hips`, `mixamorig_Hips` and `Bip01 L Thigh`.
+/// Points by names that they may have after a prefix, as in `mixamorig:Hips`, `mixamorig_Hips` and
+/// `Bip01 L Thigh`.
 ///
-/// All names have one prefix: the one with which most of them are there. Case does not count, and blanks, points and hyphens are as
-/// good as underscores.
+/// All names have one prefix: the one with which most of them are there. Case does not count, and
+/// blanks, points and hyphens are as good as underscores.
 #[derive(Debug, Clone)]
 pub struct NameFinder<'p> {
     points: &'p [String],
@@ -250,8 +258,9 @@ pub enum PointNaming {
 }
 
 impl PointNaming {
-    /// The naming of `points` (frames, 3 J; cm) for a model that knows the names `known`: that of the shipped map that fits, if it
-    /// names more of them than the model knows by their own names.
+    /// The naming of `points` (frames, 3 J; cm) for a model that knows the names `known`: that of
+    /// the shipped map that fits, if it names more of them than the model knows by their own
+    /// names.
     pub fn of(points: &[String], xyz: ArrayView2<'_, f64>, known: &[String]) -> PointNaming {
         let bones = BonePoints::of(points, xyz);
         let is_known = |name: &String| known.contains(name);

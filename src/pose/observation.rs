@@ -8,9 +8,9 @@ const MIN_WHOLE_POINTS: usize = 6;
 
 /// One observed pose of J points.
 ///
-/// Dense noise, outliers and gaps are all variances: a missing coordinate has an infinite variance, an exact one 0.
-/// The fields are public, so that code which has checked its numbers can build an observation without
-/// [`Observation::new`].
+/// Dense noise, outliers and gaps are all variances: a missing coordinate has an infinite variance,
+/// an exact one 0. The fields are public, so that code which has checked its numbers can build an
+/// observation without [`Observation::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation<'a> {
     /// (3 J), cm. A value is not read where its variance is infinite.
@@ -32,8 +32,8 @@ impl<'a> Observation<'a> {
     /// ```
     ///
     /// # Errors
-    /// Data: `values` and `variance` have different lengths; a variance is negative or NaN; a value with a finite
-    /// variance is not finite.
+    /// Data: `values` and `variance` have different lengths; a variance is negative or NaN; a value
+    /// with a finite variance is not finite.
     pub fn new(values: &'a [f64], variance: &'a [f64]) -> Result<Observation<'a>> {
         let wrong = |what: String| Err(Error::data(Place::file("the observation"), what));
         if values.len() != variance.len() {
@@ -60,8 +60,9 @@ impl<'a> Observation<'a> {
         self.values.len()
     }
 
-    /// The points of which all three coordinates are observed: the index, the position (cm), and the precision of a
-    /// coordinate (1/cm²) if the model leaves `residual_variance` (3 J, cm²) unexplained.
+    /// The points of which all three coordinates are observed: the index, the position (cm), and
+    /// the precision of a coordinate (1/cm²) if the model leaves `residual_variance` (3 J, cm²)
+    /// unexplained.
     pub fn points(
         &self,
         residual_variance: &'a [f64],
@@ -91,8 +92,8 @@ impl<'a> Observation<'a> {
         variance
     }
 
-    /// The partly observed points, if enough points are whole to place the pose by them: at least six, and no fewer
-    /// than the partial ones. Empty otherwise, as for a picture.
+    /// The partly observed points, if enough points are whole to place the pose by them: at least
+    /// six, and no fewer than the partial ones. Empty otherwise, as for a picture.
     pub fn removable_partial_points(&self) -> Vec<usize> {
         let points = 0..self.dimension() / 3;
         let whole = points.clone().filter(|&p| self.count(p) == 3).count();
@@ -104,7 +105,8 @@ impl<'a> Observation<'a> {
         }
     }
 
-    /// The variances (3 J), each replaced by the mean of its point's three. A rotation mixes the coordinates of a point.
+    /// The variances (3 J), each replaced by the mean of its point's three. A rotation mixes the
+    /// coordinates of a point.
     pub fn pointwise_variance(&self) -> Vec<f64> {
         self.variance
             .chunks_exact(3)

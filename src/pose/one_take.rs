@@ -12,8 +12,8 @@ const LISTED: usize = 8;
 /// The frames of the take `wanted`, or all frames of a table with one take.
 ///
 /// # Errors
-/// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it lists the takes of the
-/// table called `name`.
+/// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it
+/// lists the takes of the table called `name`.
 pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
     let mut names: Vec<Arc<str>> = Vec::new();
     if let Some(takes) = &poses.take {

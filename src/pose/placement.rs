@@ -1,13 +1,15 @@
 //! Placement: how a captured pose is carried into the model's space and back.
 //!
-//! For CMU's joints the model's space is the root's frame, found from the root, the hip joints (which are rigid with it)
-//! and, where one of those is missing, the lower back; for other points it is a rigid fit to the mean pose.
+//! For CMU's joints the model's space is the root's frame, found from the root, the hip joints
+//! (which are rigid with it) and, where one of those is missing, the lower back; for other points
+//! it is a rigid fit to the mean pose.
 
 use super::rotation::angle_between;
 use super::similarity::{Similarity, TransformKind, fit_similarity};
 use glam::{DMat3, DVec3};
 
-/// Where CMU's hip joints and lower back stand in the root's frame: means over the database's skeletons, cm.
+/// Where CMU's hip joints and lower back stand in the root's frame: means over the database's
+/// skeletons, cm.
 const CMU_PELVIS: [(&str, [f64; 3], f64); 4] = [
     ("root", [0.0, 0.0, 0.0], 1.0),
     ("lhipjoint", [9.4, -9.9, 5.1], 1.0),
@@ -71,9 +73,11 @@ impl Anchor {
         self.points.iter().map(|p| p.0)
     }
 
-    /// The placement of a pose of 3 J numbers: what carries the model's space to where the pose stands.
+    /// The placement of a pose of 3 J numbers: what carries the model's space to where the pose
+    /// stands.
     ///
-    /// `None` when the points that the pose shows do not determine it. A pose in place already gets the identity.
+    /// `None` when the points that the pose shows do not determine it. A pose in place already gets
+    /// the identity.
     pub fn place(&self, pose: &[f64]) -> Option<Similarity> {
         let fitted = self.fit(pose)?;
         let is_at_origin = self.root.is_some() && fitted.shift.length() <= 1e-6;
@@ -86,8 +90,8 @@ impl Anchor {
         })
     }
 
-    /// Places a pose like [`Anchor::place`], but fits one that is in place too: frames of a take that turns through there stay
-    /// continuous.
+    /// Places a pose like [`Anchor::place`], but fits one that is in place too: frames of a take
+    /// that turns through there stay continuous.
     pub fn fit(&self, pose: &[f64]) -> Option<Similarity> {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
         let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());

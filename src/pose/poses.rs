@@ -9,7 +9,7 @@ use std::sync::Arc;
 pub struct Poses {
     /// The points' names, J of them.
     pub points: Vec<String>,
-    /// (frames, 3 J), centimetres, y up; NaN is missing.
+    /// (frames, 3 J), centimeters, y up; NaN is missing.
     pub xyz: Array2<f64>,
     /// Seconds, one a frame, where the table has them.
     pub time: Option<Vec<f64>>,
@@ -43,13 +43,13 @@ impl Poses {
         self.xyz.nrows()
     }
 
-    /// One frame, (3 J), centimetres.
+    /// One frame, (3 J), centimeters.
     pub fn frame(&self, index: usize) -> ArrayView1<'_, f64> {
         self.xyz.row(index)
     }
 
-    /// Frames a second of all takes: 1 / the median step of time. The rate is rounded to a whole number or an NTSC rate
-    /// (n/1.001) where the rounding of the times allows it.
+    /// Frames a second of all takes: 1 / the median step of time. The rate is rounded to a whole
+    /// number or an NTSC rate (n/1.001) where the rounding of the times allows it.
     ///
     /// `None` without times, or if no step is above zero.
     pub fn rate(&self) -> Option<f64> {
@@ -62,7 +62,8 @@ impl Poses {
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
-    /// The runs of consecutive frames, each with the frames per second of its take; `rates` are those of the takes.
+    /// The runs of consecutive frames, each with the frames per second of its take; `rates` are
+    /// those of the takes.
     pub fn timed_runs(&self, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {
         let takes = self.takes();
         let timed = |run: Range<usize>| {
@@ -72,9 +73,9 @@ impl Poses {
         self.runs().into_iter().map(timed).collect()
     }
 
-    /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The rounded times of a short
-    /// take determine its rate badly: a take gets the rate of a longer take if its times are consistent with that rate. So
-    /// many rates are compared at most: 64.
+    /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The
+    /// rounded times of a short take determine its rate badly: a take gets the rate of a longer
+    /// take if its times are consistent with that rate. So many rates are compared at most: 64.
     pub fn rates(&self) -> Vec<Option<f64>> {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
@@ -94,15 +95,15 @@ impl Poses {
         rates
     }
 
-    /// Whether the times of some frames are consistent with `rate` frames a second, given their rounding. True without
-    /// times.
+    /// Whether the times of some frames are consistent with `rate` frames a second, given their
+    /// rounding. True without times.
     pub fn is_consistent_with_rate(&self, frames: Range<usize>, rate: f64) -> bool {
         let time = self.time.as_deref().and_then(|t| t.get(frames.clone()));
         time.is_none_or(|time| allows(time, |i| self.same_take(frames.start + i), rate))
     }
 
-    /// Runs of consecutive frames. A new take, a time that does not increase, and a step of more than 1.5 frames each
-    /// start a new run. Nothing is ever interpolated across runs.
+    /// Runs of consecutive frames. A new take, a time that does not increase, and a step of more
+    /// than 1.5 frames each start a new run. Nothing is ever interpolated across runs.
     pub fn runs(&self) -> Vec<Range<usize>> {
         let mut runs = Vec::new();
         for take in self.takes() {
@@ -147,11 +148,12 @@ impl Poses {
 /// Rates of longer takes that the times of a take are compared with, at most.
 const MOST_RATES: usize = 64;
 
-/// The steps that count as one frame, relative to the median step: times may be rounded, for instance to milliseconds.
+/// The steps that count as one frame, relative to the median step: times may be rounded, for
+/// instance to milliseconds.
 const ONE_FRAME: RangeInclusive<f64> = 0.65..=1.35;
 
-/// Whether times are consistent with a rate: their estimated rate is that rate, or they differ from it by no more than
-/// their rounding. `joined(i)`: whether step `i - 1 -> i` counts.
+/// Whether times are consistent with a rate: their estimated rate is that rate, or they differ from
+/// it by no more than their rounding. `joined(i)`: whether step `i - 1 -> i` counts.
 fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
     let Some(own) = rate_of(time, &joined) else {
         return true;
@@ -194,7 +196,8 @@ fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     }
     let middle = steps.len() / 2;
     let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    // The median step of times rounded to milliseconds is off by up to one: the mean of many steps is not.
+    // The median step of times rounded to milliseconds is off by up to one: the mean of many steps
+    // is not.
     steps.retain(|s| ONE_FRAME.contains(&(s / step)));
     let (least, most) = steps
         .iter()
@@ -302,7 +305,8 @@ mod tests {
         let short = [of(2), of(5), of(20), of(500), of(1)];
         let all = [Some(120.0); 4].into_iter().chain([None]);
         assert_eq!(rates(&short), all.collect::<Vec<_>>());
-        // Rates that really differ are kept: close ones over many frames, half and double ones over few.
+        // Rates that really differ are kept: close ones over many frames, half and double ones over
+        // few.
         for other in [119.88, 60.0, 240.0, 100.0] {
             let frames = if other == 119.88 { 3000 } else { 9 };
             let found = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);

@@ -62,12 +62,13 @@ pub fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
         .fold(DMat3::IDENTITY, |m, (axis, &a)| axis.rotation(a) * m)
 }
 
-/// The angles `(a, b, c)` with `R = R_i(a) R_j(b) R_k(c)` for `order = [i, j, k]` (the BVH convention: the last
-/// named turns first), chosen near `near`.
+/// The angles `(a, b, c)` with `R = R_i(a) R_j(b) R_k(c)` for `order = [i, j, k]` (the BVH
+/// convention: the last named turns first), chosen near `near`.
 ///
-/// Each rotation has two such triples, and each angle is free by whole turns: the triple with the smallest
-/// largest step from `near` is taken, so that following a motion never jumps by more than half a turn.
-/// At the poles (`b` a quarter turn) only `a + c` or `a - c` is determined: `c` keeps its value from `near`.
+/// Each rotation has two such triples, and each angle is free by whole turns: the triple with the
+/// smallest largest step from `near` is taken, so that following a motion never jumps by more than
+/// half a turn. At the poles (`b` a quarter turn) only `a + c` or `a - c` is determined: `c` keeps
+/// its value from `near`.
 pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
     let [i, j, k] = order.map(Axis::index);
     // +1 for an even order (xyz, yzx, zxy), -1 for an odd one.
@@ -132,10 +133,11 @@ pub fn from_rotation_vector(v: DVec3) -> DMat3 {
     DMat3::from_axis_angle(v / angle, angle)
 }
 
-/// The rotation vector of a rotation, 0 to π long, radians: the inverse of [`from_rotation_vector`].
+/// The rotation vector of a rotation, 0 to π long, radians: the inverse of
+/// [`from_rotation_vector`].
 ///
-/// The angle is found by its sine and cosine both, the axis near π from the symmetric part: an arc cosine loses half of the digits
-/// at both ends.
+/// The angle is found by its sine and cosine both, the axis near π from the symmetric part: an arc
+/// cosine loses half of the digits at both ends.
 pub fn rotation_vector(r: &DMat3) -> DVec3 {
     let skew = DVec3::new(
         r.y_axis.z - r.z_axis.y,
@@ -158,8 +160,9 @@ pub fn rotation_vector(r: &DMat3) -> DVec3 {
     angle * if axis.dot(skew) < 0.0 { -axis } else { axis }
 }
 
-/// How the rotation vector v of a rotation changes when the rotation is turned further by a small vector d in its own frame:
-/// log(exp(v) exp(d)) ≈ v + J d (the inverse of the right Jacobian). Finite up to and at a length of π.
+/// How the rotation vector v of a rotation changes when the rotation is turned further by a small
+/// vector d in its own frame: log(exp(v) exp(d)) ≈ v + J d (the inverse of the right Jacobian).
+/// Finite up to and at a length of π.
 pub fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
     let angle = v.length();
     let square = match angle < 1e-4 {
@@ -186,7 +189,8 @@ pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
 
 /// The shortest rotation that carries the direction of `from` to that of `to`.
 ///
-/// `None` when a vector has no direction. Opposite directions turn about an axis chosen from `from` alone.
+/// `None` when a vector has no direction. Opposite directions turn about an axis chosen from `from`
+/// alone.
 pub fn shortest_arc(from: DVec3, to: DVec3) -> Option<DMat3> {
     let (f, t) = (from.try_normalize()?, to.try_normalize()?);
     let axis = f.cross(t);

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub struct Similarity {
     /// A proper rotation.
     pub rotation: DMat3,
-    /// Centimetres.
+    /// Centimeters.
     pub shift: DVec3,
     /// Above zero.
     pub scale: f64,
@@ -67,14 +67,15 @@ pub struct SimilarityFit {
     pub similarity: Similarity,
     /// Sum of weighted squared distances left, cm².
     pub error: f64,
-    /// Whether the points determine the rotation (they do not when they lie on a line or there are too few).
+    /// Whether the points determine the rotation (they do not when they lie on a line or there are
+    /// too few).
     pub determined: bool,
 }
 
-/// Minimises `Σ wᵢ |s R fromᵢ + t − toᵢ|²` over the rotation R, and over t and s as `free` says.
+/// Minimizes `Σ wᵢ |s R fromᵢ + t − toᵢ|²` over the rotation R, and over t and s as `free` says.
 ///
-/// Closed form: R is the eigenvector of a symmetric 4 x 4 matrix (B. K. P. Horn, JOSA A 4, 1987), so a reflection
-/// is never returned. `None` when no weight is positive.
+/// Closed form: R is the eigenvector of a symmetric 4 x 4 matrix (B. K. P. Horn, JOSA A 4, 1987),
+/// so a reflection is never returned. `None` when no weight is positive.
 pub fn fit_similarity(
     pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
     free: TransformKind,
@@ -120,7 +121,8 @@ pub fn fit_similarity(
     })
 }
 
-/// The rotation R that maximises `trace(R M)` for `M = Σ w a bᵀ`, that maximum, and whether R is unique.
+/// The rotation R that maximizes `trace(R M)` for `M = Σ w a bᵀ`, that maximum, and whether R is
+/// unique.
 pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
     // S_ab = Σ w a b in Horn's notation; glam is column-major, so col(b)[a] = S_ab.
     let s = |a: usize, b: usize| m.col(b)[a];
@@ -167,7 +169,8 @@ pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64
     for (i, row) in v.iter_mut().enumerate() {
         row[i] = 1.0;
     }
-    // Six sweeps suffice at these sizes (convergence is quadratic); thirty is a bound for odd input.
+    // Six sweeps suffice at these sizes (convergence is quadratic); thirty is a bound for odd
+    // input.
     for _ in 0..30 {
         let off: f64 = (0..N)
             .flat_map(|i| (0..i).map(move |j| (i, j)))

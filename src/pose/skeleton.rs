@@ -7,11 +7,11 @@ use glam::{DMat3, DVec3};
 /// The motion of a bone that one value of a frame gives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Channel {
-    /// Moves the bone along an axis of its own frame, in centimetres.
+    /// Moves the bone along an axis of its own frame, in centimeters.
     Translate(Axis),
     /// Turns the bone about an axis of its own frame, in radians.
     Rotate(Axis),
-    /// Lengthens the bone, in centimetres.
+    /// Lengthens the bone, in centimeters.
     Length,
 }
 
@@ -38,7 +38,7 @@ impl Channel {
 pub struct Dof {
     /// The motion that the value gives.
     pub channel: Channel,
-    /// The range it may have (radians or centimetres), where the file gives one.
+    /// The range it may have (radians or centimeters), where the file gives one.
     pub limits: Option<(f64, f64)>,
     /// Offset added to the file's value (the root's own position and orientation; else 0).
     pub offset: f64,
@@ -62,7 +62,8 @@ pub struct Bone {
     pub name: String,
     /// The index of the bone it starts from; `None` for the root alone.
     pub parent: Option<usize>,
-    /// Vector from the bone's start to its end in the rest pose, global axes, centimetres. Zero for the root.
+    /// Vector from the bone's start to its end in the rest pose, global axes, centimeters. Zero
+    /// for the root.
     pub offset: DVec3,
     /// The axes of its own frame `C` in global coordinates; its motion is `L = C M C⁻¹`.
     pub axis: DMat3,
@@ -106,8 +107,8 @@ impl RestFrame {
 }
 
 impl Skeleton {
-    /// Checks that the first bone is the only root, that each parent comes before its children and that no name
-    /// stands twice.
+    /// Checks that the first bone is the only root, that each parent comes before its children and
+    /// that no name stands twice.
     ///
     /// # Errors
     /// [`Error::Usage`]: the bones are no such tree.
@@ -205,7 +206,8 @@ impl Skeleton {
             .map(|d| d.limits.unwrap_or(open))
             .collect()
     }
-    /// Values of the same posture as `q`, with whole turns added so that each angle is as close to that of `near` as it gets.
+    /// Values of the same posture as `q`, with whole turns added so that each angle is as close to
+    /// that of `near` as it gets.
     pub fn nearest_equivalent(&self, q: &[f64], near: &[f64]) -> Vec<f64> {
         let dofs = self.bones.iter().flat_map(|b| &b.dofs);
         (q.iter().zip(near).zip(dofs))

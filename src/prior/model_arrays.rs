@@ -4,7 +4,8 @@ use crate::io::Model;
 use crate::{Error, Place, Result};
 use ndarray::{CowArray, Ix2};
 
-/// An array of finite numbers with that many rows and columns; `None` allows any number, but at least one row.
+/// An array of finite numbers with that many rows and columns; `None` allows any number, but at
+/// least one row.
 ///
 /// # Errors
 /// Data: no such array, another shape, numbers that are not finite.
@@ -30,7 +31,8 @@ pub(super) fn array<'a>(
     Ok(array)
 }
 
-/// An array of one finite number for each coordinate of the model's points: whole poses in its rows, at least one, cm.
+/// An array of one finite number for each coordinate of the model's points: whole poses in its
+/// rows, at least one, cm.
 ///
 /// # Errors
 /// As [`array`].

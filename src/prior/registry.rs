@@ -13,7 +13,8 @@ use std::str::FromStr;
 /// Atoms of a dictionary that [`Kind::Sparse`] trains, if there are as many poses.
 const ATOMS: usize = 1000;
 
-/// A kind of prior. Its name ([`Display`](fmt::Display), [`FromStr`]) is that of flags and of model files.
+/// A kind of prior. Its name ([`Display`](fmt::Display), [`FromStr`]) is that of flags and of model
+/// files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Kind {
     /// `multiscale`: multi-scale mixture of Gaussians over the body and its parts.
@@ -43,11 +44,12 @@ pub enum Kind {
     Mixture,
 }
 
-/// The most points for which a covariance of all coordinates is learnt without being asked for.
+/// The most points for which a covariance of all coordinates is learned without being asked for.
 const MOST_POINTS: usize = 250;
 
 impl Kind {
-    /// The kind that is best for poses of so many points: the cost of [`Kind::Multiscale`] is the cube of their number.
+    /// The kind that is best for poses of so many points: the cost of [`Kind::Multiscale`] is the
+    /// cube of their number.
     pub fn for_points(points: usize) -> Kind {
         if points <= MOST_POINTS {
             Kind::Multiscale
@@ -227,7 +229,8 @@ fn names() -> String {
 /// Opens the prior of a model; `source` names the model in messages.
 ///
 /// # Errors
-/// Data: a model that is none of poses, or whose arrays are missing, of the wrong shape or not finite.
+/// Data: a model that is none of poses, or whose arrays are missing, of the wrong shape or not
+/// finite.
 pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dyn Prior>> {
     let name = model.meta.kind.as_str();
     let Ok(kind) = name.parse::<Kind>() else {

@@ -33,10 +33,10 @@ pub fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     };
     let mut best = vec![(f64::INFINITY, 0); clustering.centroids.nrows()];
     for (i, (row, &label)) in poses.rows().into_iter().zip(&clustering.labels).enumerate() {
-        let centre = clustering.centroids.row(label as usize);
+        let center = clustering.centroids.row(label as usize);
         let d: f64 = row
             .iter()
-            .zip(centre)
+            .zip(center)
             .map(|(a, b)| (f64::from(*a) - b).powi(2))
             .sum();
         let slot = &mut best[label as usize];

@@ -1,8 +1,9 @@
 //! Pairs of points at a rigid distance, such as the ends of a bone, learned from poses.
 //!
-//! A distance is rigid when it hardly changes *within* takes. Between takes it may: the lengths are the person's, so
-//! they are kept body by body, one row for all takes that agree. Pairs that others imply (the third side of a stretched
-//! chain) are left out, by Gram-Schmidt on the gradients of the distances at one pose.
+//! A distance is rigid when it hardly changes *within* takes. Between takes it may: the lengths are
+//! the person's, so they are kept body by body, one row for all takes that agree. Pairs that others
+//! imply (the third side of a stretched chain) are left out, by Gram-Schmidt on the gradients of
+//! the distances at one pose.
 
 use crate::io::Model;
 use crate::pose::ASF_UNIT_CM;
@@ -30,7 +31,8 @@ pub struct Pair {
     pub ends: [usize; 2],
     /// The standard deviation of the distance within takes, cm.
     pub sd: f64,
-    /// Whether both stand still in the model's space, so that nothing is gained from their distance there.
+    /// Whether both stand still in the model's space, so that nothing is gained from their
+    /// distance there.
     pub still: bool,
 }
 
@@ -46,7 +48,8 @@ pub struct RigidPairs {
 }
 
 impl RigidPairs {
-    /// Learns them from poses (m, 3 J) of some takes. None where nothing is rigid, or where takes are single frames.
+    /// Learns them from poses (m, 3 J) of some takes. None where nothing is rigid, or where takes
+    /// are single frames.
     pub fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidPairs {
         let points = xyz.ncols() / 3;
         let sampled: Vec<Vec<usize>> = sample(takes);
@@ -86,8 +89,8 @@ impl RigidPairs {
         of_bodies(found, &weights)
     }
 
-    /// What parts agree on that were learnt from other poses of the same points, `weights` being their numbers of poses: the
-    /// pairs that are rigid in all of them, and the bodies of each.
+    /// What parts agree on that were learned from other poses of the same points, `weights` being
+    /// their numbers of poses: the pairs that are rigid in all of them, and the bodies of each.
     pub fn joined(parts: &[RigidPairs], weights: &[f64]) -> RigidPairs {
         let at = |part: &RigidPairs, ends| part.pairs.iter().position(|p| p.ends == ends);
         let mut found: Vec<(Pair, Vec<f64>)> = Vec::new();
@@ -119,8 +122,8 @@ impl RigidPairs {
         self.pairs.is_empty()
     }
 
-    /// The pairs of a body that is the model's carried by a map: each length as much longer as in `to` (t, 3 J), which
-    /// are the poses `from` carried by it.
+    /// The pairs of a body that is the model's carried by a map: each length as much longer as in
+    /// `to` (t, 3 J), which are the poses `from` carried by it.
     pub fn mapped(&self, from: ArrayView2<'_, f64>, to: ArrayView2<'_, f64>) -> RigidPairs {
         let mut out = self.clone();
         let rows = from.nrows().min(to.nrows());
@@ -145,8 +148,9 @@ impl RigidPairs {
         out
     }
 
-    /// Stores them as the arrays `rigid` (n, 4: both points, standard deviation, whether still) and `rigid_lengths`
-    /// (bodies, 1 + n: the body's share first). Nothing is stored where nothing is rigid.
+    /// Stores them as the arrays `rigid` (n, 4: both points, standard deviation, whether still) and
+    /// `rigid_lengths` (bodies, 1 + n: the body's share first). Nothing is stored where nothing
+    /// is rigid.
     pub fn write(&self, model: &mut Model) {
         if self.is_empty() {
             return;
@@ -186,7 +190,7 @@ impl RigidPairs {
         let points = model.meta.points.len();
         let (n, bodies) = (rigid.nrows(), lengths.nrows());
         let fits = rigid.ncols() == 4 && lengths.ncols() == 1 + n && bodies > 0;
-        // More are never learnt; what they cost grows with their square.
+        // More are never learned; what they cost grows with their square.
         if !fits || n > MOST.0 || bodies > MOST.1 {
             return wrong();
         }
@@ -250,7 +254,8 @@ fn distance<T: Copy + Into<f64>>(xyz: ArrayView2<'_, T>, t: usize, i: usize, j: 
     (0..3).map(|c| off(c).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The pairs that those before them do not imply; pairs that stand still imply nothing and are kept.
+/// The pairs that those before them do not imply; pairs that stand still imply nothing and are
+/// kept.
 fn independent(
     found: Vec<(Pair, Vec<f64>)>,
     xyz: ArrayView2<'_, f32>,

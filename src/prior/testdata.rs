@@ -37,7 +37,8 @@ impl<P: Prior + ?Sized> Ask for P {
     }
 }
 
-/// Nearly normal numbers: sums of twelve uniform ones (Park and Miller 1988, their "minimal standard").
+/// Nearly normal numbers: sums of twelve uniform ones (Park and Miller 1988, their "minimal
+/// standard").
 pub fn normal(n: usize, d: usize, seed: u64) -> Array2<f64> {
     let mut x = seed;
     let mut uniform = || {
@@ -54,7 +55,7 @@ pub fn loading() -> Array2<f64> {
     })
 }
 
-/// 600 poses of one analyser of two factors, with a noise of deviation 0.5 + 0.1 c in coordinate c.
+/// 600 poses of one analyzer of two factors, with a noise of deviation 0.5 + 0.1 c in coordinate c.
 pub fn factors() -> Array2<f32> {
     let noise = normal(600, 9, 2);
     let own = Array2::from_shape_fn((600, 9), |(i, c)| noise[[i, c]] * (0.5 + 0.1 * c as f64));

@@ -1,7 +1,7 @@
 //! Training poses in the model's space, and how they are used.
 //!
-//! Complete poses are placed (root at the origin, no global rotation) and, in world space, given the bone lengths of the
-//! mean body; incomplete or unplaceable frames are left out and counted.
+//! Complete poses are placed (root at the origin, no global rotation) and, in world space, given
+//! the bone lengths of the mean body; incomplete or unplaceable frames are left out and counted.
 
 use super::provenance::digest;
 use super::representative_poses::representative_poses;
@@ -23,7 +23,8 @@ pub struct TrainingSet {
     pub xyz: Array2<f32>,
     /// The rows of each take, in time order.
     pub takes: Vec<Range<usize>>,
-    /// The bone lengths of all poses (world) or of their mean (body); `None` if the points' bones are unknown.
+    /// The bone lengths of all poses (world) or of their mean (body); `None` if the points' bones
+    /// are unknown.
     pub body: Option<Body>,
     /// The anchor by which the poses were placed, in world space.
     pub anchor: Option<Anchor>,
@@ -46,17 +47,19 @@ pub struct TrainOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HoldBack {
-    /// About a fifth of the poses, as whole takes; as contiguous stretches of time if the takes are too few. For motion
-    /// that was not seen before.
+    /// About a fifth of the poses, as whole takes; as contiguous stretches of time if the takes are
+    /// too few. For motion that was not seen before.
     #[default]
     Takes,
-    /// A fifth of the frames at random (the paper's split). For frames between those of the training.
+    /// A fifth of the frames at random (the paper's split). For frames between those of the
+    /// training.
     Frames,
 }
 
 impl TrainingSet {
-    /// Carries complete poses to the model's space. [`Space::World`]: root at the origin, no global rotation, and the
-    /// mean body's bone lengths. Other spaces: rows as they are. `source` names the poses in messages.
+    /// Carries complete poses to the model's space. [`Space::World`]: root at the origin, no global
+    /// rotation, and the mean body's bone lengths. Other spaces: rows as they are. `source`
+    /// names the poses in messages.
     ///
     /// # Errors
     /// Data: too many points, or no complete pose that can be placed.
@@ -64,7 +67,8 @@ impl TrainingSet {
         prepare(poses, space == Space::World, None, source)
     }
 
-    /// Carries other poses to where these are: the same points in the same order, the same body, the same placement.
+    /// Carries other poses to where these are: the same points in the same order, the same body,
+    /// the same placement.
     ///
     /// # Errors
     /// Data: as [`TrainingSet::from_poses`], or a point of these poses is missing.
@@ -72,8 +76,8 @@ impl TrainingSet {
         prepare(poses, self.anchor.is_some(), Some(self), source)
     }
 
-    /// An untrained model of a kind with what all kinds hold: points, space, bones, the number of frames,
-    /// representative poses and rigid pairs.
+    /// An untrained model of a kind with what all kinds hold: points, space, bones, the number of
+    /// frames, representative poses and rigid pairs.
     ///
     /// # Errors
     /// Data: no poses.
@@ -92,8 +96,8 @@ impl TrainingSet {
         Ok(model)
     }
 
-    /// What a model's history keeps of its inputs: the digest of all poses and, where there are several, of each take, so
-    /// that a model is never tested on a take it was trained from.
+    /// What a model's history keeps of its inputs: the digest of all poses and, where there are
+    /// several, of each take, so that a model is never tested on a take it was trained from.
     pub fn digests(&self) -> Vec<String> {
         let mut all = vec![digest(&self.points, self.xyz.view())];
         if self.takes.len() > 1 {
@@ -105,7 +109,8 @@ impl TrainingSet {
     }
 }
 
-/// Carries complete poses to the model's space, or with `like` makes them comparable to those poses.
+/// Carries complete poses to the model's space, or with `like` makes them comparable to those
+/// poses.
 fn prepare(
     poses: &Poses,
     world: bool,
@@ -224,10 +229,10 @@ fn anchor(poses: &Poses) -> Anchor {
         .step_by((poses.frames() / 500).max(1))
         .map(|r| r.to_vec())
         .collect();
-    let Some(mut mean) = complete.first().map(|p| centred(p)) else {
+    let Some(mut mean) = complete.first().map(|p| centered(p)) else {
         return Anchor::mean(&[]);
     };
-    // Generalised Procrustes analysis: three rounds settle it to far below the noise of a capture.
+    // Generalized Procrustes analysis: three rounds settle it to far below the noise of a capture.
     for _ in 0..3 {
         let anchor = Anchor::mean(&mean);
         let mut sum = vec![0.0; mean.len()];
@@ -238,7 +243,7 @@ fn anchor(poses: &Poses) -> Anchor {
                 sum.iter_mut().zip(&placed).for_each(|(s, p)| *s += p);
             }
         }
-        mean = centred(
+        mean = centered(
             &sum.iter()
                 .map(|s| s / complete.len() as f64)
                 .collect::<Vec<_>>(),
@@ -247,15 +252,15 @@ fn anchor(poses: &Poses) -> Anchor {
     Anchor::mean(&mean)
 }
 
-/// The pose about its own centre.
-fn centred(pose: &[f64]) -> Vec<f64> {
+/// The pose about its own center.
+fn centered(pose: &[f64]) -> Vec<f64> {
     let count = (pose.len() / 3).max(1) as f64;
-    let centre: Vec<f64> = (0..3)
+    let center: Vec<f64> = (0..3)
         .map(|a| pose.iter().skip(a).step_by(3).sum::<f64>() / count)
         .collect();
     pose.iter()
         .enumerate()
-        .map(|(i, v)| v - centre[i % 3])
+        .map(|(i, v)| v - center[i % 3])
         .collect()
 }
 
@@ -320,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn turned_poses_are_learnt_from_as_unturned_ones() {
+    fn turned_poses_are_learned_from_as_unturned_ones() {
         let here = TrainingSet::from_poses(&table(false), Space::World, "t").unwrap();
         let there = TrainingSet::from_poses(&table(true), Space::World, "t").unwrap();
         assert!(

@@ -1,15 +1,17 @@
 //! A point's path smoothed as strongly as it bears, place by place.
 //!
-//! Kalman smoothers of many strengths (`kalman_smoother`) run side by side. Stein's unbiased estimate says what each costs, at
-//! each frame t and over the point's three coordinates y:
+//! Kalman smoothers of many strengths (`kalman_smoother`) run side by side. Stein's unbiased
+//! estimate says what each costs, at each frame t and over the point's three coordinates y:
 //!
 //! ```text
-//! risk_q(t) = Σ [(y_t − m_q,t)² − r + 2 v_q,t]        m, v the smoother's mean and variance, r the noise variance (cm²)
+//! risk_q(t) = Σ [(y_t − m_q,t)² − r + 2 v_q,t]
+//!     m, v the smoother's mean and variance, r the noise variance (cm²)
 //! ```
 //!
-//! Averaged over the neighbors in time, these risks ρ_q weigh the strengths: w_q ∝ exp(−n ρ_q / 4 r), n the number of values
-//! averaged over. A planted foot is so smoothed more than the step before it. The neighborhood is as wide as the best single
-//! strength needs: 8 λ^¼ frames, λ = r / (q h³).
+//! Averaged over the neighbors in time, these risks ρ_q weigh the strengths: w_q ∝ exp(−n ρ_q / 4
+//! r), n the number of values averaged over. A planted foot is so smoothed more than the step
+//! before it. The neighborhood is as wide as the best single strength needs: 8 λ^¼ frames, λ = r /
+//! (q h³).
 
 use super::kalman_smoother::{Smoothed, smooth};
 use std::ops::Range;
@@ -24,8 +26,8 @@ const FRAMES: f64 = 8.0;
 /// Sharpness of the weights: the variance of risks, in noise variances.
 const SPREAD: f64 = 4.0;
 
-/// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; noise variance `r`, cm²; `step`
-/// seconds a frame. A run in which the point is never seen stays missing.
+/// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; noise
+/// variance `r`, cm²; `step` seconds a frame. A run in which the point is never seen stays missing.
 pub fn smooth_path(path: [&[f64]; 3], runs: &[Range<usize>], r: f64, step: f64) -> [Smoothed; 3] {
     let empty = || Smoothed {
         mean: vec![f64::NAN; path[0].len()],
@@ -78,7 +80,8 @@ fn smooth_run(series: [&[f64]; 3], r: f64, step: f64) -> [Smoothed; 3] {
     out
 }
 
-/// Stein's estimate of the squared error of a coordinate in each frame, the mean of three; `None` where one is missing.
+/// Stein's estimate of the squared error of a coordinate in each frame, the mean of three; `None`
+/// where one is missing.
 fn risk(series: [&[f64]; 3], smooth: &[Smoothed; 3], r: f64) -> Vec<Option<f64>> {
     let of = |t: usize| {
         let terms = (0..3).map(|c| {
@@ -91,7 +94,8 @@ fn risk(series: [&[f64]; 3], smooth: &[Smoothed; 3], r: f64) -> Vec<Option<f64>>
     (0..series[0].len()).map(of).collect()
 }
 
-/// The mean of the values around each place, weighted by exp(−|distance| / width), and how many values that is worth.
+/// The mean of the values around each place, weighted by exp(−|distance| / width), and how many
+/// values that is worth.
 fn averages(values: &[Option<f64>], width: f64) -> Vec<(f64, f64)> {
     let keep = (-1.0 / width).exp();
     let sums = |order: &mut dyn Iterator<Item = usize>| {

@@ -1,8 +1,9 @@
 //! Adapting a model to a captured body: bone lengths are measured, and the model is transformed.
 //!
-//! The log ratio of each bone to the model's is shrunk by its uncertainty: keep · log(ℓ / ℓ₀) with keep = .1² / (.1² +
-//! s²), ℓ the measured length less the noise (cm), s² its relative variance. Transforming the model
-//! ([`PoseTransform`], linear) rather than the poses works whatever points a frame lacks, and needs no inverse.
+//! The log ratio of each bone to the model's is shrunk by its uncertainty: keep · log(ℓ / ℓ₀) with
+//! keep = .1² / (.1² + s²), ℓ the measured length less the noise (cm), s² its relative variance.
+//! Transforming the model ([`PoseTransform`], linear) rather than the poses works whatever points a
+//! frame lacks, and needs no inverse.
 
 use crate::pose::{Body, PoseTransform};
 use ndarray::ArrayView2;
@@ -10,9 +11,10 @@ use ndarray::ArrayView2;
 /// Standard deviation of the log ratio of bone lengths between people.
 const PEOPLE_DIFFER: f64 = 0.1;
 
-/// The transform from the model's body to the one that `xyz` (frames, 3 J; cm) shows; `noise` is the standard
-/// deviation of a coordinate, cm. A noisy length is too long, as each end adds variance. Bones that are never seen
-/// take the ratio of their left-right counterpart, else the typical one.
+/// The transform from the model's body to the one that `xyz` (frames, 3 J; cm) shows; `noise` is
+/// the standard deviation of a coordinate, cm. A noisy length is too long, as each end adds
+/// variance. Bones that are never seen take the ratio of their left-right counterpart, else the
+/// typical one.
 pub fn map_to(
     model: &Body,
     xyz: ArrayView2<'_, f64>,
@@ -47,8 +49,9 @@ pub fn map_to(
     PoseTransform::reshape(model, &target)
 }
 
-/// Standard deviation (cm) of a length measured in `frames` with `noise` (standard deviation of a coordinate, cm). A
-/// length that was never seen differs as between people, less what the other bones say.
+/// Standard deviation (cm) of a length measured in `frames` with `noise` (standard deviation of a
+/// coordinate, cm). A length that was never seen differs as between people, less what the other
+/// bones say.
 pub fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
     if frames == 0 {
         return 0.3 * PEOPLE_DIFFER * length;

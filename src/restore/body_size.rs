@@ -10,8 +10,9 @@ use ndarray::s;
 /// The statures of people, from the foot along the bones to the head, cm.
 const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
 
-/// Fails where the body of a table named `name`, which was read as centimetres, is not of a person's size. `points` are the names of
-/// its points at bone ends, as CMU has them; without a head, hips or feet a body is not judged. `remedy` tells how to name the unit.
+/// Fails where the body of a table named `name`, which was read as centimeters, is not of a
+/// person's size. `points` are the names of its points at bone ends, as CMU has them; without a
+/// head, hips or feet a body is not judged. `remedy` tells how to name the unit.
 ///
 /// # Errors
 /// [`Error::Data`], naming the remedy.
@@ -34,7 +35,8 @@ pub fn check_body_size(poses: &Poses, points: &[String], name: &str, remedy: &st
                     "large"
                 };
                 let what = format!(
-                    "the body measures {cm:.3} cm from foot to head, too {size} for a person; {remedy}, or use the option `force` to continue"
+                    "the body measures {cm:.3} cm from foot to head, too {size} for a person; \
+                     {remedy}, or use the option `force` to continue"
                 );
                 return Err(Error::data(Place::file(name), what));
             }

@@ -1,4 +1,5 @@
-//! Cleaning: what a take needs and no more. A noisy one is denoised, any other keeps what was measured; outliers are replaced, gaps filled.
+//! Cleaning: what a take needs and no more. A noisy one is denoised, any other keeps what was
+//! measured; outliers are replaced, gaps filled.
 
 use super::complete::{Complete, empty_gaps};
 use super::denoise::Denoise;
@@ -54,7 +55,8 @@ impl Clean {
         }
     }
 
-    /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean square over its frames.
+    /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean
+    /// square over its frames.
     fn is_unsure(&self, gap: &Gap, out: &RestoredFrames) -> bool {
         let variances = gap
             .frames

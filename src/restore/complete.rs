@@ -1,8 +1,9 @@
 //! Completing: missing points are filled, seen points stay.
 //!
-//! Each frame is an observation whose seen coordinates are exact and whose others have infinite variance; the restored frame
-//! fills the missing points. In a take, outliers count as missing, the model is adapted to the take's body, and the
-//! gaps are filled from the frames around them (`gap`), else by the model frame by frame (`frame_fill`).
+//! Each frame is an observation whose seen coordinates are exact and whose others have infinite
+//! variance; the restored frame fills the missing points. In a take, outliers count as missing, the
+//! model is adapted to the take's body, and the gaps are filled from the frames around them
+//! (`gap`), else by the model frame by frame (`frame_fill`).
 
 use super::frame_fill::FrameFill;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
@@ -133,8 +134,8 @@ impl Complete {
     }
 }
 
-/// Whether the model, if there is one, knows poses like those of the captured frames (frames, 3 J, in the table's order) with
-/// `noise` (cm). If not, the take is restored alone.
+/// Whether the model, if there is one, knows poses like those of the captured frames (frames, 3 J,
+/// in the table's order) with `noise` (cm). If not, the take is restored alone.
 pub fn is_known(
     bound: Option<&BoundModel<'_>>,
     adapted: Option<&AdaptedModel<'_>>,
@@ -145,7 +146,8 @@ pub fn is_known(
     both.is_none_or(|(bound, adapted)| adapted.knows(bound.gather(captured).view(), noise))
 }
 
-/// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them, else by the model.
+/// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them,
+/// else by the model.
 pub fn fill_gaps(
     bound: Option<&BoundModel<'_>>,
     adapted: Option<&AdaptedModel<'_>>,
@@ -175,7 +177,8 @@ pub fn fill_gaps(
     answers.filled
 }
 
-/// Fills the gaps that are left by the model, frame by frame; one whose answer was refused, by what is surer of both.
+/// Fills the gaps that are left by the model, frame by frame; one whose answer was refused, by what
+/// is surer of both.
 fn fill_by_model(
     bound: &BoundModel<'_>,
     adapted: &AdaptedModel<'_>,
@@ -208,8 +211,8 @@ fn fill_by_model(
     }
 }
 
-/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected; where
-/// `outliers_only`, missing points stay missing.
+/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay.
+/// Outliers are rejected; where `outliers_only`, missing points stay missing.
 pub fn put(
     out: &mut RestoredFrames,
     xyz: ArrayView2<'_, f64>,

@@ -1,12 +1,13 @@
-//! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two captures, and nothing is
-//! interpolated across.
+//! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two
+//! captures, and nothing is interpolated across.
 
 use crate::numeric::median::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
-/// Largest acceleration of a body, cm/s²: that of a heel that strikes the ground, and one that lasts for some frames.
+/// Largest acceleration of a body, cm/s²: that of a heel that strikes the ground, and one that
+/// lasts for some frames.
 const MOST: f64 = 2e4;
 const MOST_LONG: f64 = 5e3;
 /// Least jump, cm, and least jump in medians of what the points of the take do otherwise.
@@ -17,11 +18,13 @@ const LEAST_AT_END: f64 = 3.0;
 /// Share of the points that jump, and how many of them there must be.
 const SHARE: f64 = 0.8;
 const POINTS: usize = 3;
-/// A body that is back within so many seconds, or frames, was never gone: all of its points were measured wrongly.
+/// A body that is back within so many seconds, or frames, was never gone: all of its points were
+/// measured wrongly.
 const BACK: f64 = 0.05;
 const BACK_FRAMES: usize = 3;
 
-/// The runs of a take (frames, 3 J; cm, NaN missing) divided where the body jumps. `rate`: frames a second.
+/// The runs of a take (frames, 3 J; cm, NaN missing) divided where the body jumps. `rate`: frames a
+/// second.
 pub fn split_at_cuts(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
@@ -93,8 +96,9 @@ impl<'a> Jumps<'a> {
         )
     }
 
-    /// How far the points that are seen in frames a < b are from where they were, or from where their velocity leads, before a or after b,
-    /// cm: the least. (Beside a jump, and at the end of a run, velocities there are unreliable.)
+    /// How far the points that are seen in frames a < b are from where they were, or from where
+    /// their velocity leads, before a or after b, cm: the least. (Beside a jump, and at the end
+    /// of a run, velocities there are unreliable.)
     fn deviations<'s>(
         &'s self,
         a: usize,
@@ -114,8 +118,8 @@ impl<'a> Jumps<'a> {
         })
     }
 
-    /// Whether most points are nearer in frame c to where they are in a than to where they are in b: what has jumped less far than a
-    /// body moves by c is not back.
+    /// Whether most points are nearer in frame c to where they are in a than to where they are in
+    /// b: what has jumped less far than a body moves by c is not back.
     fn is_nearer(&self, a: usize, b: usize, c: usize) -> bool {
         let distances = (0..self.xyz.ncols() / 3).map(|p| {
             let now = self.at(c, p);
@@ -132,8 +136,8 @@ impl<'a> Jumps<'a> {
         2 * nearer > all
     }
 
-    /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b; `None` where they show too
-    /// little of it.
+    /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in
+    /// b; `None` where they show too little of it.
     fn is_jump(&self, a: usize, b: usize, run: &Range<usize>, least: f64) -> Option<bool> {
         let seconds = (b - a) as f64 * self.step;
         let acceleration = if b - a == 1 { MOST } else { MOST_LONG };

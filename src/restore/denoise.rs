@@ -1,8 +1,9 @@
 //! Denoising: measured points move to where they more likely were.
 //!
-//! A frame by itself is an observation whose coordinates all have the frame's noise variance; outliers are found by rigid
-//! distances and the prior. In a take, spikes and outliers are removed first; a Kalman smoother then removes the noise that
-//! neighboring frames reveal, and each smoothed frame is an observation with the variances that the smoother left.
+//! A frame by itself is an observation whose coordinates all have the frame's noise variance;
+//! outliers are found by rigid distances and the prior. In a take, spikes and outliers are removed
+//! first; a Kalman smoother then removes the noise that neighboring frames reveal, and each
+//! smoothed frame is an observation with the variances that the smoother left.
 
 use super::adaptive_smoothing::smooth_path;
 use super::complete::{fill_gaps, is_known, put};
@@ -18,7 +19,8 @@ use crate::prior::EXACT_VARIANCE;
 use glam::DVec3;
 use ndarray::{Array1, Array2, ArrayView2, s};
 
-/// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to hold poses to them.
+/// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to
+/// hold poses to them.
 const MEASURES_LENGTHS: f64 = 0.3;
 /// Noise assumed to measure the body of one frame by, cm, where none is given.
 const UNKNOWN_NOISE: f64 = 2.0;
@@ -161,8 +163,8 @@ impl Denoise {
     }
 }
 
-/// Takes outliers for good that are where the rest of the take expects them: within three standard deviations of what was filled
-/// in. Returns whether there were any.
+/// Takes outliers for good that are where the rest of the take expects them: within three standard
+/// deviations of what was filled in. Returns whether there were any.
 fn forgive(
     outliers: &mut Outliers,
     xyz: ArrayView2<'_, f64>,
@@ -208,7 +210,8 @@ impl Answers {
     ) -> Answers {
         let seen = bound.gather(smoothed.mean.view());
         let variance = bound.gather(smoothed.variance.view());
-        // Lengths measured through noise are all too long: keeping them would do more harm than good.
+        // Lengths measured through noise are all too long: keeping them would do more harm than
+        // good.
         let keeps_lengths = adapted.is_own_body() || smoothed.noise_left() <= MEASURES_LENGTHS;
         let restorer = match keeps_lengths {
             true => adapted.rigid_restorer(),
@@ -268,8 +271,8 @@ impl Answers {
     }
 }
 
-/// By how much a person's points are elsewhere than the model has them (J; cm, in the model's directions): the mean over the frames
-/// of what was `seen` (frames, 3 J) less what was `found`.
+/// By how much a person's points are elsewhere than the model has them (J; cm, in the model's
+/// directions): the mean over the frames of what was `seen` (frames, 3 J) less what was `found`.
 fn personal_offsets(seen: &Array2<f64>, found: &[Option<RestoredFrame>]) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0); seen.ncols() / 3];
     for (row, found) in seen.outer_iter().zip(found) {
@@ -363,7 +366,8 @@ impl Denoise {
         let y = frame.row(0).to_vec();
         let floor = model.noise_floor(&y);
         if let Some((rigid, floor)) = floor.as_ref().filter(|_| self.outliers) {
-            // A noise that is given is that of clean points where it is small, and of all points otherwise.
+            // A noise that is given is that of clean points where it is small, and of all points
+            // otherwise.
             let noise = match self.noise {
                 Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise),
                 None => noise_estimation::is_worth_searching(floor)
@@ -393,8 +397,8 @@ impl Denoise {
     }
 }
 
-/// Restores a smoothed frame. Points seen in part among whole ones count as missing, which saves a search for the placement;
-/// what was seen of them stays as the smoother left it.
+/// Restores a smoothed frame. Points seen in part among whole ones count as missing, which saves a
+/// search for the placement; what was seen of them stays as the smoother left it.
 fn restore_smoothed(
     restorer: &FrameRestorer<'_>,
     y: &[f64],
@@ -413,7 +417,8 @@ fn restore_smoothed(
     Some(found)
 }
 
-/// A measured noise variance less what motion without noise reads as, cm²: a clean take stays as it is.
+/// A measured noise variance less what motion without noise reads as, cm²: a clean take stays as it
+/// is.
 fn beyond_motion(r: f64) -> f64 {
     r * r / (r + MOTION_VARIANCE)
 }

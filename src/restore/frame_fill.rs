@@ -1,10 +1,11 @@
-//! Gaps filled by the model frame by frame, where too few frames around them show the point: one that is never seen, or a take
-//! of a few frames.
+//! Gaps filled by the model frame by frame, where too few frames around them show the point: one
+//! that is never seen, or a take of a few frames.
 //!
-//! Each frame is answered by itself. At a gap's ends the point is seen, so the error of the answer is known there: it is answered
-//! once more with the gap's points hidden. The error is carried into the gap as a ramp, and fades from a single end. Noise that is
-//! the model's own, from frame to frame, is smoothed away; where the answers jump from one pose to another, as much as it takes for
-//! a path that a body can follow.
+//! Each frame is answered by itself. At a gap's ends the point is seen, so the error of the answer
+//! is known there: it is answered once more with the gap's points hidden. The error is carried into
+//! the gap as a ramp, and fades from a single end. Noise that is the model's own, from frame to
+//! frame, is smoothed away; where the answers jump from one pose to another, as much as it takes
+//! for a path that a body can follow.
 
 use super::adaptive_smoothing::smooth_path;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
@@ -21,10 +22,12 @@ use std::ops::Range;
 const CHUNK: usize = 8;
 /// Seconds after which e⁻¹ of an error is left where a gap has one end.
 const FADES: f64 = 0.25;
-/// Noise of answers to which no end belongs, in their standard deviations: errors last for some frames.
+/// Noise of answers to which no end belongs, in their standard deviations: errors last for some
+/// frames.
 const JUMPS: f64 = 4.0;
-/// A point's variance: so much of the stated one, and so much of the mean over the missing points. By calibration on 51 takes of
-/// people that the model does not know, of which six joints were seen.
+/// A point's variance: so much of the stated one, and so much of the mean over the missing points.
+/// By calibration on 51 takes of people that the model does not know, of which six joints were
+/// seen.
 const OWN_SHARE: f64 = 1.5;
 const COMMON_SHARE: f64 = 2.0;
 /// Noise that is assumed, cm, as long as the answers are no path that a body can follow.
@@ -46,7 +49,8 @@ pub struct FrameFill<'a> {
 type Key = (usize, Vec<usize>);
 
 impl FrameFill<'_> {
-    /// Fills gaps, whose points are the model's. `None` for a gap in which a frame shows too little.
+    /// Fills gaps, whose points are the model's. `None` for a gap in which a frame shows too
+    /// little.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let answers = self.answers(gaps, done);
         let limits = MotionLimits::measure(self.seen, self.runs, self.rate, gaps);
@@ -55,7 +59,8 @@ impl FrameFill<'_> {
             .collect()
     }
 
-    /// The answers for all frames of gaps, and for the frames at their ends with what is missing beside hidden.
+    /// The answers for all frames of gaps, and for the frames at their ends with what is missing
+    /// beside hidden.
     fn answers(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> BTreeMap<Key, RestoredFrame> {
         let inside = gaps
             .iter()
@@ -130,7 +135,8 @@ impl FrameFill<'_> {
         let path = [0, 1, 2].map(|axis| xyz.column(axis).to_vec());
         let measured = noise_of_path([&path[0][..], &path[1][..], &path[2][..]]).unwrap_or(0.0);
         let measured = match ends.is_empty() {
-            // No end says which of the poses that the answers jump between is right: their mean over time is nearest to it.
+            // No end says which of the poses that the answers jump between is right: their mean
+            // over time is nearest to it.
             true => measured.max(JUMPS * typical_sd),
             false => measured,
         };
@@ -151,8 +157,9 @@ impl FrameFill<'_> {
         Some(followed.unwrap_or(plain))
     }
 
-    /// The variance of a point's answer in frame `t`, cm², by the standard deviations that the model states: they leave out how
-    /// sure the body's placement is, which moves all points together, and people's proportions.
+    /// The variance of a point's answer in frame `t`, cm², by the standard deviations that the
+    /// model states: they leave out how sure the body's placement is, which moves all points
+    /// together, and people's proportions.
     fn variance(&self, t: usize, sd: &[f64], point: usize) -> f64 {
         let is_missing = |p: &usize| (3 * p..3 * p + 3).any(|i| self.seen[[t, i]].is_nan());
         let missing: Vec<f64> = (0..sd.len())
@@ -163,8 +170,8 @@ impl FrameFill<'_> {
         OWN_SHARE * sd[point].powi(2) + COMMON_SHARE * mean
     }
 
-    /// The answers for a gap (frames, 3), smoothed with those at its ends, and joined to what is seen there. An end: the frame, its
-    /// answer, and the answer's error.
+    /// The answers for a gap (frames, 3), smoothed with those at its ends, and joined to what is
+    /// seen there. An end: the frame, its answer, and the answer's error.
     fn joined(
         &self,
         gap: &Gap,

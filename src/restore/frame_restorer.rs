@@ -1,10 +1,12 @@
 //! One frame restored: the estimate behind completing and denoising.
 //!
 //! ```text
-//! y ~ N(s R x + t, diag(r)),   x ~ prior:   (R, t) first, then E[x | y, R, t], then its projection onto rigid distances
+//! y ~ N(s R x + t, diag(r)),   x ~ prior:
+//!     (R, t) first, then E[x | y, R, t], then its projection onto rigid distances
 //! ```
 //!
-//! y (3 J, cm) is the frame, r (3 J, cm²) its noise variances, R and t the placement of the model's space.
+//! y (3 J, cm) is the frame, r (3 J, cm²) its noise variances, R and t the placement of the model's
+//! space.
 
 use super::placement::orthographic;
 use super::placement::{PlacementSolution, PlacementSolver};
@@ -49,9 +51,11 @@ impl<'a> FrameRestorer<'a> {
         self
     }
 
-    /// Restores one frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite where missing).
+    /// Restores one frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite
+    /// where missing).
     ///
-    /// `None` when too little is seen: no coordinate at all; in world space fewer than three points, or all on a line.
+    /// `None` when too little is seen: no coordinate at all; in world space fewer than three
+    /// points, or all on a line.
     pub fn restore(&self, y: &[f64], noise: &[f64]) -> Option<RestoredFrame> {
         let seen = observation(y, noise);
         if self.anchor.is_some() && seen.is_partial() {
@@ -67,8 +71,8 @@ impl<'a> FrameRestorer<'a> {
         Some(self.restore_placed(seen, &self.solve_placement(seen)?))
     }
 
-    /// Restores one frame as [`FrameRestorer::restore`] does, its placement found from that of the solution `before`; for a
-    /// pose that is edited, whose frames follow one another closely.
+    /// Restores one frame as [`FrameRestorer::restore`] does, its placement found from that of the
+    /// solution `before`; for a pose that is edited, whose frames follow one another closely.
     pub fn follow(
         &self,
         y: &[f64],
@@ -125,7 +129,8 @@ impl<'a> FrameRestorer<'a> {
             .solve(self.prior, seen, anchor, known.as_slice())
     }
 
-    /// The placement by the whole points alone; `None` where they are fewer than the partial ones, or too few.
+    /// The placement by the whole points alone; `None` where they are fewer than the partial ones,
+    /// or too few.
     fn placement_by_whole_points(&self, seen: Observation<'_>) -> Option<Similarity> {
         let partial = seen.removable_partial_points();
         if partial.is_empty() {
@@ -136,11 +141,12 @@ impl<'a> FrameRestorer<'a> {
         Some(solution.placement)
     }
 
-    /// Restores a frame any points of which may be outliers; `variance` is that of the coordinates of clean points, cm².
-    /// Returns also the probability of each point to be an outlier (J). `None` when too little is seen, or nothing rigid is
-    /// known.
+    /// Restores a frame any points of which may be outliers; `variance` is that of the coordinates
+    /// of clean points, cm². Returns also the probability of each point to be an outlier (J).
+    /// `None` when too little is seen, or nothing rigid is known.
     ///
-    /// Distances need no placement: points that they make suspect are left out where the pose is placed.
+    /// Distances need no placement: points that they make suspect are left out where the pose is
+    /// placed.
     pub fn restore_with_outliers(
         &self,
         y: &[f64],
@@ -179,10 +185,11 @@ impl<'a> FrameRestorer<'a> {
         Some((restored, probability))
     }
 
-    /// Novelty of a complete pose (3 J, world space) at a placement, nats; see [`Prior::novelty`]. NaN where the prior has no
-    /// threshold.
+    /// Novelty of a complete pose (3 J, world space) at a placement, nats; see [`Prior::novelty`].
+    /// NaN where the prior has no threshold.
     pub fn novelty(&self, pose: &[f64], placement: &Similarity) -> f64 {
-        // Training poses were placed by their pelvis; an estimate from few points may be placed otherwise.
+        // Training poses were placed by their pelvis; an estimate from few points may be placed
+        // otherwise.
         let anchor = self.anchor.filter(|a| a.root.is_some());
         let placement = anchor.and_then(|a| a.place(pose)).unwrap_or(*placement);
         let mut in_model = vec![0.0; pose.len()];
@@ -217,7 +224,8 @@ fn placed(posterior: Posterior, placement: Similarity) -> RestoredFrame {
     }
 }
 
-/// Standard deviation of a coordinate of each point (J): the root of the mean of its three variances.
+/// Standard deviation of a coordinate of each point (J): the root of the mean of its three
+/// variances.
 pub fn point_sd(variance: &[f64]) -> Vec<f64> {
     variance
         .chunks_exact(3)

@@ -26,7 +26,8 @@ pub struct GapLine<'a> {
     longest_step: Option<f64>,
 }
 
-/// Writes the gaps of a restoration to a file: JSON where its name ends in .json, else aligned text.
+/// Writes the gaps of a restoration to a file: JSON where its name ends in .json, else aligned
+/// text.
 pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
     let lines = gap_lines(restored);
     let text = match path.extension().is_some_and(|e| e == "json") {

@@ -1,13 +1,15 @@
 //! The Kalman smoother of a path.
 //!
-//! Each coordinate y_t (cm) is that of a point of constant velocity, but for white acceleration of density q (cm²/s³),
-//! measured with noise variance r (cm²):
+//! Each coordinate y_t (cm) is that of a point of constant velocity, but for white acceleration of
+//! density q (cm²/s³), measured with noise variance r (cm²):
 //!
 //! ```text
-//! x_{t+1} = [1 h; 0 1] x_t + N(0, q [h³/3 h²/2; h²/2 h]),   y_t = [1 0] x_t + N(0, r)      h seconds a frame
+//! x_{t+1} = [1 h; 0 1] x_t + N(0, q [h³/3 h²/2; h²/2 h]),   y_t = [1 0] x_t + N(0, r)
+//!     h seconds a frame
 //! ```
 //!
-//! A Kalman filter and a Rauch-Tung-Striebel smoother solve it. Its mean is a cubic smoothing spline of strength r / q.
+//! A Kalman filter and a Rauch-Tung-Striebel smoother solve it. Its mean is a cubic smoothing
+//! spline of strength r / q.
 
 /// A smoothed series, with a value at every frame, measured or not.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,8 +20,8 @@ pub struct Smoothed {
     pub variance: Vec<f64>,
 }
 
-/// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²; `step` seconds a frame;
-/// density `q` of white acceleration, cm²/s³.
+/// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²;
+/// `step` seconds a frame; density `q` of white acceleration, cm²/s³.
 pub fn smooth(series: &[f64], r: f64, step: f64, q: f64) -> Smoothed {
     backward(&filter(series, r, step, q), step, q)
 }

@@ -1,4 +1,5 @@
-//! A pose model ready for use: prior, root frame, body and rigid distances, all in the model's order of points.
+//! A pose model ready for use: prior, root frame, body and rigid distances, all in the model's
+//! order of points.
 
 use super::body_adaptation;
 use super::frame_restorer::FrameRestorer;
@@ -32,10 +33,12 @@ pub struct LoadedModel {
 }
 
 impl LoadedModel {
-    /// Opens a model named `source`. In world space each pose is placed first; in body space poses are used as they are.
+    /// Opens a model named `source`. In world space each pose is placed first; in body space poses
+    /// are used as they are.
     ///
     /// # Errors
-    /// As [`PlacedPrior::open`] and [`RigidModel::read`]: arrays that are missing, of a wrong shape or not finite.
+    /// As [`PlacedPrior::open`] and [`RigidModel::read`]: arrays that are missing, of a wrong shape
+    /// or not finite.
     pub fn new(
         model: &Model,
         options: &OpenOptions,
@@ -67,7 +70,8 @@ impl LoadedModel {
         self.placed.points()
     }
 
-    /// The rigid distances to judge one frame by before its body is measured, and the frame's noise floor by them.
+    /// The rigid distances to judge one frame by before its body is measured, and the frame's noise
+    /// floor by them.
     pub fn noise_floor(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
         // In world space the body may be anyone's; body space holds the training bodies.
         let own = (!self.placed.is_for_any_body()).then_some(&self.rigid);
@@ -95,7 +99,8 @@ impl LoadedModel {
         }
     }
 
-    /// The model for the body that `frames` (m, 3 J) of one take show; `noise` is the standard deviation of a coordinate, cm.
+    /// The model for the body that `frames` (m, 3 J) of one take show; `noise` is the standard
+    /// deviation of a coordinate, cm.
     pub fn adapt(&self, frames: ArrayView2<'_, f64>, noise: f64) -> AdaptedModel<'_> {
         self.adapt_prior(frames, noise)
             .with_lengths_from(frames, noise)
@@ -126,8 +131,8 @@ impl<'a> AdaptedModel<'a> {
         self.prior.is_none()
     }
 
-    /// Rigid distances as uncertain as lengths are that were measured in `frames` with `noise` (standard deviation of a
-    /// coordinate, cm).
+    /// Rigid distances as uncertain as lengths are that were measured in `frames` with `noise`
+    /// (standard deviation of a coordinate, cm).
     pub fn with_lengths_from(
         mut self,
         frames: ArrayView2<'_, f64>,
@@ -152,8 +157,8 @@ impl<'a> AdaptedModel<'a> {
         self
     }
 
-    /// The training poses (n, 3 J) as the body would take them, cm; `None` where the model keeps none, or not in the pelvis's
-    /// frame.
+    /// The training poses (n, 3 J) as the body would take them, cm; `None` where the model keeps
+    /// none, or not in the pelvis's frame.
     pub fn training_poses(&self) -> Option<Array2<f64>> {
         let prior = self.prior.as_deref().unwrap_or(&*self.model.placed.prior);
         let anchor = self.model.placed.anchor.as_ref();
@@ -161,8 +166,9 @@ impl<'a> AdaptedModel<'a> {
         prior.training_poses()
     }
 
-    /// Whether at most half of the complete frames of a take (frames, 3 J; cm) are unlike all training poses. Under more than a
-    /// little `noise` (standard deviation of a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
+    /// Whether at most half of the complete frames of a take (frames, 3 J; cm) are unlike all
+    /// training poses. Under more than a little `noise` (standard deviation of a coordinate,
+    /// cm) every pose is unlike them, which says nothing: then it counts as known.
     pub fn knows(&self, take: ArrayView2<'_, f64>, noise: f64) -> bool {
         if noise > JUDGED_NOISE {
             return true;

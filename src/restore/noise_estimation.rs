@@ -7,8 +7,8 @@ use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
-/// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above, everything is noise unless
-/// the distances say otherwise.
+/// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
+/// everything is noise unless the distances say otherwise.
 pub const NEARLY_CLEAN: f64 = 1.0;
 /// Frames that the model measures the noise of where motion says nothing.
 const SAMPLED_FRAMES: usize = 20;
@@ -18,8 +18,8 @@ pub fn is_worth_searching(floor: &NoiseFloor) -> bool {
     floor.sd <= NEARLY_CLEAN || floor.outlier_evidence > 0.0
 }
 
-/// Rounds a standard deviation (cm) to an eighth of an octave. An estimate from one frame is no better than that, and frames
-/// of the same noise share what a prior computes for it.
+/// Rounds a standard deviation (cm) to an eighth of an octave. An estimate from one frame is no
+/// better than that, and frames of the same noise share what a prior computes for it.
 pub fn rounded(sd: f64) -> f64 {
     if sd * sd > EXACT_VARIANCE {
         ((sd.log2() * 8.0).round() / 8.0).exp2()
@@ -28,7 +28,8 @@ pub fn rounded(sd: f64) -> f64 {
     }
 }
 
-/// Noise variance (cm²) of a coordinate measured with standard deviation `sd` (cm); infinite where it is missing.
+/// Noise variance (cm²) of a coordinate measured with standard deviation `sd` (cm); infinite where
+/// it is missing.
 pub fn variance(value: f64, sd: f64) -> f64 {
     if value.is_finite() {
         (sd * sd).max(EXACT_VARIANCE)
@@ -37,7 +38,8 @@ pub fn variance(value: f64, sd: f64) -> f64 {
     }
 }
 
-/// Noise variances (3 J) of exact measurements; infinite where a coordinate is missing or its point `hidden`.
+/// Noise variances (3 J) of exact measurements; infinite where a coordinate is missing or its point
+/// `hidden`.
 pub fn exact_noise(y: &[f64], hidden: &[usize]) -> Vec<f64> {
     let is_seen = |i: usize| y[i].is_finite() && !hidden.contains(&(i / 3));
     (0..y.len())
@@ -51,8 +53,9 @@ pub fn exact_noise(y: &[f64], hidden: &[usize]) -> Vec<f64> {
         .collect()
 }
 
-/// Standard deviation of a coordinate (cm) in one frame: what the model leaves of most points beyond what it leaves of clean
-/// ones. The quarter of the points that fits worst is left out, as these may be outliers.
+/// Standard deviation of a coordinate (cm) in one frame: what the model leaves of most points
+/// beyond what it leaves of clean ones. The quarter of the points that fits worst is left out, as
+/// these may be outliers.
 pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
     // A first guess of 1 cm, so that the estimate does not follow the noise.
     let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
@@ -77,9 +80,10 @@ pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
     (2.0 * mean).max(0.0).sqrt()
 }
 
-/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20 times
-/// its own. The lower quartile of their sizes is robust: spikes in a fifth of the frames, each of which spoils four
-/// differences, do not count. `None` with fewer than eight differences.
+/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white
+/// noise has √20 times its own. The lower quartile of their sizes is robust: spikes in a fifth of
+/// the frames, each of which spoils four differences, do not count. `None` with fewer than eight
+/// differences.
 pub fn noise_of(series: &[f64]) -> Option<f64> {
     let squares = series.windows(4).map(|w| third_difference(w).powi(2));
     // The lower quartile of χ² with one degree of freedom is 0.1015.
@@ -102,7 +106,8 @@ fn third_difference(w: &[f64]) -> f64 {
     w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]
 }
 
-/// The standard deviation behind squared third differences, the lower quartile of which is `quartile` variances.
+/// The standard deviation behind squared third differences, the lower quartile of which is
+/// `quartile` variances.
 fn of_squares(mut squares: Vec<f64>, quartile: f64) -> Option<f64> {
     squares.retain(|d| d.is_finite());
     if squares.len() < 8 {
@@ -113,8 +118,8 @@ fn of_squares(mut squares: Vec<f64>, quartile: f64) -> Option<f64> {
     Some((found / quartile / 20.0).sqrt())
 }
 
-/// Standard deviation of a coordinate of each point (J) by third differences over time, cm ([`noise_of`]). `None`
-/// for a point that is never seen long enough.
+/// Standard deviation of a coordinate of each point (J) by third differences over time, cm
+/// ([`noise_of`]). `None` for a point that is never seen long enough.
 pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
     let of_column = |i: usize| {
         // Runs are joined by a missing value, which no difference crosses.
@@ -131,9 +136,9 @@ pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<
     (0..xyz.ncols() / 3).map(of_point).collect()
 }
 
-/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences over time ([`noise_of`]). A point
-/// that is never seen long enough takes the median of the others; where there is none, `model` measures some frames, given
-/// beside it in its own order of points.
+/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences
+/// over time ([`noise_of`]). A point that is never seen long enough takes the median of the others;
+/// where there is none, `model` measures some frames, given beside it in its own order of points.
 pub fn by_point(
     model: Option<(&LoadedModel, ArrayView2<'_, f64>)>,
     xyz: ArrayView2<'_, f64>,
@@ -157,7 +162,8 @@ pub fn by_point(
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
 }
 
-/// The median over the points of a take of the noise that third differences over time measure, cm; 0 where it measures none.
+/// The median over the points of a take of the noise that third differences over time measure, cm;
+/// 0 where it measures none.
 pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
     median(from_time(xyz, runs).into_iter().flatten().collect()).unwrap_or(0.0)
 }

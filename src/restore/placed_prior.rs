@@ -1,4 +1,5 @@
-//! A prior with what it takes to use it in the world: the root's frame, and the bones by which it is carried to another body.
+//! A prior with what it takes to use it in the world: the root's frame, and the bones by which it
+//! is carried to another body.
 
 use super::body_adaptation;
 use crate::Result;
@@ -23,7 +24,8 @@ pub struct PlacedPrior {
 }
 
 impl PlacedPrior {
-    /// Opens a model named `source`. In world space each pose is placed first; in body space poses are used as they are.
+    /// Opens a model named `source`. In world space each pose is placed first; in body space poses
+    /// are used as they are.
     ///
     /// # Errors
     /// As [`prior::open`].
@@ -59,8 +61,9 @@ impl PlacedPrior {
         self.body.is_some()
     }
 
-    /// The prior for the body that `frames` (m, 3 J; cm) show; `noise` is the standard deviation of a coordinate, cm. `None`: the
-    /// body is the model's own, or the model does not say what its own is.
+    /// The prior for the body that `frames` (m, 3 J; cm) show; `noise` is the standard deviation of
+    /// a coordinate, cm. `None`: the body is the model's own, or the model does not say what
+    /// its own is.
     pub fn for_body(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
         let map = body_adaptation::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let is_same = match &map {

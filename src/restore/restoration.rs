@@ -1,4 +1,5 @@
-//! The result of restoring a table: its values in the table's order of points, and what became of each point.
+//! The result of restoring a table: its values in the table's order of points, and what became of
+//! each point.
 
 use super::gap::{Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
@@ -50,7 +51,8 @@ impl RestorationCounts {
         self.noise += other.noise;
     }
 
-    /// Standard deviation of the noise that was assumed, cm: the mean over the frames; 0 if none was.
+    /// Standard deviation of the noise that was assumed, cm: the mean over the frames; 0 if none
+    /// was.
     pub fn mean_noise(&self) -> f64 {
         self.noise / self.frames.max(1) as f64
     }
@@ -65,9 +67,11 @@ pub struct RestoredGap {
     pub frames: Range<usize>,
     /// How most of its frames were filled; `None` if they were not.
     pub method: Option<FillMethod>,
-    /// Standard deviation of a coordinate, cm: the root mean square over the filled frames; NaN where none was.
+    /// Standard deviation of a coordinate, cm: the root mean square over the filled frames; NaN
+    /// where none was.
     pub sd: f64,
-    /// The longest way from one frame to the next, the frames at both ends included, cm; NaN where none was filled.
+    /// The longest way from one frame to the next, the frames at both ends included, cm; NaN where
+    /// none was filled.
     pub longest_step: f64,
 }
 
@@ -110,7 +114,8 @@ impl<'t> Restoration<'t> {
         }
     }
 
-    /// Puts restored frames in place, from frame `first` on. Where no value was found the table's stays.
+    /// Puts restored frames in place, from frame `first` on. Where no value was found the table's
+    /// stays.
     pub(super) fn add(&mut self, first: usize, restored: &RestoredFrames) {
         let (frames, points) = (restored.xyz.nrows(), self.points());
         self.counts.add(&RestorationCounts {
@@ -146,7 +151,8 @@ impl<'t> Restoration<'t> {
         self.counts.cuts += cuts;
     }
 
-    /// A copy with filtered values ([`Poses::low_pass`]), and the number of pieces that are too short for that.
+    /// A copy with filtered values ([`Poses::low_pass`]), and the number of pieces that are too
+    /// short for that.
     ///
     /// # Errors
     /// Fails as [`Poses::low_pass`] does.
@@ -179,7 +185,8 @@ impl<'t> Restoration<'t> {
         table
     }
 
-    /// Status and standard deviation of a point of the table. A point that the model does not know is observed, or unknown where missing.
+    /// Status and standard deviation of a point of the table. A point that the model does not know
+    /// is observed, or unknown where missing.
     pub fn status(&self, frame: usize, point: usize) -> Status {
         self.status[frame * self.points() + point]
     }
@@ -189,7 +196,8 @@ impl<'t> Restoration<'t> {
         self.sd[frame * self.points() + point]
     }
 
-    /// How a missing point was filled; `None` where it was not, or the frame was restored by itself.
+    /// How a missing point was filled; `None` where it was not, or the frame was restored by
+    /// itself.
     pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
         self.method[frame * self.points() + point]
     }
@@ -234,8 +242,8 @@ impl<'t> Restoration<'t> {
         self.source
     }
 
-    /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the model has no threshold or
-    /// the frame is not restored.
+    /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the
+    /// model has no threshold or the frame is not restored.
     pub fn novelty(&self, frame: usize) -> f64 {
         self.novelty[frame]
     }

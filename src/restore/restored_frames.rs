@@ -21,13 +21,14 @@ pub struct Take<'a> {
     pub rate: f64,
 }
 
-/// A method that restores the frames of a table: [`super::Complete`] or [`super::Denoise`]. What it answers is in the table's
-/// order of points.
+/// A method that restores the frames of a table: [`super::Complete`] or [`super::Denoise`]. What it
+/// answers is in the table's order of points.
 pub trait Method {
     /// Restores each frame of `xyz` (frames, 3 J; cm, NaN missing) by itself.
     fn frames(&self, bound: &BoundModel<'_>, xyz: ArrayView2<'_, f64>) -> RestoredFrames;
 
-    /// Restores one take, with a model or without. `done` is called with numbers of frames that are finished.
+    /// Restores one take, with a model or without. `done` is called with numbers of frames that are
+    /// finished.
     fn take(
         &self,
         bound: Option<&BoundModel<'_>>,
@@ -42,8 +43,8 @@ pub struct BoundModel<'a> {
     pub model: &'a LoadedModel,
     /// The table's column of each point of the model.
     index: Vec<Option<usize>>,
-    /// Whether the points are those of another skeleton: the model knows roughly what their poses look like, and nothing of how they
-    /// are placed on the body.
+    /// Whether the points are those of another skeleton: the model knows roughly what their poses
+    /// look like, and nothing of how they are placed on the body.
     pub is_mapped: bool,
 }
 
@@ -64,7 +65,8 @@ impl<'a> BoundModel<'a> {
             let listed =
                 |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
             let what = format!(
-                "the table has none of the model's points ({}, …); it has {}; {}; or train a model with prior-train, or use the option `self`: the take's own frames alone",
+                "the table has none of the model's points ({}, …); it has {}; {}; or train a \
+                 model with prior-train, or use the option `self`: the take's own frames alone",
                 listed(known),
                 listed(points),
                 NameMap::advice(points)
@@ -106,7 +108,8 @@ impl<'a> BoundModel<'a> {
         (0..self.index.len()).all(|p| self.index[p].is_none() || is_seen(p))
     }
 
-    /// Frames in the model's order of points, restored, as frames of the table; `xyz` is what the table holds.
+    /// Frames in the model's order of points, restored, as frames of the table; `xyz` is what the
+    /// table holds.
     pub fn scatter(&self, xyz: ArrayView2<'_, f64>, restored: &RestoredFrames) -> RestoredFrames {
         let mut out = RestoredFrames::captured(xyz);
         out.too_little = restored.too_little;
@@ -128,8 +131,8 @@ impl<'a> BoundModel<'a> {
         out
     }
 
-    /// Rows in the model's order of points (n, 3 J) as rows of a table of `points` points; those that the model does not know are
-    /// NaN.
+    /// Rows in the model's order of points (n, 3 J) as rows of a table of `points` points; those
+    /// that the model does not know are NaN.
     pub fn scatter_rows(&self, rows: ArrayView2<'_, f64>, points: usize) -> Array2<f64> {
         let mut out = Array2::from_elem((rows.nrows(), 3 * points), f64::NAN);
         for (p, column) in self.index.iter().enumerate() {
@@ -172,8 +175,8 @@ pub struct RestoredFrames {
     pub too_little: usize,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
-    /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN where the model has no threshold
-    /// or the frame is not restored.
+    /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN
+    /// where the model has no threshold or the frame is not restored.
     pub novelty: Vec<f64>,
 }
 

@@ -1,4 +1,5 @@
-//! Restoring a table with a pose model: the door to [`complete`](Restorer::complete) and [`denoise`](Restorer::denoise).
+//! Restoring a table with a pose model: the door to [`complete`](Restorer::complete) and
+//! [`denoise`](Restorer::denoise).
 //!
 //! ```
 //! use posing::io::Table;
@@ -50,7 +51,8 @@ impl<'m> Restorer<'m> {
         Restorer::with(Some(model))
     }
 
-    /// Restores takes of any points by their own frames and by time alone; single frames cannot be restored.
+    /// Restores takes of any points by their own frames and by time alone; single frames cannot be
+    /// restored.
     pub fn without_model() -> Restorer<'m> {
         Restorer::with(None)
     }
@@ -78,28 +80,33 @@ impl<'m> Restorer<'m> {
         self
     }
 
-    /// Restores poses that stand in body space: root at the origin, no global rotation, the model's body.
+    /// Restores poses that stand in body space: root at the origin, no global rotation, the model's
+    /// body.
     pub fn in_body_space(mut self) -> Restorer<'m> {
         self.world = false;
         self
     }
 
-    /// Says how the points of the tables are named; without it, that is told by [`PointNaming::of`].
+    /// Says how the points of the tables are named; without it, that is told by
+    /// [`PointNaming::of`].
     pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);
         self
     }
 
-    /// Fills the missing points of a table. A table without times and without [`Complete::fps`] is completed frame by frame.
+    /// Fills the missing points of a table. A table without times and without [`Complete::fps`] is
+    /// completed frame by frame.
     ///
     /// # Errors
-    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, `fps` contradicts the table's times,
-    /// or `max_gap` is set and there is no rate; [`Error::Usage`] if `observe` names a point that the table lacks.
+    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, `fps`
+    /// contradicts the table's times, or `max_gap` is set and there is no rate;
+    /// [`Error::Usage`] if `observe` names a point that the table lacks.
     pub fn complete<'t>(&self, table: &'t Table, options: &Complete) -> Result<Restoration<'t>> {
         self.complete_with(table, options, &|_| {})
     }
 
-    /// [`Restorer::complete`] with progress: `progress` is called with numbers of frames that are finished.
+    /// [`Restorer::complete`] with progress: `progress` is called with numbers of frames that are
+    /// finished.
     ///
     /// # Errors
     /// As [`Restorer::complete`].
@@ -118,8 +125,9 @@ impl<'m> Restorer<'m> {
         self.restore(table, options, rate, &hidden, progress)
     }
 
-    /// Cleans the takes of a table: those with noise over [`Clean::noise_limit`] are denoised, the others keep what was measured; outliers
-    /// are replaced and gaps filled. A table without times and without [`Clean::fps`] is completed frame by frame.
+    /// Cleans the takes of a table: those with noise over [`Clean::noise_limit`] are denoised, the
+    /// others keep what was measured; outliers are replaced and gaps filled. A table without
+    /// times and without [`Clean::fps`] is completed frame by frame.
     ///
     /// # Errors
     /// As [`Restorer::complete`].
@@ -131,16 +139,18 @@ impl<'m> Restorer<'m> {
         self.restore(table, options, rate, &[], &|_| {})
     }
 
-    /// Denoises the points of a table. A table without times and without [`Denoise::fps`] is denoised frame by frame.
+    /// Denoises the points of a table. A table without times and without [`Denoise::fps`] is
+    /// denoised frame by frame.
     ///
     /// # Errors
-    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, or `fps` contradicts the table's
-    /// times.
+    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, or `fps`
+    /// contradicts the table's times.
     pub fn denoise<'t>(&self, table: &'t Table, options: &Denoise) -> Result<Restoration<'t>> {
         self.denoise_with(table, options, &|_| {})
     }
 
-    /// [`Restorer::denoise`] with progress: `progress` is called with numbers of frames that are finished.
+    /// [`Restorer::denoise`] with progress: `progress` is called with numbers of frames that are
+    /// finished.
     ///
     /// # Errors
     /// As [`Restorer::denoise`].
@@ -165,8 +175,9 @@ impl<'m> Restorer<'m> {
         }
     }
 
-    /// The names by which the model knows the points of `poses`: their own, where they are the starts of bones and the model has
-    /// ends, those of the bones that end there, or those of a map.
+    /// The names by which the model knows the points of `poses`: their own, where they are the
+    /// starts of bones and the model has ends, those of the bones that end there, or those of a
+    /// map.
     ///
     /// # Errors
     /// [`Error::Data`] if the model cannot be opened, or has none of these points.
@@ -190,8 +201,8 @@ impl<'m> Restorer<'m> {
         Ok((names, matches!(naming, PointNaming::Map(_))))
     }
 
-    /// The opened model, bound to a table; `None` without a model. With the names of the points by which their body's own frame is known:
-    /// that of another skeleton is not.
+    /// The opened model, bound to a table; `None` without a model. With the names of the points by
+    /// which their body's own frame is known: that of another skeleton is not.
     fn bind<'p>(&self, poses: &'p Poses) -> Result<(Option<BoundModel<'_>>, Cow<'p, [String]>)> {
         let own = Cow::Borrowed(&poses.points[..]);
         let Some(model) = self.model else {
@@ -212,7 +223,8 @@ impl<'m> Restorer<'m> {
         Ok(self.loaded.get_or_init(|| loaded))
     }
 
-    /// Restores each take of a table, or each frame where there is no rate; `hidden` columns count as missing.
+    /// Restores each take of a table, or each frame where there is no rate; `hidden` columns count
+    /// as missing.
     fn restore<'t>(
         &self,
         table: &'t Table,
@@ -265,11 +277,13 @@ fn no_rate(table: &Table) -> Error {
 /// What to say where only a model would do.
 fn no_model() -> Error {
     Error::usage(
-        "without a model only whole takes can be restored: a frame by itself says nothing of what it lacks (the option `fps` sets a table's frame rate)",
+        "without a model only whole takes can be restored: a frame by itself says nothing of what \
+         it lacks (the option `fps` sets a table's frame rate)",
     )
 }
 
-/// The frame rate of a table: `fps`, else by its times. `None` where each frame is restored by itself.
+/// The frame rate of a table: `fps`, else by its times. `None` where each frame is restored by
+/// itself.
 fn rate(table: &Table, fps: Option<f64>, per_frame: bool) -> Result<Option<f64>> {
     if per_frame {
         return Ok(None);

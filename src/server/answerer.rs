@@ -132,8 +132,9 @@ impl Queue {
         answer.await.unwrap_or_else(stopped)
     }
 
-    /// Adds a request. A solve replaces the one right before it: the page wants the newest pose only. One with another
-    /// request behind it stays, because that request, such as the end of a gesture, may build on it.
+    /// Adds a request. A solve replaces the one right before it: the page wants the newest pose
+    /// only. One with another request behind it stays, because that request, such as the end of
+    /// a gesture, may build on it.
     fn push(&self, request: Request) -> oneshot::Receiver<Answered> {
         let (reply, answer) = oneshot::channel();
         let mut waiting = self.lock();
@@ -268,7 +269,8 @@ mod tests {
         }
     }
 
-    /// The answers to requests that all wait before the thread starts, and what the answerer had seen at its end.
+    /// The answers to requests that all wait before the thread starts, and what the answerer had
+    /// seen at its end.
     fn answers(requests: &[Request]) -> (Vec<Answered>, Vec<u8>) {
         let queue = Arc::new(Queue::default());
         let answers: Vec<_> = requests.iter().map(|r| queue.push(r.clone())).collect();

@@ -51,7 +51,8 @@ impl Editor {
     /// Opens a session; one that the file keeps goes on.
     ///
     /// # Errors
-    /// The model does not know the figure, the table has no pose, or the file no session; or the file cannot be kept.
+    /// The model does not know the figure, the table has no pose, or the file no session; or the
+    /// file cannot be kept.
     pub fn open(source: EditSource) -> Result<Editor> {
         let EditSource {
             model,

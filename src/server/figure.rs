@@ -1,4 +1,5 @@
-//! The figure that `edit` poses: the skeleton given, or one measured, and the motion files that it can become.
+//! The figure that `edit` poses: the skeleton given, or one measured, and the motion files that it
+//! can become.
 
 use crate::edit::in_betweens::Motion;
 use crate::edit::{Rig, Session};
@@ -20,7 +21,7 @@ pub struct Figure {
     kind: FigureKind,
     /// The joint that is each point of the model.
     map: BTreeMap<String, String>,
-    /// Centimetres in the unit of BVH files, and the turn from our axes (y up) to theirs.
+    /// Centimeters in the unit of BVH files, and the turn from our axes (y up) to theirs.
     unit: f64,
     turn: DMat3,
 }
@@ -46,11 +47,13 @@ impl Figure {
         })
     }
 
-    /// The figure of a skeleton file; `map` names the joint that is each of the `model_points`: by default the shipped map that fits,
-    /// where the model knows no joint by its own name. No bone of it stretches.
+    /// The figure of a skeleton file; `map` names the joint that is each of the `model_points`: by
+    /// default the shipped map that fits, where the model knows no joint by its own name. No
+    /// bone of it stretches.
     ///
     /// # Errors
-    /// [`Error::Usage`]: a map of the user's own names a joint that the skeleton does not have. Those of [`BvhTemplate::rigid`].
+    /// [`Error::Usage`]: a map of the user's own names a joint that the skeleton does not have.
+    /// Those of [`BvhTemplate::rigid`].
     pub fn of_file(
         name: &str,
         file: SkeletonFile,
@@ -83,14 +86,15 @@ impl Figure {
         })
     }
 
-    /// Writes BVH files with this unit (cm) and turn from our axes to theirs; those of a BVH skeleton are its own.
+    /// Writes BVH files with this unit (cm) and turn from our axes to theirs; those of a BVH
+    /// skeleton are its own.
     pub fn with_units(mut self, unit: f64, turn: DMat3) -> Figure {
         (self.unit, self.turn) = (unit, turn);
         self
     }
 
-    /// The rig: all bones of a skeleton, or the joints and End Sites of a BVH file; where that has the model's own names, which are
-    /// those of bone ends, the ends of its bones.
+    /// The rig: all bones of a skeleton, or the joints and End Sites of a BVH file; where that has
+    /// the model's own names, which are those of bone ends, the ends of its bones.
     ///
     /// # Errors
     /// As [`Rig::with_joints`].
@@ -168,8 +172,8 @@ impl Figure {
     }
 }
 
-/// By point of the model, the joint that it is among `names`. What a shipped map does not find there is left out; what a map of the
-/// user's own does not is an error.
+/// By point of the model, the joint that it is among `names`. What a shipped map does not find
+/// there is left out; what a map of the user's own does not is an error.
 fn joints_of(map: &NameMap, names: &[String]) -> Result<BTreeMap<String, String>> {
     let columns = map.columns(names);
     let missing = map
@@ -184,7 +188,8 @@ fn joints_of(map: &NameMap, names: &[String]) -> Result<BTreeMap<String, String>
     Ok(columns.into_iter().map(joint).collect())
 }
 
-/// A table with the status and the standard deviation of each joint: observed where a pin holds it, else inferred.
+/// A table with the status and the standard deviation of each joint: observed where a pin holds it,
+/// else inferred.
 fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
     let rig = session.rig();
     let columns = Columns::for_points(rig.names.clone(), false, true);

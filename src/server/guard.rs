@@ -1,4 +1,5 @@
-//! Which requests are let in: those of the program's own page, and of nobody else on this machine or any website.
+//! Which requests are let in: those of the program's own page, and of nobody else on this machine
+//! or any website.
 
 use super::answerer::Refusal;
 use crate::{Error, Result};
@@ -8,7 +9,8 @@ use rand::TryRngCore;
 use rand::rngs::OsRng;
 use std::io;
 
-/// The header that carries the token. A page of another origin cannot send it without a preflight, which is refused.
+/// The header that carries the token. A page of another origin cannot send it without a preflight,
+/// which is refused.
 const TOKEN: HeaderName = HeaderName::from_static("x-posing-token");
 
 /// The headers of every response besides the page's policy.
@@ -29,7 +31,8 @@ const HEADERS: [(HeaderName, &str); 6] = [
 
 /// Checks requests, and marks responses.
 pub struct Guard {
-    /// The values of Host that are this server: another name that leads here is an attack by DNS rebinding.
+    /// The values of Host that are this server: another name that leads here is an attack by DNS
+    /// rebinding.
     hosts: Vec<String>,
     /// 128 random bits in hexadecimal.
     token: String,
@@ -86,7 +89,8 @@ impl Guard {
         let is_page = method == Method::GET && uri.path() == "/";
         let token = headers.get(TOKEN).map_or(&b""[..], HeaderValue::as_bytes);
         if !is_page && !are_same(token, self.token.as_bytes()) {
-            let what = "the token is missing or of another run; open the address that the program has printed";
+            let what = "the token is missing or of another run; open the address that the program \
+                        has printed";
             return Err(Refusal::new(401, what));
         }
         if method == Method::POST && !is_json(headers) {

@@ -12,11 +12,12 @@ use tokio::time::{Instant, Sleep, sleep_until};
 /// A client that reads fewer bytes a second does not read.
 const SLOWEST: u64 = 1 << 14;
 
-/// A connection whose writing fails when what waits to be written has not left in time: [`PATIENCE`], and as long as a slow
-/// line takes for what was written meanwhile.
+/// A connection whose writing fails when what waits to be written has not left in time:
+/// [`PATIENCE`], and as long as a slow line takes for what was written meanwhile.
 pub struct Impatient<T> {
     inner: T,
-    /// Since when the client has not read all: when that is too long, and how much was written meanwhile.
+    /// Since when the client has not read all: when that is too long, and how much was written
+    /// meanwhile.
     stalled: Option<Stall>,
 }
 

@@ -1,7 +1,8 @@
 //! The local HTTP server of `edit`: a page, and its requests, which one thread answers in turn.
 //!
-//! It listens on 127.0.0.1 only. Every request passes the guard. HTTP runs on the calling thread and never computes,
-//! so that a slow client or a long computation does not keep others waiting for a connection.
+//! It listens on 127.0.0.1 only. Every request passes the guard. HTTP runs on the calling thread
+//! and never computes, so that a slow client or a long computation does not keep others waiting for
+//! a connection.
 
 pub mod answerer;
 pub mod editor;
@@ -39,10 +40,11 @@ use tokio::time::{sleep, timeout};
 
 /// The largest body of a request, bytes; [`Route::Open`] has that of a session.
 const LARGEST_BODY: usize = 1 << 20;
-/// Bodies that are larger by up to this are read to their end: a connection closed before would hide the refusal.
+/// Bodies that are larger by up to this are read to their end: a connection closed before would
+/// hide the refusal.
 const LARGEST_EXCESS: usize = 7 << 20;
-/// How long the headers, and then the body, of a request may take to arrive, and an answer may stand still. A connection
-/// without requests ends too.
+/// How long the headers, and then the body, of a request may take to arrive, and an answer may
+/// stand still. A connection without requests ends too.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How long the body of a session may take to arrive.
 const PATIENCE_WITH_SESSION: Duration = Duration::from_secs(120);
@@ -70,8 +72,8 @@ struct Shared {
 /// A server that runs until this is dropped.
 pub struct Running(#[allow(dead_code)] oneshot::Sender<()>);
 
-/// Serves a page. `make` builds what answers its requests, on the thread where that stays; `on_ready` is told the address, token
-/// included, once requests are answered.
+/// Serves a page. `make` builds what answers its requests, on the thread where that stays;
+/// `on_ready` is told the address, token included, once requests are answered.
 ///
 /// # Errors
 /// The port is taken, or `make`, `on_ready` or [`Answer::finish`] fails.
@@ -124,7 +126,8 @@ fn bind(port: u16) -> Result<TcpListener> {
     let address = (Ipv4Addr::LOCALHOST, port);
     let listener = std::net::TcpListener::bind(address).map_err(|e| match e.kind() {
         io::ErrorKind::AddrInUse => {
-            let what = "is in use by another program; give another with the option `port`, or leave it out";
+            let what = "is in use by another program; give another with the option `port`, or \
+                        leave it out";
             Error::data(Place::file(format!("port {port}")), what)
         }
         _ => Error::io(format!("port {port}"), e),

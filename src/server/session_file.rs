@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// A file of a session, and the lock that keeps other programs from it.
 ///
-/// The lock is on a file beside it, `.NAME.lock`, because the file itself is a new one whenever it is saved. The system
-/// lets the lock go when the program ends, however that happens.
+/// The lock is on a file beside it, `.NAME.lock`, because the file itself is a new one whenever it
+/// is saved. The system lets the lock go when the program ends, however that happens.
 #[derive(Debug)]
 pub struct SessionPath {
     path: PathBuf,
@@ -21,7 +21,8 @@ impl SessionPath {
     /// Takes the file, which need not be there yet.
     ///
     /// # Errors
-    /// [`Error::Data`]: another program has it, or it is no file. [`Error::Io`]: its folder cannot be written to.
+    /// [`Error::Data`]: another program has it, or it is no file. [`Error::Io`]: its folder cannot
+    /// be written to.
     pub fn open(path: &Path) -> Result<SessionPath> {
         let wrong = |what: &str| Error::data(Place::file(path.display().to_string()), what);
         if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
@@ -40,7 +41,8 @@ impl SessionPath {
                 Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => {}
                 Err(TryLockError::WouldBlock) => {
                     return Err(wrong(
-                        "is open in another posing edit; end that, or name another with the option `session`",
+                        "is open in another posing edit; end that, or name another with the \
+                         option `session`",
                     ));
                 }
                 Err(TryLockError::Error(e)) => return Err(Error::io(&lock_path, e)),
@@ -92,7 +94,8 @@ impl SessionPath {
 
 impl Drop for SessionPath {
     fn drop(&mut self) {
-        // Before the lock goes. A file that stays behind does no harm, and one with something in it is somebody's.
+        // Before the lock goes. A file that stays behind does no harm, and one with something in it
+        // is somebody's.
         if self.lock.metadata().is_ok_and(|m| m.len() == 0) {
             let _ = fs::remove_file(&self.lock_path);
         }

@@ -6,9 +6,9 @@
 //! sum_i w_i (y_i - sum_j x_j a_ji)^2 = |√w∘y - [√w∘a_1 ... √w∘a_k] x|^2
 //! ```
 //!
-//! by a QR factorization that grows by one column per atom: q_j (D) orthonormal, R (k, k) upper triangular, z = Qᵀ(√w∘y), R x
-//! = z. Double precision, O(k D) per atom. The signal is scaled to unit norm, so that the limits below have no unit; results
-//! are scaled back.
+//! by a QR factorization that grows by one column per atom: q_j (D) orthonormal, R (k, k) upper
+//! triangular, z = Qᵀ(√w∘y), R x = z. Double precision, O(k D) per atom. The signal is scaled to
+//! unit norm, so that the limits below have no unit; results are scaled back.
 
 use super::incremental_qr::{QrColumn, dot};
 use super::{StopReason, Tolerance};
@@ -16,11 +16,12 @@ use crate::Result;
 use crate::numeric::simd::{self, dispatch_widest, padded};
 use ndarray::ArrayView1;
 
-/// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its length, which is
-/// what rounding the atoms to f32 leaves of a pose that they describe exactly.
+/// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its
+/// length, which is what rounding the atoms to f32 leaves of a pose that they describe exactly.
 const REACHED: f64 = 1e-13;
 
-/// The largest squared norm of a pose: squares and sums of squares of such numbers are finite in f32 too.
+/// The largest squared norm of a pose: squares and sums of squares of such numbers are finite in
+/// f32 too.
 const LARGEST: f64 = 1e30;
 
 /// One pose and the atoms chosen for it so far.
@@ -72,7 +73,8 @@ impl ActiveSet {
     /// Starts on a pose (D) with weights (D). Where a weight is 0 the pose may be NaN.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: an observed number or a weight is not finite, or a weight is negative.
+    /// [`crate::Error::Unfit`]: an observed number or a weight is not finite, or a weight is
+    /// negative.
     pub fn start<T, W>(
         &mut self,
         pose: ArrayView1<T>,
@@ -139,7 +141,8 @@ impl ActiveSet {
         Ok(())
     }
 
-    /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is observed.
+    /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is
+    /// observed.
     pub fn push(&mut self, index: u32, atom: &[f32]) -> bool {
         let (stride, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
         if k == cap {

@@ -6,8 +6,8 @@ use super::{Dictionary, coherence};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::cmp::Reverse;
 
-/// Puts the poses coded worst (each once) in the place of atoms that are not used, and of those closer than `coherence` to
-/// a better used one. Gives the number of each.
+/// Puts the poses coded worst (each once) in the place of atoms that are not used, and of those
+/// closer than `coherence` to a better used one. Gives the number of each.
 pub(super) fn replace(
     dictionary: &mut Dictionary,
     support: &Array2<u32>,
@@ -40,8 +40,9 @@ pub(super) fn replace(
 
 /// Poses from the one coded worst to the one coded best; those that are zero are left out.
 ///
-/// Neighbours in time are nearly equal, and coded equally badly: of the poses whose first atom is the same, one goes
-/// first, then one more of each, and so on, so that the atoms they make are not copies of each other.
+/// Neighbors in time are nearly equal, and coded equally badly: of the poses whose first atom is
+/// the same, one goes first, then one more of each, and so on, so that the atoms they make are not
+/// copies of each other.
 fn worst_coded(
     support: &Array2<u32>,
     n: usize,

@@ -1,4 +1,5 @@
-//! The update of a dictionary: each atom and its coefficients in turn, from the residual without it.
+//! The update of a dictionary: each atom and its coefficients in turn, from the residual without
+//! it.
 
 use super::Dictionary;
 use super::codes::UNUSED;

@@ -4,7 +4,8 @@ use super::Dictionary;
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 
-/// Statistics of one iteration. Errors are per coordinate, in the poses' unit, with the dictionary after the iteration.
+/// Statistics of one iteration. Errors are per coordinate, in the poses' unit, with the dictionary
+/// after the iteration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IterationStats {
     /// The iteration, counted from 1; 0 is the start.
@@ -13,7 +14,8 @@ pub struct IterationStats {
     pub mse: f64,
     /// Its root.
     pub rms: f64,
-    /// RMS of a fresh coding of the training poses. At least `rms`, and equal to it unless old codes were kept.
+    /// RMS of a fresh coding of the training poses. At least `rms`, and equal to it unless old
+    /// codes were kept.
     pub fresh_rms: f64,
     /// RMS of the validation poses, if there are any.
     pub validation_rms: Option<f64>,
@@ -25,12 +27,14 @@ pub struct IterationStats {
     pub mean_sparsity: f64,
 }
 
-/// The state of training. Training from a saved and restored state gives the same bytes as without interruption.
+/// The state of training. Training from a saved and restored state gives the same bytes as without
+/// interruption.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainingState {
     /// The atoms.
     pub dictionary: Dictionary,
-    /// The atoms of each training pose's code (m, k), [`UNUSED`](super::UNUSED) where there are fewer than k.
+    /// The atoms of each training pose's code (m, k), [`UNUSED`](super::UNUSED) where there are
+    /// fewer than k.
     pub support: Array2<u32>,
     /// Their coefficients (m, k).
     pub coefficients: Array2<f32>,

@@ -30,13 +30,14 @@ impl SparseCode {
 
 /// The best coefficients of given atoms for one pose: weighted least squares, in f64.
 ///
-/// Atoms are taken in the order given. An atom that depends on those before it (a repeated one, say) is left out, and the
-/// code's `stop` is [`StopReason::Dependent`], else [`StopReason::Sparsity`]. Pose and weights are as in
+/// Atoms are taken in the order given. An atom that depends on those before it (a repeated one,
+/// say) is left out, and the code's `stop` is [`StopReason::Dependent`], else
+/// [`StopReason::Sparsity`]. Pose and weights are as in
 /// [`Encoder::encode_one`](super::Encoder::encode_one).
 ///
 /// # Errors
-/// [`Error::Data`] as [`Encoder::encode_one`](super::Encoder::encode_one); also if an atom is not below the dictionary's
-/// length.
+/// [`Error::Data`] as [`Encoder::encode_one`](super::Encoder::encode_one); also if an atom is not
+/// below the dictionary's length.
 pub fn refit(
     dictionary: &Dictionary,
     support: &[u32],

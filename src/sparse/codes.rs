@@ -16,7 +16,8 @@ pub struct SparseCodes {
     pub atoms: Array2<u32>,
     /// Their coefficients (m, k) in the poses' unit, 0 where there is no atom.
     pub coefficients: Array2<f32>,
-    /// sum_i w_i (y_i - (A x)_i)^2 of each pose (m), for the coefficients before they were rounded to f32.
+    /// sum_i w_i (y_i - (A x)_i)^2 of each pose (m), for the coefficients before they were rounded
+    /// to f32.
     pub squared_residuals: Vec<f64>,
     /// Why each pose has no more atoms (m).
     pub stops: Vec<StopReason>,

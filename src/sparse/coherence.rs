@@ -12,7 +12,8 @@ const TILE: usize = 128;
 /// The others: 128 x 512 products take 256 kB.
 const BLOCK: usize = 512;
 
-/// Atoms with a coherence above this are copies: products of f32 unit vectors have an error of about 1e-7.
+/// Atoms with a coherence above this are copies: products of f32 unit vectors have an error of
+/// about 1e-7.
 const COPIES: f64 = 1.0 - 1e-6;
 
 impl Dictionary {
@@ -41,7 +42,8 @@ impl Dictionary {
         each.into_iter().fold(0.0, f32::max)
     }
 
-    /// The atoms that are exact copies, up to sign, of one before them, each with the first of its kind. O(n D).
+    /// The atoms that are exact copies, up to sign, of one before them, each with the first of its
+    /// kind. O(n D).
     pub fn copies(&self) -> Vec<(usize, usize)> {
         let mut first = HashMap::new();
         let mut copies = Vec::new();
@@ -87,9 +89,11 @@ fn greatest(
     .concat()
 }
 
-/// Goes through the atoms (n, D) in the given order and keeps each that is not closer than `limit` to one kept before.
+/// Goes through the atoms (n, D) in the given order and keeps each that is not closer than `limit`
+/// to one kept before.
 ///
-/// A limit of 1 drops copies alone. Gives one answer an atom, by its index: whether it is kept. O(n n_kept D) time, O(n D) memory.
+/// A limit of 1 drops copies alone. Gives one answer an atom, by its index: whether it is kept. O(n
+/// n_kept D) time, O(n D) memory.
 pub(super) fn spread(atoms: ArrayView2<f32>, order: &[usize], limit: f64) -> Vec<bool> {
     let d = atoms.ncols();
     let limit = limit.min(COPIES) as f32;

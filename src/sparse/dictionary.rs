@@ -8,14 +8,14 @@ use std::sync::{Arc, OnceLock};
 
 /// How far from 1 the norm of a row may be for the row to be taken as it is.
 ///
-/// Rounding a unit vector to f32 moves its norm by up to half of `f32::EPSILON`. A row that close is
-/// left alone, so that a dictionary written to a file and read again has the same bits.
+/// Rounding a unit vector to f32 moves its norm by up to half of `f32::EPSILON`. A row that close
+/// is left alone, so that a dictionary written to a file and read again has the same bits.
 const UNIT: f64 = f32::EPSILON as f64;
 
 /// Atoms in rows, each of unit norm: the transpose of the paper's `A` (D x n), equation (3).
 ///
-/// Every row is finite and has norm 1 to single precision, and there is at least one row and one column:
-/// the code that uses a dictionary relies on it and does not look again.
+/// Every row is finite and has norm 1 to single precision, and there is at least one row and one
+/// column: the code that uses a dictionary relies on it and does not look again.
 #[derive(Clone)]
 pub struct Dictionary {
     atoms: Array2<f32>, // (n, D)
@@ -36,12 +36,14 @@ impl fmt::Debug for Dictionary {
 }
 
 impl Dictionary {
-    /// Makes a dictionary of `rows` (n, D), each scaled to unit norm; their order and signs are kept.
+    /// Makes a dictionary of `rows` (n, D), each scaled to unit norm; their order and signs are
+    /// kept.
     ///
     /// A row that has unit norm already keeps its bits.
     ///
     /// # Errors
-    /// No rows or no columns, 2^32 - 1 rows or more, or a row that is zero or not finite (named, counted from 0).
+    /// No rows or no columns, 2^32 - 1 rows or more, or a row that is zero or not finite (named,
+    /// counted from 0).
     pub fn from_rows<T: Into<f64> + Copy>(rows: ArrayView2<T>) -> Result<Self> {
         let (n, d) = rows.dim();
         if n == 0 || d == 0 {
@@ -123,7 +125,8 @@ impl Dictionary {
         self.atoms.ncols()
     }
 
-    /// The largest number of atoms in a code of at most `sparsity`: more than n or D atoms are never independent.
+    /// The largest number of atoms in a code of at most `sparsity`: more than n or D atoms are
+    /// never independent.
     pub(super) fn capacity(&self, sparsity: usize) -> usize {
         sparsity.min(self.len()).min(self.width())
     }
@@ -164,7 +167,8 @@ impl Dictionary {
     }
 }
 
-/// What to multiply a row by to give it unit norm: 1 if it has it already. Safe from overflow and underflow.
+/// What to multiply a row by to give it unit norm: 1 if it has it already. Safe from overflow and
+/// underflow.
 pub(super) fn unit_scale<T: Into<f64> + Copy>(
     row: ArrayView1<T>,
 ) -> std::result::Result<f64, &'static str> {

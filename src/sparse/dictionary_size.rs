@@ -1,11 +1,13 @@
 //! The number of atoms that a target error needs (section 4.1 of the paper).
 //!
-//! Draw n0 random poses as atoms. If their coding error e_s is at most delta e_t, with e_t the wanted error, K-SVD may be
-//! trusted to bring it down from there: take them as the start. Else n0 <- 1.5 n0, and again.
+//! Draw n0 random poses as atoms. If their coding error e_s is at most delta e_t, with e_t the
+//! wanted error, K-SVD may be trusted to bring it down from there: take them as the start. Else n0
+//! <- 1.5 n0, and again.
 //!
-//! Then train with [`super::Ksvd::target`] set to e_t; [`super::Ksvd::reached`] says whether it came to that.
-//! The error is the RMS a coordinate, in the poses' unit. The draws of one seed are nested, and those of [`super::initialize::random_atoms`]:
-//! each begins with the atoms of the one before. Cost: O(m n D kappa) for n atoms at the end, some three times one coding.
+//! Then train with [`super::Ksvd::target`] set to e_t; [`super::Ksvd::reached`] says whether it
+//! came to that. The error is the RMS a coordinate, in the poses' unit. The draws of one seed are
+//! nested, and those of [`super::initialize::random_atoms`]: each begins with the atoms of the one
+//! before. Cost: O(m n D kappa) for n atoms at the end, some three times one coding.
 
 use super::initialize::{atoms_of, distinct};
 use super::{Dictionary, Encoder, Omp};
@@ -18,7 +20,8 @@ use serde::{Deserialize, Serialize};
 pub struct GrowthSearch {
     /// e_t, the wanted RMS a coordinate in the poses' unit: above 0. Default 1.
     pub error: f64,
-    /// delta: the allowed ratio of the error of untrained atoms to the target. At least 1; default 2, as in the paper.
+    /// delta: the allowed ratio of the error of untrained atoms to the target. At least 1; default
+    /// 2, as in the paper.
     pub delta: f64,
     /// What n0 grows by, rounded up: above 1. Default 1.5, the paper's.
     pub growth: f64,
@@ -60,7 +63,8 @@ pub struct GrowthResult {
     pub dictionary: Dictionary,
     /// The sizes tried, the last of which is the dictionary's.
     pub tried: Vec<Trial>,
-    /// Whether e_s is at most delta e_t. If not, all poses are atoms already, and more of them would be needed.
+    /// Whether e_s is at most delta e_t. If not, all poses are atoms already, and more of them
+    /// would be needed.
     pub enough: bool,
 }
 
@@ -86,7 +90,8 @@ impl GrowthSearch {
     /// Finds the size for the training poses (m, D). `observer` sees each size tried.
     ///
     /// # Errors
-    /// A parameter out of range, a pose that is not finite (the row is named, from 1), or no pose that is not zero.
+    /// A parameter out of range, a pose that is not finite (the row is named, from 1), or no pose
+    /// that is not zero.
     pub fn start(
         &self,
         poses: ArrayView2<f32>,

@@ -1,12 +1,15 @@
 //! Codes many poses with one dictionary, on all threads.
 //!
-//! How [`Encoder`] chooses a search strategy (codes differ only where atoms are equally good within rounding):
+//! How [`Encoder`] chooses a search strategy (codes differ only where atoms are equally good within
+//! rounding):
 //!
-//! - **Weights that differ within a pose**: a dense scan, because each pose sees other atoms. 60 poses share each scan.
+//! - **Weights that differ within a pose**: a dense scan, because each pose sees other atoms. 60
+//!   poses share each scan.
 //! - **Up to 2,048 atoms**: a dense scan for the first atom, then rows of the Gram matrix.
-//! - **More atoms**: a dense scan, until 1,024 poses were coded with the dictionary or are to be coded now. From then on a
-//!   ball tree, which costs about as much to build as that many scans.
-//! - **Codes of more than four atoms, poses of more than 384 coordinates, or a single pose**: a dense scan.
+//! - **More atoms**: a dense scan, until 1,024 poses were coded with the dictionary or are to be
+//!   coded now. From then on a ball tree, which costs about as much to build as that many scans.
+//! - **Codes of more than four atoms, poses of more than 384 coordinates, or a single pose**: a
+//!   dense scan.
 
 use super::active_set::ActiveSet;
 use super::code::{finished, started};
@@ -19,7 +22,8 @@ use crate::{Error, Place, Result};
 use ndarray::{ArrayView1, ArrayView2, Axis};
 use std::fmt;
 
-/// The largest number of poses in one task of the ball tree: their active sets should stay in the cache.
+/// The largest number of poses in one task of the ball tree: their active sets should stay in the
+/// cache.
 const LARGEST_TASK: usize = 512;
 /// The smallest number of poses in one task of the ball tree.
 const SMALLEST_TASK: usize = 64;
@@ -51,19 +55,23 @@ impl fmt::Display for SearchStrategy {
 
 /// Codes poses with one dictionary.
 ///
-/// An encoder keeps its working memory from call to call. The codes of a pose do not depend on the number of threads. Where
-/// atoms are equally good within rounding, they can depend on the search strategy, and so on how many poses are coded.
+/// An encoder keeps its working memory from call to call. The codes of a pose do not depend on the
+/// number of threads. Where atoms are equally good within rounding, they can depend on the search
+/// strategy, and so on how many poses are coded.
 ///
-/// Memory per thread: 4 to 12 bytes for each atom and each of 60 poses. The dictionary keeps its search structures: up to
-/// 16 MiB for the Gram matrix, or about 40 numbers per atom for the ball tree.
+/// Memory per thread: 4 to 12 bytes for each atom and each of 60 poses. The dictionary keeps its
+/// search structures: up to 16 MiB for the Gram matrix, or about 40 numbers per atom for the ball
+/// tree.
 ///
 /// ```
 /// use ndarray::array;
 /// use posing::sparse::{Dictionary, Encoder, Omp};
 ///
-/// let dictionary = Dictionary::from_rows(array![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].view())?;
+/// let atoms = array![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let dictionary = Dictionary::from_rows(atoms.view())?;
 /// let poses = array![[3.0f32, 0.0, 4.0], [0.0, 2.0, 0.0]]; // (m, D)
-/// let codes = Encoder::new(&dictionary, Omp { sparsity: 2, ..Omp::default() })?.encode(poses.view())?;
+/// let encoder = Encoder::new(&dictionary, Omp { sparsity: 2, ..Omp::default() })?;
+/// let codes = encoder.encode(poses.view())?;
 /// assert_eq!(codes.atoms.row(0).to_vec(), [2, 0]); // the best atom first
 /// assert_eq!(codes.decode(&dictionary)?, poses);
 /// # Ok::<(), posing::Error>(())
@@ -148,17 +156,18 @@ impl<'a> Encoder<'a> {
     /// Codes poses (m, D) on all of rayon's threads.
     ///
     /// # Errors
-    /// [`Error::Data`] if D is not the dictionary's width, or a number is not finite (the first such row is named, from 1).
+    /// [`Error::Data`] if D is not the dictionary's width, or a number is not finite (the first
+    /// such row is named, from 1).
     pub fn encode(&self, poses: ArrayView2<f32>) -> Result<SparseCodes> {
         self.encode_weighted(poses, None)
     }
 
-    /// Codes poses (m, D) with weights (m, D), not negative; `None`: all weights are 1. Where a weight is 0 the pose may be
-    /// NaN.
+    /// Codes poses (m, D) with weights (m, D), not negative; `None`: all weights are 1. Where a
+    /// weight is 0 the pose may be NaN.
     ///
     /// # Errors
-    /// [`Error::Data`] as [`Encoder::encode`]; also if the weights have another shape than the poses, or a weight is
-    /// negative or not finite. Numbers with weight 0 are not checked.
+    /// [`Error::Data`] as [`Encoder::encode`]; also if the weights have another shape than the
+    /// poses, or a weight is negative or not finite. Numbers with weight 0 are not checked.
     pub fn encode_weighted(
         &self,
         poses: ArrayView2<f32>,
@@ -188,12 +197,13 @@ impl<'a> Encoder<'a> {
         Ok(codes)
     }
 
-    /// Codes one pose (D) with weights (D), not negative; `None`: all weights are 1. Where a weight is 0 the pose may be NaN.
-    /// The code is that of [`Encoder::encode_weighted`] by dense scans, with coefficients in double precision.
+    /// Codes one pose (D) with weights (D), not negative; `None`: all weights are 1. Where a weight
+    /// is 0 the pose may be NaN. The code is that of [`Encoder::encode_weighted`] by dense
+    /// scans, with coefficients in double precision.
     ///
     /// # Errors
-    /// [`Error::Data`] if a length is not the dictionary's width, an observed number is not finite, or a weight is negative
-    /// or not finite.
+    /// [`Error::Data`] if a length is not the dictionary's width, an observed number is not finite,
+    /// or a weight is negative or not finite.
     pub fn encode_one(
         &self,
         pose: ArrayView1<f64>,
@@ -330,7 +340,8 @@ mod tests {
 
     #[test]
     fn many_poses_get_the_codes_that_each_gets_alone() {
-        // With a Gram matrix and without, more poses than a tile, and a last tile and panel that are not full.
+        // With a Gram matrix and without, more poses than a tile, and a last tile and panel that
+        // are not full.
         for n in [300, 2100] {
             let d = Dictionary::from_rows(random(n, 21, 1).view()).unwrap();
             assert_eq!(d.index_cache().gram.is_some(), n == 300);
@@ -376,7 +387,8 @@ mod tests {
 
     #[test]
     fn poses_whose_last_atom_is_refused_get_the_codes_that_each_gets_alone() {
-        // Copies of six directions, nearer to each other than f32 tells, and poses that five of them nearly reach.
+        // Copies of six directions, nearer to each other than f32 tells, and poses that five of
+        // them nearly reach.
         for n in [100, 2100] {
             let (six, noise) = (random(6, 12, 30), random(n, 12, 31));
             let atoms = Array2::from_shape_fn((n, 12), |(i, j)| {

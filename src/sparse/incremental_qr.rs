@@ -1,25 +1,29 @@
-//! One Gram-Schmidt step of an incremental QR factorization: an atom is made orthogonal to those before it, and the residual
-//! to the atom.
+//! One Gram-Schmidt step of an incremental QR factorization: an atom is made orthogonal to those
+//! before it, and the residual to the atom.
 //!
-//! Sums are taken in eight lanes in a fixed order, without fused operations, so that the result has the same bits for any
-//! width of the vectors. (Explicit vectors, because the compiler uses only two lanes for these loops.)
+//! Sums are taken in eight lanes in a fixed order, without fused operations, so that the result has
+//! the same bits for any width of the vectors. (Explicit vectors, because the compiler uses only
+//! two lanes for these loops.)
 
 use crate::numeric::simd::{LANES, dispatch_widest};
 use pulp::{Simd, WithSimd};
 
-/// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
-/// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
+/// An atom counts as dependent on those chosen when at most this share of its squared (weighted)
+/// norm is left outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction
+/// differ by some 1e-7.
 const DEPENDENT: f64 = 1e-10;
 
 /// The number of columns subtracted at once: their products are independent.
 const FEW: usize = 3;
 
-/// After at most [`FEW`] columns, one pass of Gram-Schmidt is enough for an atom with a larger share of its squared norm
-/// left: its products with the others are then at most 1e-13, measured. Other atoms get a second pass.
+/// After at most [`FEW`] columns, one pass of Gram-Schmidt is enough for an atom with a larger
+/// share of its squared norm left: its products with the others are then at most 1e-13, measured.
+/// Other atoms get a second pass.
 const NEARLY_DEPENDENT: f64 = 1e-2;
 
-/// The operands of a step; rows are padded to eight. Returns the product of the residual with the new column, and |residual|²
-/// after it; `None`, with the residual unchanged, if the atom depends on those before.
+/// The operands of a step; rows are padded to eight. Returns the product of the residual with the
+/// new column, and |residual|² after it; `None`, with the residual unchanged, if the atom depends
+/// on those before.
 pub struct QrColumn<'a> {
     /// The columns q of the atoms before, (k, D).
     pub done: &'a [f64],
@@ -28,7 +32,8 @@ pub struct QrColumn<'a> {
     pub root: Option<&'a [f64]>,
     /// Output: the new column q.
     pub v: &'a mut [f64],
-    /// Zeros on input; then <q, a> for the columns before, and the norm of the remainder: a column of R.
+    /// Zeros on input; then <q, a> for the columns before, and the norm of the remainder: a column
+    /// of R.
     pub column: &'a mut [f64],
     pub residual: &'a mut [f64],
 }
@@ -89,7 +94,8 @@ impl QrColumn<'_> {
     }
 }
 
-/// Subtracts from v its projection on K columns in `done`, and adds the products to r. Returns <v, v> and <v, residual>.
+/// Subtracts from v its projection on K columns in `done`, and adds the products to r. Returns <v,
+/// v> and <v, residual>.
 #[inline(always)]
 fn without<S: Simd, const V: usize, const K: usize>(
     simd: S,

@@ -10,7 +10,8 @@ use std::hash::{DefaultHasher, Hasher};
 
 /// `n` distinct poses of (m, D), drawn at random, scaled to unit norm: atoms to start from.
 ///
-/// More atoms of one seed begin with the same ones. Poses that are zero cannot be atoms, and equal poses count once.
+/// More atoms of one seed begin with the same ones. Poses that are zero cannot be atoms, and equal
+/// poses count once.
 ///
 /// # Errors
 /// Fewer such poses than atoms, or a pose that is not finite.
@@ -19,7 +20,8 @@ pub fn random_atoms(poses: ArrayView2<f32>, n: usize, seed: u64) -> Result<Dicti
     if rows.len() < n {
         let found = rows.len();
         return Err(Error::usage(format!(
-            "{n} atoms, but only {found} training poses are distinct and not zero; use at most {found} atoms"
+            "{n} atoms, but only {found} training poses are distinct and not zero; use at most \
+             {found} atoms"
         )));
     }
     atoms_of(poses, &rows)

@@ -1,25 +1,31 @@
-//! K-SVD: a dictionary learnt from poses (Aharon, Elad, Bruckstein 2006).
+//! K-SVD: a dictionary learned from poses (Aharon, Elad, Bruckstein 2006).
 //!
 //! ```text
-//! min_{A, X} |Y - A X|_F^2   with |x_i|_0 <= kappa for each pose i, |a_j|_2 = 1 for each atom j            (3)
+//! min_{A, X} |Y - A X|_F^2   with |x_i|_0 <= kappa for each pose i, |a_j|_2 = 1 for each atom j
+//!     (3)
 //! ```
 //!
-//! Y = posesᵀ (D x m), A = atomsᵀ (D x n), X the codes (n x m); here poses, atoms and codes are rows. An iteration
+//! Y = posesᵀ (D x m), A = atomsᵀ (D x n), X the codes (n x m); here poses, atoms and codes are
+//! rows. An iteration
 //!
-//! 1. updates the atoms one after the other: with the poses that use atom j, and E the residual of those poses without
-//!    it, the best rank-one approximation of E gives the atom and its coefficients at once;
-//! 2. gives each atom that no pose uses (and, if wanted, each that is too close to a better used one) the place of a pose that
-//!    is coded worst;
-//! 3. codes all poses anew. With [`Ksvd::keep`], where the greedy code is worse than the old atoms refitted, the old ones stay.
+//! 1. updates the atoms one after the other: with the poses that use atom j, and E the residual of
+//!    those poses without it, the best rank-one approximation of E gives the atom and its
+//!    coefficients at once;
+//! 2. gives each atom that no pose uses (and, if wanted, each that is too close to a better used
+//!    one) the place of a pose that is coded worst;
+//! 3. codes all poses anew. With [`Ksvd::keep`], where the greedy code is worse than the old atoms
+//!    refitted, the old ones stay.
 //!
-//! The poses are coded before the first iteration, so that `i` iterations are `i` updates, and the error of every
-//! [`IterationStats`] is that of the dictionary in the same [`TrainingState`]. The update cannot raise the training error, and replacing an
-//! unused atom is free; the greedy coding can. With `keep` it cannot either, so that the error falls (but for rounding, and
-//! unless close atoms are replaced).
+//! The poses are coded before the first iteration, so that `i` iterations are `i` updates, and the
+//! error of every [`IterationStats`] is that of the dictionary in the same [`TrainingState`]. The
+//! update cannot raise the training error, and replacing an unused atom is free; the greedy coding
+//! can. With `keep` it cannot either, so that the error falls (but for rounding, and unless close
+//! atoms are replaced).
 //!
-//! Cost of an iteration: O(m n D kappa) for the coding, O(m D kappa s) for the update with s power steps in all. Memory: the
-//! poses again (the residual) and the codes. The result does not depend on the number of threads, and nothing is random
-//! but the start. It fails where poses are missing numbers: learning needs whole poses.
+//! Cost of an iteration: O(m n D kappa) for the coding, O(m D kappa s) for the update with s power
+//! steps in all. Memory: the poses again (the residual) and the codes. The result does not depend
+//! on the number of threads, and nothing is random but the start. It fails where poses are missing
+//! numbers: learning needs whole poses.
 
 use super::atom_replacement::replace;
 use super::atom_update::{AtomUsage, residuals, update};
@@ -35,16 +41,18 @@ use serde::{Deserialize, Serialize};
 
 /// The parameters of K-SVD.
 ///
-/// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 a pose, ten iterations), mean squared error of
-/// fresh coding in raw ASF units, training and unseen: 0.043 and 0.050 as it is by default; 0.034 and 0.039 with a `coherence` of 0.99;
-/// 0.049 and 0.055 with `keep`; 0.044 and 0.051 with one sweep; 0.071 and 0.083 with the plain pursuit.
+/// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 a pose, ten
+/// iterations), mean squared error of fresh coding in raw ASF units, training and unseen: 0.043 and
+/// 0.050 as it is by default; 0.034 and 0.039 with a `coherence` of 0.99; 0.049 and 0.055 with
+/// `keep`; 0.044 and 0.051 with one sweep; 0.071 and 0.083 with the plain pursuit.
 ///
 /// ```
 /// use ndarray::Array2;
 /// use posing::sparse::{Encoder, Ksvd};
 ///
 /// // 200 poses (m, D) on two lines
-/// let poses = Array2::from_shape_fn((200, 4), |(i, j)| if i % 2 == j % 2 { 1.0 + i as f32 } else { 0.0 });
+/// let value = |(i, j)| if i % 2 == j % 2 { 1.0 + i as f32 } else { 0.0 };
+/// let poses = Array2::from_shape_fn((200, 4), value);
 /// let ksvd = Ksvd { atoms: 2, sparsity: 1, ..Ksvd::default() };
 /// let dictionary = ksvd.train(poses.view())?;
 /// let codes = Encoder::new(&dictionary, ksvd.omp())?.encode(poses.view())?;
@@ -63,14 +71,18 @@ pub struct Ksvd {
     pub sparsity: usize,
     /// How matching pursuit selects atoms. Default: OOMP.
     pub rule: SelectionRule,
-    /// Replaces an atom whose |<a, b>| with a more used atom exceeds this limit, in (0, 1]. Default: no limit.
+    /// Replaces an atom whose |<a, b>| with a more used atom exceeds this limit, in (0, 1].
+    /// Default: no limit.
     pub coherence: Option<f64>,
-    /// The number of updates of all atoms per iteration; at least 1, default 4. An update costs little beside the coding.
+    /// The number of updates of all atoms per iteration; at least 1, default 4. An update costs
+    /// little beside the coding.
     pub sweeps: usize,
-    /// Keeps the old support of a pose, refitted, where the greedy code is worse. The training error then never rises, but
-    /// the dictionary adapts to codes that fresh coding does not find. Default: off.
+    /// Keeps the old support of a pose, refitted, where the greedy code is worse. The training
+    /// error then never rises, but the dictionary adapts to codes that fresh coding does not
+    /// find. Default: off.
     pub keep: bool,
-    /// Stops when the RMS per coordinate of a fresh coding of the training poses is at most this. Default: never.
+    /// Stops when the RMS per coordinate of a fresh coding of the training poses is at most this.
+    /// Default: never.
     pub target: Option<f64>,
 }
 
@@ -117,7 +129,8 @@ impl Ksvd {
     /// Codes the poses (m, D) with the dictionary to start from: the state after 0 iterations.
     ///
     /// # Errors
-    /// A parameter out of range, no poses, another width, or a pose that is not finite (the row is named, from 1).
+    /// A parameter out of range, no poses, another width, or a pose that is not finite (the row is
+    /// named, from 1).
     pub fn start(
         &self,
         dictionary: Dictionary,
@@ -143,8 +156,8 @@ impl Ksvd {
 
     /// Continues from `state` until all iterations are done or the target is reached.
     ///
-    /// `observer` sees the state after each iteration (its last report is the iteration's); it may save the state, and an
-    /// error of its ends the run.
+    /// `observer` sees the state after each iteration (its last report is the iteration's); it may
+    /// save the state, and an error of its ends the run.
     ///
     /// # Errors
     /// As [`Ksvd::start`]; a state that does not belong to these poses; what `observer` answers.
@@ -164,18 +177,19 @@ impl Ksvd {
         Ok(())
     }
 
-    /// Learns a dictionary from poses (m, D): draws the initial atoms with [`random_atoms`], then iterates.
+    /// Learns a dictionary from poses (m, D): draws the initial atoms with [`random_atoms`], then
+    /// iterates.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a parameter is out of its range, or fewer distinct, nonzero poses than atoms are given.
-    /// [`Error::Data`] if a pose is not finite (the row is named, from 1).
+    /// [`Error::Usage`] if a parameter is out of its range, or fewer distinct, nonzero poses than
+    /// atoms are given. [`Error::Data`] if a pose is not finite (the row is named, from 1).
     pub fn train(&self, poses: ArrayView2<f32>) -> Result<Dictionary> {
         let state = self.train_with(poses, &mut |_| Ok(()))?;
         Ok(state.dictionary)
     }
 
-    /// [`Ksvd::train`] with an observer of the state after each iteration; the first call is for the initial atoms. Returns the
-    /// final state.
+    /// [`Ksvd::train`] with an observer of the state after each iteration; the first call is for
+    /// the initial atoms. Returns the final state.
     ///
     /// # Errors
     /// As [`Ksvd::train`]; also the errors of `observer`, which end the training.
@@ -189,8 +203,8 @@ impl Ksvd {
         self.train_from(atoms, poses, None, observer)
     }
 
-    /// Learns from a given initial dictionary, whatever [`Ksvd::atoms`] and [`Ksvd::seed`] say. `validation` (m', D) poses are
-    /// coded after each iteration, for the statistics only.
+    /// Learns from a given initial dictionary, whatever [`Ksvd::atoms`] and [`Ksvd::seed`] say.
+    /// `validation` (m', D) poses are coded after each iteration, for the statistics only.
     ///
     /// # Errors
     /// As [`Ksvd::start`] and [`Ksvd::run`].

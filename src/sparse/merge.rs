@@ -1,7 +1,8 @@
-//! Joining dictionaries that were learnt separately ("Combining dictionaries", section 5 of the paper).
+//! Joining dictionaries that were learned separately ("Combining dictionaries", section 5 of the
+//! paper).
 //!
-//! The atoms of all parts follow one another. Optionally the coherence |<a, b>| of the parts is measured, and atoms too close
-//! to an earlier one are dropped.
+//! The atoms of all parts follow one another. Optionally the coherence |<a, b>| of the parts is
+//! measured, and atoms too close to an earlier one are dropped.
 //!
 //! Cost: O(n D) to join; O(n^2 D) time by blocks and O(n D) memory to measure and to drop.
 
@@ -14,8 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct DictionaryMerge {
     /// Whether to measure how close the parts are to each other. Default: yes.
     pub compare: bool,
-    /// Drop each atom that is closer than this to an earlier one that is kept: above 0 and at most 1; 1 drops copies
-    /// alone (to single precision). Default: keep all.
+    /// Drop each atom that is closer than this to an earlier one that is kept: above 0 and at most
+    /// 1; 1 drops copies alone (to single precision). Default: keep all.
     pub prune: Option<f64>,
 }
 
@@ -84,7 +85,8 @@ impl DictionaryMerge {
         if let Some((i, part)) = parts.iter().enumerate().find(|(_, p)| p.width() != width) {
             let other = part.width();
             return Err(Error::usage(format!(
-                "dictionary {} has {other} coordinates, dictionary 1 has {width}; they cannot be joined",
+                "dictionary {} has {other} coordinates, dictionary 1 has {width}; they cannot be \
+                 joined",
                 i + 1
             )));
         }

@@ -1,4 +1,5 @@
-//! Sparse coding: a pose as a sum of a few atoms of a dictionary, and dictionaries learnt from poses.
+//! Sparse coding: a pose as a sum of a few atoms of a dictionary, and dictionaries learned from
+//! poses.
 //!
 //! | file | content |
 //! |---|---|
@@ -6,12 +7,12 @@
 //! | [`omp`] | parameters of matching pursuit |
 //! | [`code`], [`codes`] | the sparse code of one pose, of many poses |
 //! | `encoder` | codes many poses on all threads |
-//! | `omp_dense`, `omp_indexed` | matching pursuit with a scan of all atoms, and with an index over the atoms |
+//! | `omp_dense`, `omp_indexed` | matching pursuit by a scan of all atoms, and by an index |
 //! | `index` | finds the best atom of a pose |
 //! | `active_set`, `incremental_qr` | least squares on the chosen atoms, one atom at a time |
 //! | [`weighted_dictionary`] | a dictionary reweighted for poses that share their weights |
 //! | [`ksvd`], [`checkpoint`] | dictionary learning, and the state it can resume from |
-//! | `initialize`, `atom_update`, `rank_one_svd`, `atom_replacement`, `support_reuse` | the steps of K-SVD |
+//! | `initialize`, `atom_update`, `rank_one_svd`, `atom_replacement`, `support_reuse` | K-SVD |
 //! | [`dictionary_size`] | the number of atoms that a target error needs |
 //! | [`merge`], `coherence` | joins dictionaries and drops near duplicates |
 

@@ -1,26 +1,34 @@
-//! The parameters of greedy sparse coding: orthogonal matching pursuit (OMP) and optimized OMP (OOMP).
+//! The parameters of greedy sparse coding: orthogonal matching pursuit (OMP) and optimized OMP
+//! (OOMP).
 //!
-//! For a pose y (D), weights w (D) and a dictionary with atoms a_1..a_n (the rows here; the columns of the paper's A),
+//! For a pose y (D), weights w (D) and a dictionary with atoms a_1..a_n (the rows here; the columns
+//! of the paper's A),
 //!
 //! ```text
-//! min_x  sum_i w_i (y_i - (A x)_i)^2    with at most kappa entries of x different from 0      (9)-(11) of the paper
+//! min_x  sum_i w_i (y_i - (A x)_i)^2    with at most kappa entries of x different from 0
+//!     (9)-(11) of the paper
 //! ```
 //!
-//! is solved approximately: atoms are selected one at a time, and all coefficients are refitted after each. A weight is the
-//! precision of a coordinate: 0 where it is missing (the paper's P). Atoms are compared as if renormalized for the weights;
-//! coefficients belong to the dictionary's unit-norm atoms.
+//! is solved approximately: atoms are selected one at a time, and all coefficients are refitted
+//! after each. A weight is the precision of a coordinate: 0 where it is missing (the paper's P).
+//! Atoms are compared as if renormalized for the weights; coefficients belong to the dictionary's
+//! unit-norm atoms.
 //!
-//! - [`SelectionRule::Oomp`] takes the atom that leaves the smallest residual: the largest |<a, r>| / |(I - P) a|, with P the
-//!   projection on the chosen atoms (also called order-recursive matching pursuit). Poses share the mean body, so atoms are
-//!   strongly correlated, and only what an atom adds to the others counts.
-//! - [`SelectionRule::Omp`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993), as in the paper.
+//! - [`SelectionRule::Oomp`] takes the atom that leaves the smallest residual: the largest |<a, r>|
+//!   / |(I - P) a|, with P the projection on the chosen atoms (also called order-recursive matching
+//!   pursuit). Poses share the mean body, so atoms are strongly correlated, and only what an atom
+//!   adds to the others counts.
+//! - [`SelectionRule::Omp`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993),
+//!   as in the paper.
 //!
-//! Cost of a pose: O(kappa n D) for dense scans, O(kappa^2 D) for the least squares. The Gram matrix lowers the scans after
-//! the first to O(kappa^2 n); a ball tree visits a few percent of the atoms for poses near them.
+//! Cost of a pose: O(kappa n D) for dense scans, O(kappa^2 D) for the least squares. The Gram
+//! matrix lowers the scans after the first to O(kappa^2 n); a ball tree visits a few percent of the
+//! atoms for poses near them.
 //!
-//! Atoms are compared in single precision. Rounding, at most about 1e-6 of the pose's length, can change which of two nearly
-//! equal atoms is selected. An atom within an angle of 1e-3 of the span of those taken is scored as if it were at 1e-3.
-//! Coefficients and residual are computed in double precision for the atoms taken.
+//! Atoms are compared in single precision. Rounding, at most about 1e-6 of the pose's length, can
+//! change which of two nearly equal atoms is selected. An atom within an angle of 1e-3 of the span
+//! of those taken is scored as if it were at 1e-3. Coefficients and residual are computed in double
+//! precision for the atoms taken.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -29,7 +37,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SelectionRule {
-    /// The atom that leaves the smallest residual after refitting all coefficients. The more accurate rule.
+    /// The atom that leaves the smallest residual after refitting all coefficients. The more
+    /// accurate rule.
     #[default]
     #[serde(rename = "oomp")]
     Oomp,
@@ -41,10 +50,12 @@ pub enum SelectionRule {
 /// The residual at which a pose takes no more atoms.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub enum Tolerance {
-    /// No tolerance: a pose takes atoms up to the sparsity, or until the residual is zero to single precision.
+    /// No tolerance: a pose takes atoms up to the sparsity, or until the residual is zero to single
+    /// precision.
     #[default]
     Never,
-    /// √(sum w r^2 / sum w) at most this: the RMS over the observed coordinates, in the poses' unit.
+    /// √(sum w r^2 / sum w) at most this: the RMS over the observed coordinates, in the poses'
+    /// unit.
     Rms(f64),
     /// √(sum w r^2) at most this: with precisions as weights, a length in standard deviations.
     Norm(f64),
@@ -200,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn the_optimised_rule_takes_the_atom_after_which_least_is_left() {
+    fn the_optimized_rule_takes_the_atom_after_which_least_is_left() {
         for seed in 0..20 {
             let d = alike(40, 12, seed);
             let y = random(1, 12, seed + 50).row(0).to_owned();

@@ -1,21 +1,22 @@
-//! Matching pursuit with scores of all atoms, for a tile of poses. One dense scan finds the first atoms of all poses. Rows of
-//! the Gram matrix find the others pose by pose, or further scans if there is no Gram matrix or the poses have weights.
+//! Matching pursuit with scores of all atoms, for a tile of poses. One dense scan finds the first
+//! atoms of all poses. Rows of the Gram matrix find the others pose by pose, or further scans if
+//! there is no Gram matrix or the poses have weights.
 
 use super::active_set::ActiveSet;
 use super::index::{DenseScan, GramOmp, LazyGram, PackedAtoms, Term, products};
 use super::omp::SelectionRule;
 use super::{Dictionary, StopReason};
 
-/// How many atoms of a pose may turn out to be dependent on the others before it stops. Such an atom wins only by rounding,
-/// when no useful atom is left.
+/// How many atoms of a pose may turn out to be dependent on the others before it stops. Such an
+/// atom wins only by rounding, when no useful atom is left.
 pub(super) const RETRIES: usize = 4;
 
-/// The largest weight with which rows of the Gram matrix are combined. Larger weights amplify the rounding of the rows, 1e-7,
-/// too much.
+/// The largest weight with which rows of the Gram matrix are combined. Larger weights amplify the
+/// rounding of the rows, 1e-7, too much.
 const LARGEST_WEIGHT: f64 = 32.0;
 
-/// The number of poses in a tile. More poses share a read of the atoms, but their scores have to stay in the cache; 60 is
-/// best for any number of atoms, measured.
+/// The number of poses in a tile. More poses share a read of the atoms, but their scores have to
+/// stay in the cache; 60 is best for any number of atoms, measured.
 pub(super) const POSES: usize = 60;
 
 /// The state of a tile, used for many tiles.
@@ -137,7 +138,8 @@ impl<'a> DenseOmp<'a> {
         }
     }
 
-    /// The best atom of one pose after the newest direction of its active set; `None`: after no new direction.
+    /// The best atom of one pose after the newest direction of its active set; `None`: after no new
+    /// direction.
     fn follow(&mut self, fit: Option<&ActiveSet>, gram: &'a LazyGram) -> Option<u32> {
         let Some(fit) = fit else {
             return self.gram_omp.next(&[], 0.0, self.rule);
@@ -167,7 +169,8 @@ pub(super) struct AtomBudget {
 }
 
 impl AtomBudget {
-    /// The budget for codes of at most `sparsity` atoms; more than n or D atoms are never independent.
+    /// The budget for codes of at most `sparsity` atoms; more than n or D atoms are never
+    /// independent.
     pub fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
         let most = sparsity.min(dictionary.len()).min(dictionary.width());
         let stop = match most == sparsity {

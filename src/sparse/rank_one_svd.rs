@@ -3,15 +3,17 @@
 /// Steps end when one lowers the squared error by at most this share of it.
 const SMALL: f64 = 1e-6;
 
-/// At most this many steps. Where more are needed the two largest singular values are so close that either direction will
-/// do: after s steps the squared error is above the best by at most sigma_1^2 / (2 s), and in practice by far less.
+/// At most this many steps. Where more are needed the two largest singular values are so close that
+/// either direction will do: after s steps the squared error is above the best by at most sigma_1^2
+/// / (2 s), and in practice by far less.
 const STEPS: usize = 100;
 
 /// Improves `atom` (D, of unit norm) and sets `x` (u) so that E ≈ x atomᵀ, for E (u, D) in rows.
 ///
-/// Minimises |E - x atomᵀ|_F, whose answer is the largest singular value and its vectors. Started from the atom in use,
-/// each power step can only lower the error, so that stopping early is safe; the sign stays that of the start. A step
-/// reads E once: x_i = <e_i, atom>, then atom <- sum_i x_i e_i. Gives the number of steps.
+/// Minimizes |E - x atomᵀ|_F, whose answer is the largest singular value and its vectors. Started
+/// from the atom in use, each power step can only lower the error, so that stopping early is safe;
+/// the sign stays that of the start. A step reads E once: x_i = <e_i, atom>, then atom <- sum_i x_i
+/// e_i. Gives the number of steps.
 pub(super) fn refine(e: &[f32], atom: &mut [f32], x: &mut [f32]) -> usize {
     let d = atom.len();
     let total: f64 = e.chunks_exact(d).map(|row| f64::from(dot(row, row))).sum();
@@ -137,8 +139,8 @@ mod tests {
         v.iter().map(|v| (v / norm) as f32).collect()
     }
 
-    /// The claim of the file's head, on rows with one strong direction (as residuals in learning have) and on pure noise,
-    /// where the singular values lie closest and power steps do worst.
+    /// The claim of the file's head, on rows with one strong direction (as residuals in learning
+    /// have) and on pure noise, where the singular values lie closest and power steps do worst.
     #[test]
     fn the_error_is_that_of_the_singular_value_decomposition() {
         let mut g = parallel::rng(1, 0);

@@ -1,8 +1,9 @@
 //! A dictionary reweighted for poses that share their weights.
 //!
-//! With weights w, coding y over atoms a is coding √w∘y over √w∘a: an unweighted problem on the coordinates with a weight. If
-//! many poses share their weights (a take with the same joints missing, a dragged joint), the atoms are converted once, and
-//! the fast searches for unweighted poses apply.
+//! With weights w, coding y over atoms a is coding √w∘y over √w∘a: an unweighted problem on the
+//! coordinates with a weight. If many poses share their weights (a take with the same joints
+//! missing, a dragged joint), the atoms are converted once, and the fast searches for unweighted
+//! poses apply.
 
 use super::code::refit;
 use super::index::UNSEEN;
@@ -63,11 +64,13 @@ impl WeightedDictionary {
         })
     }
 
-    /// Codes a pose (D) with `dictionary`, from which this was made, as [`Encoder::encode_one`] does with these weights. Ties
-    /// within rounding may be resolved otherwise: as good on the observed coordinates, but the others can differ.
+    /// Codes a pose (D) with `dictionary`, from which this was made, as [`Encoder::encode_one`]
+    /// does with these weights. Ties within rounding may be resolved otherwise: as good on the
+    /// observed coordinates, but the others can differ.
     ///
     /// # Errors
-    /// [`Error::Data`] as [`Encoder::encode_one`]; also if the dictionary has another size than the one this was made from.
+    /// [`Error::Data`] as [`Encoder::encode_one`]; also if the dictionary has another size than the
+    /// one this was made from.
     pub fn code(
         &self,
         omp: &Omp,

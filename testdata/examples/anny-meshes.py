@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Samples meshes of the body model Anny (Apache-2.0; its data CC0): poses.npz of one body, people.npz, metres, z up.
+"""Samples meshes of the body model Anny (Apache-2.0; its data CC0): poses.npz of one body, people.npz, meters, z up.
 
     pip install anny
     python3 anny-meshes.py
     posing body-train --units m --up z --poses poses.npz --shapes people.npz -o anny.npz
 
-A model learnt from these meshes may be used and passed on as Anny's licences say. The same would not hold for SMPL and its kin, whose
-licences allow research alone: look at the licence of what you sample before you ship what you learn.
+A model learned from these meshes may be used and passed on as Anny's licenses say. The same would not hold for SMPL and its kin, whose
+licenses allow research alone: look at the license of what you sample before you ship what you learn.
 """
 import math
 import sys

@@ -9,7 +9,7 @@ trap 'rm -rf "$work"' EXIT
 for folder in "$cmu"/*/; do
   subject=$(basename "$folder")
   if [ "$subject" = 09 ]; then continue; fi
-  # Every fourth frame: at 120 frames a second its neighbours say the same.
+  # Every fourth frame: at 120 frames a second its neighbors say the same.
   run amc2xyz --asf "$folder/$subject.asf" --fps 120 "$folder/$subject"_*.amc | awk 'NR == 1 || NR % 4 == 2' > "$work/$subject.csv"
 done
 run prior-train --cells 1,5,20,80 --leaves 30000 --credit "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217." -o "$out" "$work"/*.csv

@@ -1,7 +1,8 @@
-//! How well and how fast bodies are learnt, posed and completed, on the shared meshes: `make bench`.
+//! How well and how fast bodies are learned, posed and completed, on the shared meshes: `make
+//! bench`.
 
 use glam::{DMat3, DVec3};
-use posing::body::decomposition::{fit_rotations, synthesise};
+use posing::body::decomposition::{fit_rotations, synthesize};
 use posing::body::fit::FitProblem;
 use posing::body::marker_model::{Marker, MarkerModel};
 use posing::body::scan_fit::fit_scan;
@@ -115,7 +116,7 @@ impl<'a> Split<'a> {
         let exact: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
             .map(|(k, r)| {
                 let q = decomposer.deformations(pose(k), r);
-                errors(&synthesise(template, r, &q), pose(k))
+                errors(&synthesize(template, r, &q), pose(k))
             })
             .collect();
         println!(
@@ -126,14 +127,14 @@ impl<'a> Split<'a> {
         for (name, model) in [("pose model", &self.model), ("paper", &self.paper)] {
             let start = Instant::now();
             let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
-                .map(|(k, r)| errors(&model.synthesise(r, &[]), pose(k)))
+                .map(|(k, r)| errors(&model.synthesize(r, &[]), pose(k)))
                 .collect();
             // The people's mean is not the poses' man.
             let _ = e;
             let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
                 .map(|(k, r)| {
                     errors(
-                        &synthesise(template, r, &model.pose.deformations(template, r)),
+                        &synthesize(template, r, &model.pose.deformations(template, r)),
                         pose(k),
                     )
                 })
@@ -146,7 +147,7 @@ impl<'a> Split<'a> {
                     .map(|k| {
                         let r = fit_rotations(template, person(k));
                         let beta = model.shape_of(person(k), &r, count);
-                        errors(&model.synthesise(&r, &beta), person(k))
+                        errors(&model.synthesize(&r, &beta), person(k))
                     })
                     .collect();
                 println!("{name}, {count} components {} mm", self.means(&e));
@@ -188,7 +189,7 @@ impl<'a> Split<'a> {
                         steps += fit.energies.len() - 1;
                         let y = self
                             .model
-                            .synthesise(&fit.state.rotations, &fit.state.shape);
+                            .synthesize(&fit.state.rotations, &fit.state.shape);
                         let warp = reduced.warp(&fit.pulls);
                         predicted.push(errors(&y, truth));
                         let y: Vec<DVec3> = y.iter().zip(&warp).map(|(a, b)| *a + *b).collect();
@@ -207,7 +208,8 @@ impl<'a> Split<'a> {
         }
     }
 
-    /// Scans from the front, points drawn on the triangles, 2 mm of noise, holes of 6 cm; eight points placed to half a centimetre.
+    /// Scans from the front, points drawn on the triangles, 2 mm of noise, holes of 6 cm; eight
+    /// points placed to half a centimeter.
     fn scans(&mut self) {
         for (name, of_poses) in [("poses", true), ("people", false)] {
             let test = if of_poses { &self.poses } else { &self.people }.clone();
@@ -267,7 +269,8 @@ impl<'a> Split<'a> {
     }
 }
 
-/// What a scanner in front sees: points on triangles that face it, with noise and holes; and which vertices they show.
+/// What a scanner in front sees: points on triangles that face it, with noise and holes; and which
+/// vertices they show.
 fn front(
     mesh: &[DVec3],
     faces: &[[usize; 3]],
@@ -287,7 +290,7 @@ fn front(
             continue;
         }
         face.iter().for_each(|v| is_seen[*v] = true);
-        // Two points a square centimetre.
+        // Two points a square centimeter.
         let count = normal.length() + rng.random::<f64>();
         for _ in 0..count as usize {
             let (mut s, mut t): (f64, f64) = (rng.random(), rng.random());
@@ -303,7 +306,7 @@ fn front(
     (Surface::new(points, Vec::new()), is_seen)
 }
 
-/// One seen vertex in eight parts, placed to half a centimetre.
+/// One seen vertex in eight parts, placed to half a centimeter.
 fn placed(
     mesh: &[DVec3],
     parts: &[usize],

@@ -1,7 +1,8 @@
 //! How fast poses are coded, in this process: `make bench`.
 //!
-//! Scans are measured against the machine: a matrix product in single precision on the same threads, of matrices that stay
-//! in the cache. Searches by bounds are measured against scans. Every figure is the median of three runs.
+//! Scans are measured against the machine: a matrix product in single precision on the same
+//! threads, of matrices that stay in the cache. Searches by bounds are measured against scans.
+//! Every figure is the median of three runs.
 
 mod shared;
 

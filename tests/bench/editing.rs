@@ -1,7 +1,8 @@
-//! How well, how smoothly and how fast a pose is edited by hand: `make bench`, or `cargo bench --bench editing -- PART...` with the
-//! parts `points`, `drags`, `jumps`.
+//! How well, how smoothly and how fast a pose is edited by hand: `make bench`, or `cargo bench
+//! --bench editing -- PART...` with the parts `points`, `drags`, `jumps`.
 //!
-//! People of `../shared/data/cmu` in two groups: a model of each group poses the skeletons of the other's people.
+//! People of `../shared/data/cmu` in two groups: a model of each group poses the skeletons of the
+//! other's people.
 
 mod shared;
 
@@ -33,7 +34,8 @@ const STEPS: usize = 40;
 /// The five points of the literature, and six.
 const FIVE: [&str; 5] = ["thorax", "lwrist", "rwrist", "lfoot", "rfoot"];
 const SIX: [&str; 6] = ["root", "upperneck", "lwrist", "rwrist", "lfoot", "rfoot"];
-/// Whether a joint is pinned after its drag, and how far the others may go from where they were, cm.
+/// Whether a joint is pinned after its drag, and how far the others may go from where they were,
+/// cm.
 const DRAGS: [(bool, f64); 5] = [
     (true, 10.0),
     (true, 30.0),
@@ -83,9 +85,9 @@ fn main() {
     let (mut drags, mut jumps) = (Vec::new(), Jumps::default());
     let (mut betweens, mut photographs) = (Vec::new(), Vec::new());
     let mut lowered = Vec::new();
-    for (learnt, tested) in &groups {
+    for (learned, tested) in &groups {
         for &kind in &kinds {
-            let model = train(learnt, kind);
+            let model = train(learned, kind);
             for person in tested {
                 let solver = solver(&model, person);
                 let poses = some_poses(person, &solver.rig);
@@ -395,7 +397,8 @@ fn report_points(rows: &[PointsRow]) {
 
 // ---- drags ----
 
-/// RMS (cm) of a coordinate after 0 to 10 drags, each of the joint that is farthest off to its place: kept as a pin, or let go.
+/// RMS (cm) of a coordinate after 0 to 10 drags, each of the joint that is farthest off to its
+/// place: kept as a pin, or let go.
 fn drag_to(solver: &PoseSolver, truth: &[f64]) -> Vec<[f64; 11]> {
     let drag = |&(pinned, rest): &(bool, f64)| {
         let n = solver.rig.joints();
@@ -563,7 +566,8 @@ impl Jumps {
 
 // ---- in-betweens ----
 
-/// Seconds between keys, the squared errors of a coordinate, ours and with straight ways of the joints, and ours over the standard deviation.
+/// Seconds between keys, the squared errors of a coordinate, ours and with straight ways of the
+/// joints, and ours over the standard deviation.
 type Betweens = (f64, [f64; 3]);
 
 fn add_betweens(rows: &mut Vec<Betweens>, solver: &PoseSolver, person: &Person) {
@@ -651,7 +655,8 @@ fn report_betweens(rows: &[Betweens]) {
 const LOWERED: f64 = 12.0;
 const FEET_STAND: f64 = 4.0;
 
-/// The squared errors of a coordinate: of the pose before, and of what dragging the pelvis to its place made of it.
+/// The squared errors of a coordinate: of the pose before, and of what dragging the pelvis to its
+/// place made of it.
 fn add_lowered(rows: &mut Vec<(f64, Vec<f64>)>, solver: &PoseSolver, person: &Person) {
     let find = |n: &str| solver.rig.find(n).expect("a joint");
     let (root, feet) = (find("root"), ["lfoot", "rfoot"].map(find));
@@ -735,8 +740,8 @@ fn report_lowered(rows: &[(f64, Vec<f64>)]) {
 
 // ---- photographs ----
 
-/// Marks; the squared errors of a coordinate: weak perspective, with the focal length, the typical pose; milliseconds of a first fit
-/// and of one after another.
+/// Marks; the squared errors of a coordinate: weak perspective, with the focal length, the typical
+/// pose; milliseconds of a first fit and of one after another.
 type Photograph = (usize, [f64; 3], [f64; 2]);
 
 fn add_photographs(rows: &mut Vec<Photograph>, solver: &PoseSolver, poses: &[Vec<f64>]) {
@@ -752,7 +757,8 @@ fn add_photographs(rows: &mut Vec<Photograph>, solver: &PoseSolver, poses: &[Vec
             let off = |k: usize| (place(xyz, k) - place(xyz, 0) - seen[k]).length_squared();
             (0..seen.len()).map(off).sum::<f64>() / (3 * seen.len()) as f64
         };
-        // 50 mm on a picture 36 mm and 1,500 pixels high, 450 cm away; marks are 4 pixels off, at most.
+        // 50 mm on a picture 36 mm and 1,500 pixels high, 450 cm away; marks are 4 pixels off, at
+        // most.
         let (focal, distance) = (50.0 / 36.0 * 1500.0, 450.0);
         let order = sample(&mut random, seen.len(), seen.len()).into_vec();
         let mut previous: Option<PhotographFit> = None;

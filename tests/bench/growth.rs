@@ -1,7 +1,9 @@
-//! How the cost of coding and of learning grows with poses, atoms, sparsity and threads: `make bench`.
+//! How the cost of coding and of learning grows with poses, atoms, sparsity and threads: `make
+//! bench`.
 //!
-//! In this process, on frames of the CMU takes; every time is the median of three runs. Leaves `target/bench/growth.html`,
-//! with a plot of each and the exponent b of seconds = a x^b, fitted to the logarithms by least squares.
+//! In this process, on frames of the CMU takes; every time is the median of three runs. Leaves
+//! `target/bench/growth.html`, with a plot of each and the exponent b of seconds = a x^b, fitted to
+//! the logarithms by least squares.
 
 mod shared;
 

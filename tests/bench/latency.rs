@@ -1,7 +1,8 @@
 //! How long one pose takes, as while a joint is dragged: `make bench`.
 //!
-//! Whole poses from root, feet, hands and head of frames of takes that no atom is from, turned and carried away: P1 and what
-//! the model says of the other joints, in this process, over 262,759 atoms; medians and 99th percentiles.
+//! Whole poses from root, feet, hands and head of frames of takes that no atom is from, turned and
+//! carried away: P1 and what the model says of the other joints, in this process, over 262,759
+//! atoms; medians and 99th percentiles.
 
 mod shared;
 
@@ -29,11 +30,11 @@ fn main() {
     if takes.len() <= 1 {
         return println!("no takes at ../shared/data/cmu: nothing is posed");
     }
-    let (posed, learnt): (Vec<_>, Vec<_>) = takes
+    let (posed, learned): (Vec<_>, Vec<_>) = takes
         .iter()
         .enumerate()
         .partition(|(i, _)| i % HELD_OUT == 0);
-    let frames: Vec<_> = learnt.iter().map(|(_, t)| t.xyz.view()).collect();
+    let frames: Vec<_> = learned.iter().map(|(_, t)| t.xyz.view()).collect();
     let frames = ndarray::concatenate(Axis(0), &frames).expect("takes of the same points");
     let all: Vec<usize> = (0..frames.nrows()).collect();
     let mut model = Model::new("sparse", &takes[0].points, "body");

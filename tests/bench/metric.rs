@@ -1,4 +1,5 @@
-//! How fast distances of poses are learnt, computed and searched, in this process: `make bench`. Median of three runs.
+//! How fast distances of poses are learned, computed and searched, in this process: `make bench`.
+//! Median of three runs.
 
 use ndarray::{Array2, Axis, s};
 use posing::io::npy;
@@ -92,8 +93,8 @@ fn search() {
     );
 }
 
-/// The sparse graph of 5,000 poses, centred and of equal variances. With `--dump FOLDER` the poses and the weights of 500 of them
-/// are written as NPY, to be compared with other solvers.
+/// The sparse graph of 5,000 poses, centered and of equal variances. With `--dump FOLDER` the poses
+/// and the weights of 500 of them are written as NPY, to be compared with other solvers.
 fn graph() {
     let bodies = bodies();
     let gpd = Gpd::default().without_accelerations();

@@ -3,7 +3,7 @@
     peers.py POSING_BIN CMU_FOLDER [--quick] [coding | training | clustering | tables]...
 
 Our figures are of whole processes, reading and writing included (coding is less a process that codes one pose); the peers'
-are of the call alone, inside this process, with everything in memory. Runs alternate where there are several, and then figures are medians; dictionaries are learnt once.
+are of the call alone, inside this process, with everything in memory. Runs alternate where there are several, and then figures are medians; dictionaries are learned once.
 Both have two threads. "agree" says whether the results are as good: an error
 (mean square a coordinate), an inertia, or equal numbers.
 """
@@ -88,7 +88,7 @@ def spams_omp(poses, atoms):
 
 
 def coding(Y, order, work):
-    title("coding: optimised OMP, 3 atoms a pose")
+    title("coding: optimized OMP, 3 atoms a pose")
     for n, asked, m in ((1000, 3, 20000), (5000, 6, 20000), (20000, 20, 6000)):
         m = 1000 if QUICK else m
         atoms, queries = Y[order[:n]], Y[order[-m:]]
@@ -120,9 +120,9 @@ def training(Y, order, work):
     """Each peer's setting is a point of error and seconds: we are to be below it in both."""
     title("learning a dictionary, 3 atoms a pose; error unseen")
     half = len(Y) // 2
-    learnt, unseen = Y[order[:half]].copy(), Y[order[half:]][:5000].copy()
+    learned, unseen = Y[order[:half]].copy(), Y[order[half:]][:5000].copy()
     file, model = os.path.join(work, "t.npy"), os.path.join(work, "t.npz")
-    np.save(file, learnt)
+    np.save(file, learned)
 
     def judged(atoms):
         atoms = np.ascontiguousarray(atoms / np.linalg.norm(atoms, axis=1, keepdims=True).clip(1e-9), dtype=np.float32)
@@ -134,14 +134,14 @@ def training(Y, order, work):
         return seconds, judged(np.load(model)["atoms"])
 
     def trained_by_spams(n, iterations):
-        columns = np.asfortranarray(learnt.T)
+        columns = np.asfortranarray(learned.T)
         learn = lambda: spams.trainDL(columns, K=n, lambda1=3, mode=3, iter=iterations, batchsize=512, numThreads=int(THREADS), verbose=False)
         seconds, atoms = timed(learn)
         return seconds, judged(atoms.T)
 
     def trained_by_scikit(n):
         learner = MiniBatchDictionaryLearning(n, alpha=30, max_iter=1, batch_size=256, fit_algorithm="cd", transform_max_iter=200, random_state=0)
-        seconds, _ = timed(lambda: learner.fit(learnt))
+        seconds, _ = timed(lambda: learner.fit(learned))
         return seconds, judged(learner.components_)
 
     for n in (500, 1000):
@@ -155,11 +155,11 @@ def training(Y, order, work):
             line(f"{n} atoms: {name}", found[0], seconds, 1, f"{found[1]:.4g} {err:.4g}", found[1] < err)
 
 
-def inertia(poses, centres):
+def inertia(poses, centers):
     sums = 0.0
     for i in range(0, len(poses), 4096):
         x = poses[i : i + 4096].astype(np.float64)
-        far = (x**2).sum(1)[:, None] - 2 * x @ centres.T + (centres**2).sum(1)
+        far = (x**2).sum(1)[:, None] - 2 * x @ centers.T + (centers**2).sum(1)
         sums += far.min(1).clip(0).sum()
     return sums
 

@@ -1,7 +1,9 @@
-//! How well and how fast a template is laid on scans of other people and poses, on the shared meshes: `make bench`.
+//! How well and how fast a template is laid on scans of other people and poses, on the shared
+//! meshes: `make bench`.
 //!
-//! A scan is the true mesh with a vertex in the middle of each face, every edge of the mesh turned, and 2 mm of noise a coordinate.
-//! So it shares no edge with the template, and its vertices hold all of the true ones. Points are 5 mm off.
+//! A scan is the true mesh with a vertex in the middle of each face, every edge of the mesh turned,
+//! and 2 mm of noise a coordinate. So it shares no edge with the template, and its vertices hold
+//! all of the true ones. Points are 5 mm off.
 
 use glam::DVec3;
 use posing::body::Template;
@@ -36,7 +38,8 @@ fn main() {
     }
 }
 
-/// For each pair of neighbouring parts the vertex of their border that is outermost, and the head, hands and feet.
+/// For each pair of neighboring parts the vertex of their border that is outermost, and the head,
+/// hands and feet.
 fn at_joints(template: &Template, parts: &[usize]) -> Vec<usize> {
     let mut borders: HashMap<[usize; 2], Vec<usize>> = HashMap::new();
     for face in template.surface() {
@@ -98,7 +101,8 @@ fn report(name: &str, template: &Template, truth: &[DVec3], on: &[usize]) {
     );
 }
 
-/// The mesh with a vertex in the middle of each face, and of each edge two triangles between its ends and the two middles.
+/// The mesh with a vertex in the middle of each face, and of each edge two triangles between its
+/// ends and the two middles.
 fn turned(template: &Template, truth: &[DVec3]) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let surface = template.surface();
     let middle = |f: &[usize; 3]| (truth[f[0]] + truth[f[1]] + truth[f[2]]) / 3.0;

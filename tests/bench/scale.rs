@@ -1,10 +1,12 @@
-//! The paper's scale, from poses to codes: `make scale` (`make scale POSES=20000`: a hundredth of it).
+//! The paper's scale, from poses to codes: `make scale` (`make scale POSES=20000`: a hundredth of
+//! it).
 //!
-//! 2,075,000 poses are clustered, a dictionary is learnt of each cluster, the dictionaries are joined to about 262,759
-//! atoms, and 50,000 poses of other takes are coded with them. The poses are made from the CMU takes at
-//! `../shared/data/cmu`, which have fewer: see [`Maker`]. Every stage is the commands that a user would run, one or more
-//! processes, in `target/scale`, where the dictionary and the codes stay. Of each stage the seconds and the peak of its
-//! memory (resident, of all processes that run at once) are printed; of the training also the seconds of the parts.
+//! 2,075,000 poses are clustered, a dictionary is learned of each cluster, the dictionaries are
+//! joined to about 262,759 atoms, and 50,000 poses of other takes are coded with them. The poses
+//! are made from the CMU takes at `../shared/data/cmu`, which have fewer: see [`Maker`]. Every
+//! stage is the commands that a user would run, one or more processes, in `target/scale`, where the
+//! dictionary and the codes stay. Of each stage the seconds and the peak of its memory (resident,
+//! of all processes that run at once) are printed; of the training also the seconds of the parts.
 //! posing-scale(7) has these figures.
 
 mod shared;
@@ -33,7 +35,7 @@ fn main() {
     let size = Size::asked();
     let takes = shared::takes();
     if takes.is_empty() {
-        return println!("no takes at ../shared/data/cmu: nothing is learnt");
+        return println!("no takes at ../shared/data/cmu: nothing is learned");
     }
     let work = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/scale");
     std::fs::remove_dir_all(work.join("parts")).ok();
@@ -68,7 +70,7 @@ fn main() {
     std::fs::remove_file(work.join("poses.npy")).expect("the poses");
 }
 
-/// How many poses are learnt from and coded.
+/// How many poses are learned from and coded.
 struct Size {
     poses: usize,
     coded: usize,
@@ -90,11 +92,11 @@ impl Size {
     /// Writes the poses to learn from, and those of other takes to code.
     fn make(&self, takes: Vec<Take>, work: &Path) {
         let began = Instant::now();
-        let (coded, learnt): (Vec<_>, Vec<_>) = takes
+        let (coded, learned): (Vec<_>, Vec<_>) = takes
             .into_iter()
             .enumerate()
             .partition(|(i, _)| i % HELD_OUT == 0);
-        let frames = make(&learnt, self.poses, 0, &work.join("poses.npy"));
+        let frames = make(&learned, self.poses, 0, &work.join("poses.npy"));
         let unseen = make(&coded, self.coded, 1, &work.join("unseen.npy"));
         let seconds = began.elapsed().as_secs_f64();
         println!(
@@ -216,7 +218,8 @@ impl Stages {
     }
 }
 
-/// The most memory that a process has had resident, GB; 0 where the system does not tell (it is Linux that does).
+/// The most memory that a process has had resident, GB; 0 where the system does not tell (it is
+/// Linux that does).
 fn resident(process: u32) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
@@ -224,8 +227,8 @@ fn resident(process: u32) -> f64 {
     kilobytes.unwrap_or_default() * 1024e-9
 }
 
-/// Makes poses of takes: each is a moment between two frames of a take, half of them blended with another moment of the
-/// same take (up to half of the pose is the other's), half of them mirrored.
+/// Makes poses of takes: each is a moment between two frames of a take, half of them blended with
+/// another moment of the same take (up to half of the pose is the other's), half of them mirrored.
 struct Maker<'a> {
     takes: &'a [(usize, Take)],
     /// The column that each column of a mirrored pose comes from, and its sign.

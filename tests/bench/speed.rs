@@ -1,7 +1,7 @@
 //! How fast the commands are, as whole processes: `make bench`.
 //!
-//! Every figure is the median of five runs on this machine, beside `cat` of the same bytes; absolute times on another
-//! machine mean little, the ratios more.
+//! Every figure is the median of five runs on this machine, beside `cat` of the same bytes;
+//! absolute times on another machine mean little, the ratios more.
 
 mod shared;
 
@@ -119,7 +119,7 @@ fn one_frame(work: &Path, asf: &Path, take: &Path) {
     );
 }
 
-/// K-SVD over all takes, and denoising the first with what it learnt.
+/// K-SVD over all takes, and denoising the first with what it learned.
 fn learning(work: &Path, npy: &Path, one: &Path) {
     println!(
         "\n{:<34} {:>12} {:>14}",

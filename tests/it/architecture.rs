@@ -1,4 +1,5 @@
-//! The sources themselves: arrows between rooms run one way, and what belongs to one room stays in it.
+//! The sources themselves: arrows between rooms run one way, and what belongs to one room stays in
+//! it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,8 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("sparse", &["pose", "numeric"]),
     ("metric", &["pose", "numeric", "io"]),
     ("body", &["pose", "numeric", "io"]),
-    // A prior is made from a model, a restoration changes a table: of io some rooms may name `IO_TYPES` only.
+    // A prior is made from a model, a restoration changes a table: of io some rooms may name
+    // `IO_TYPES` only.
     (
         "prior",
         &[
@@ -115,8 +117,8 @@ fn sources() -> Vec<(String, String)> {
     paths.iter().map(read).collect()
 }
 
-/// The source without comments (line for line), so that documentation may link upwards, and without the unit tests at
-/// its foot, which may look around.
+/// The source without comments (line for line), so that documentation may link upwards, and without
+/// the unit tests at its foot, which may look around.
 fn code(source: &str) -> String {
     let source = source
         .split("\n#[cfg(test)]\nmod ")
@@ -157,7 +159,8 @@ fn module(name: &str) -> Vec<&str> {
     parts
 }
 
-/// For each file the files that it names, those of its own children aside: a parent and the children that it shows are one.
+/// For each file the files that it names, those of its own children aside: a parent and the
+/// children that it shows are one.
 fn imports(sources: &[(String, String)]) -> Vec<Vec<usize>> {
     let modules: Vec<Vec<&str>> = sources.iter().map(|(name, _)| module(name)).collect();
     let file_of = |path: &[&str]| {

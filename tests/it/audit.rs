@@ -219,8 +219,8 @@ fn a_far_point_that_moves_may_be_a_thing_and_stays() {
     assert!(!text.contains("make its cells empty"), "{text}");
 }
 
-/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations, except for one whose
-/// head stands still in its first frames and then leaps.
+/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no
+/// held rotations, except for one whose head stands still in its first frames and then leaps.
 #[test]
 fn files_of_many_makers_have_no_held_rotations() {
     let Some(folder) = crate::common::shared("data/formats/bvh") else {

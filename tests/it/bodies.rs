@@ -1,9 +1,10 @@
-//! Bodies on the shared meshes: 40 poses of one person and 40 people. Skipped where they are not at hand.
+//! Bodies on the shared meshes: 40 poses of one person and 40 people. Skipped where they are not at
+//! hand.
 
 use crate::common::bodies::{self as shared, errors, mean};
 use glam::{DMat3, DVec3};
 use posing::body::completion::complete;
-use posing::body::decomposition::{SMOOTHNESS, fit_rotations, synthesise};
+use posing::body::decomposition::{SMOOTHNESS, fit_rotations, synthesize};
 use posing::body::fit::FitProblem;
 use posing::body::pose_model::Follows;
 use posing::body::skinning::{JointSkinning, Sample, Skinning};
@@ -28,7 +29,7 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
         })
         .collect();
     let mean = |errors: Vec<f64>| mean(&errors);
-    let back = |k: usize| synthesise(&template, &decomposed[k].0, &decomposed[k].1);
+    let back = |k: usize| synthesize(&template, &decomposed[k].0, &decomposed[k].1);
     let exact = mean((0..40).map(|k| error(&back(k), &bodies.poses[k])).collect());
     // Every fourth pose is held out.
     let (test, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|k| k % 4 == 1);
@@ -37,12 +38,12 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
     let predicted = |k: &usize| {
         let rotations = &decomposed[*k].0;
         let q = model.deformations(&template, rotations);
-        error(&synthesise(&template, rotations, &q), &bodies.poses[*k])
+        error(&synthesize(&template, rotations, &q), &bodies.poses[*k])
     };
     let rigid = |k: &usize| {
         let q = vec![DMat3::IDENTITY; template.faces.len()];
         error(
-            &synthesise(&template, &decomposed[*k].0, &q),
+            &synthesize(&template, &decomposed[*k].0, &q),
             &bodies.poses[*k],
         )
     };
@@ -127,7 +128,7 @@ fn people_and_markers_that_were_not_seen_are_completed() {
             let rotations = fit_rotations(&body.template, &bodies.people[k]);
             let shape = body.shape_of(&bodies.people[k], &rotations, count);
             mean(&errors(
-                &body.synthesise(&rotations, &shape),
+                &body.synthesize(&rotations, &shape),
                 &bodies.people[k],
             ))
         };

@@ -1,4 +1,5 @@
-//! The commands of bodies, end to end on small meshes: body-train, body-synth, body-fit, body-animate, body-scan.
+//! The commands of bodies, end to end on small meshes: body-train, body-synth, body-fit,
+//! body-animate, body-scan.
 
 use crate::common::{fails, run};
 use posing::io::MeshSet;
@@ -12,7 +13,7 @@ fn data(name: &str) -> String {
     root.join(name).display().to_string()
 }
 
-/// A folder, and the body that is learnt from the small meshes.
+/// A folder, and the body that is learned from the small meshes.
 struct Setup {
     folder: tempfile::TempDir,
 }
@@ -92,7 +93,7 @@ impl Setup {
     }
 }
 
-/// The mean distance of the vertices of two meshes of sets, centimetres.
+/// The mean distance of the vertices of two meshes of sets, centimeters.
 fn apart(a: &MeshSet, i: usize, b: &MeshSet, j: usize) -> f64 {
     let count = a.vertices.dim().1;
     let distance = |v: usize| {

@@ -110,7 +110,8 @@ fn faults_are_one_line_with_place_and_remedy() {
         .stderr(contains("announces 7 frames but has 2"));
 }
 
-/// Every joint has another order of channels, every End Site another spelling, and the count of frames is one too high.
+/// Every joint has another order of channels, every End Site another spelling, and the count of
+/// frames is one too high.
 const MIXED: &str = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n OFFSET 0 10 0\n CHANNELS 3 Xrotation Yrotation Zrotation\n End Site\n {\n OFFSET 0 0 5\n }\n }\n JOINT c\n {\n OFFSET 10 0 0\n CHANNELS 3 Yrotation Xrotation Zrotation\n EndSite\n {\n OFFSET 0 0 5\n }\n }\n JOINT d\n {\n OFFSET -10 0 0\n CHANNELS 3 zrotation xrotation yrotation\n End site tip\n {\n OFFSET 0 0 5\n }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.01\n0 90 0 0 0 0 90 90 0 90 90 0 90 90 0\n";
 
 #[test]

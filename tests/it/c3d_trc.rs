@@ -126,7 +126,8 @@ fn a_jump_of_the_whole_body_in_the_first_frame_is_a_cut() {
     }
 }
 
-/// A C3D file of integers, one point and so many frames, which header and POINT:FRAMES count no further than 16 bits do.
+/// A C3D file of integers, one point and so many frames, which header and POINT:FRAMES count no
+/// further than 16 bits do.
 fn long(frames: usize) -> Vec<u8> {
     let mut section = vec![1, 80, 1, 84];
     let mut entry = |group: i8, name: &str, value: &[u8]| {

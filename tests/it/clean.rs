@@ -496,7 +496,8 @@ fn every_format_of_the_collection_is_cleaned_or_refused_with_a_reason() {
     assert!(again.contains(" 0 cleaned"), "{again}");
 }
 
-/// A body of ten points that walks, 120 frames a second, without anything to find; `change` is given each row (30 cells).
+/// A body of ten points that walks, 120 frames a second, without anything to find; `change` is
+/// given each row (30 cells).
 fn sound(change: impl Fn(usize, &mut Vec<String>)) -> String {
     let mut text = String::from("take,time");
     (0..10).for_each(|p| text += &format!(",p{p}.x,p{p}.y,p{p}.z"));
@@ -653,7 +654,8 @@ fn clean_limited(folder: &Folder, limit: u32, args: &str) -> Option<i32> {
     sh.status().unwrap().code()
 }
 
-/// A result that could not be replaced keeps its record, by which it is known whether somebody changed it.
+/// A result that could not be replaced keeps its record, by which it is known whether somebody
+/// changed it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_write_that_fails_leaves_the_record_of_what_is_there() {
@@ -918,7 +920,8 @@ fn a_record_is_no_larger_than_its_take() {
     assert_eq!(record["gaps_by_point"][0]["gaps"], 120);
 }
 
-/// Held rotations are found by audit; filled, they are nearer to the truth, and every other byte stays.
+/// Held rotations are found by audit; filled, they are nearer to the truth, and every other byte
+/// stays.
 #[test]
 fn held_rotations_are_found_and_filled() {
     let Some(file) = crate::common::shared("data/field/bvh-held-rotation.bvh") else {

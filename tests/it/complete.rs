@@ -75,7 +75,7 @@ fn what_is_there_keeps_its_text_and_what_is_missing_is_filled() {
     {
         assert!(b.is_empty() || a == b, "{b} became {a}");
     }
-    // The model has learnt from this walk: what it fills in is near.
+    // The model has learned from this walk: what it fills in is near.
     let rms = after.rms(&Numbers::read(&walk));
     assert!(rms <= 0.6, "{rms} cm over all coordinates");
 }
@@ -122,13 +122,13 @@ fn another_axis_up_has_the_same_answer() {
 }
 
 #[test]
-fn a_table_in_metres_stays_one_and_bodies_of_no_size_are_refused() {
+fn a_table_in_meters_stays_one_and_bodies_of_no_size_are_refused() {
     let Some(walk) = walk(60) else { return };
     let damaged = Numbers::read(&gappy(&walk));
-    let metres = damaged.map(|p| p.map(|v| v / 100.0)).write();
+    let meters = damaged.map(|p| p.map(|v| v / 100.0)).write();
     let plain = Numbers::read(&run("complete", &["-q", "--status"], &damaged.write()));
-    let in_metres = run("complete", &["-q", "--status", "--units", "m"], &metres);
-    let answer = Numbers::read(&in_metres);
+    let in_meters = run("complete", &["-q", "--status", "--units", "m"], &meters);
+    let answer = Numbers::read(&in_meters);
     close(&answer.map(|p| p.map(|v| 100.0 * v)), &plain, 1e-3);
     let sd = (answer.names.iter())
         .position(|n| n == "lfemur.sd")
@@ -141,9 +141,9 @@ fn a_table_in_metres_stays_one_and_bodies_of_no_size_are_refused() {
         );
     }
     // Measured cells keep their text; deviations that a table brings are converted with it.
-    let columns = metres.lines().next().unwrap().split(',').count();
-    for (before, after) in metres.lines().skip(1).zip(
-        run("complete", &["-q", "--units", "m"], &metres)
+    let columns = meters.lines().next().unwrap().split(',').count();
+    for (before, after) in meters.lines().skip(1).zip(
+        run("complete", &["-q", "--units", "m"], &meters)
             .lines()
             .skip(1),
     ) {
@@ -154,21 +154,21 @@ fn a_table_in_metres_stays_one_and_bodies_of_no_size_are_refused() {
     let again = run(
         "complete",
         &["-q", "--units", "m", "--out-units", "cm"],
-        &in_metres,
+        &in_meters,
     );
     let again = Numbers::read(&again);
     let text = |table: &Numbers| table.cells[30][sd].parse::<f64>().unwrap();
     assert!((text(&again) - 100.0 * text(&answer)).abs() <= 1e-9);
     command("complete")
-        .write_stdin(metres.clone())
+        .write_stdin(meters.clone())
         .assert()
         .code(1)
         .stderr(contains("--units").and(contains("foot to head")));
-    run("complete", &["-q", "--force"], &metres);
+    run("complete", &["-q", "--force"], &meters);
     // Noise makes bones longer, not bodies; a small second take, or a late one, is found.
     let noisy = run("corrupt", &["-q", "--dense", "10"], &walk);
     run("denoise", &["-q"], &noisy);
-    let (head, rows) = metres.split_once('\n').unwrap();
+    let (head, rows) = meters.split_once('\n').unwrap();
     let empty = |t: i32| format!("{}{}\n", f64::from(t - 600) / 30.0, ",".repeat(columns - 1));
     let empty: String = (0..600).map(empty).collect();
     command("denoise")
@@ -464,7 +464,8 @@ fn what_is_filled_trembles_no_more_than_the_movement() {
     assert!(theirs > 0.0 && ours <= theirs, "{ours} {theirs}");
 }
 
-/// The root-mean-square distance of what was filled from the truth beside a file of strangers' names, cm; and what was said.
+/// The root-mean-square distance of what was filled from the truth beside a file of strangers'
+/// names, cm; and what was said.
 fn filled_names(name: &str) -> Option<(f64, String)> {
     let file = crate::common::shared(&format!("data/field/{name}.csv"))?;
     let truth = crate::common::shared(&format!("data/field/{name}.truth.csv"))?;

@@ -3,8 +3,8 @@
 use crate::common::{bin, command, skipped};
 use std::process::{Command, Stdio};
 
-/// Runs a script in a shell, in a folder that holds the completion scripts and `walk.csv`; `None`, recorded as
-/// skipped, where the shell is absent.
+/// Runs a script in a shell, in a folder that holds the completion scripts and `walk.csv`; `None`,
+/// recorded as skipped, where the shell is absent.
 fn shell(name: &str, script: &str) -> Option<String> {
     let found = Command::new(name)
         .args(["-c", "true"])
@@ -127,8 +127,8 @@ end
 
 #[test]
 fn zsh_completes_commands_and_flags() {
-    // A shell on a pseudo terminal completes lines as its editor starts, without a key: zsh completes nothing while more is typed.
-    // It then ends, which is what is waited for.
+    // A shell on a pseudo terminal completes lines as its editor starts, without a key: zsh
+    // completes nothing while more is typed. It then ends, which is what is waited for.
     let script = r#"
 cat > inner <<'END'
 PROMPT= RPROMPT= fpath=($PWD $fpath)

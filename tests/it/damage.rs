@@ -1,5 +1,5 @@
-//! Thousands of damaged files for every reader: no panic, no endless loop, no memory out of proportion, and errors of
-//! one line that name the file.
+//! Thousands of damaged files for every reader: no panic, no endless loop, no memory out of
+//! proportion, and errors of one line that name the file.
 
 use posing::io::{Asf, Input, Model, amc};
 use posing::io::{Table, TableOptions};
@@ -109,7 +109,8 @@ fn damage(bytes: &[u8], rng: &mut impl Rng) -> Vec<u8> {
     out
 }
 
-/// Damages `whole` many times and reads each; a panic fails the test, an error must be one line with the file's name.
+/// Damages `whole` many times and reads each; a panic fails the test, an error must be one line
+/// with the file's name.
 fn batter(stream: u64, whole: &[&[u8]], read: impl Fn(Input) -> posing::Result<bool>) {
     let mut rng = rng(4, stream);
     let mut refused = 0;

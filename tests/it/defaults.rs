@@ -11,8 +11,8 @@ use posing::restore::Denoise;
 use posing::sparse::{Ksvd, Omp, SelectionRule};
 use std::collections::BTreeMap;
 
-/// (command, flag) -> its default by the library. Flags of all tables (`--units`, `--up`, `--space`) are conventions of the
-/// commands alone.
+/// (command, flag) -> its default by the library. Flags of all tables (`--units`, `--up`,
+/// `--space`) are conventions of the commands alone.
 fn library() -> BTreeMap<(&'static str, &'static str), String> {
     let rule = |rule| match rule {
         SelectionRule::Oomp => "oomp",
@@ -120,7 +120,8 @@ fn the_default_of_every_flag_is_that_of_the_library() {
 
 #[test]
 fn a_number_that_help_gives_as_a_default_is_compared() {
-    // A new flag with a number for a default must be added to `library`, unless it counts what the library does not know.
+    // A new flag with a number for a default must be added to `library`, unless it counts what the
+    // library does not know.
     let command_only = [("corrupt", "--points"), ("evaluate", "--base")];
     let library = library();
     for command in [

@@ -49,7 +49,8 @@ fn clean_poses_stay_nearly_as_they_are() {
     let answer = Numbers::read(&run("denoise", &["-q"], &walk));
     let rms = answer.rms(&Numbers::read(&walk));
     assert!(rms <= 0.5, "{rms} cm");
-    // By themselves, too: this person's bones are not as long as the model's, and no point is corrupt for it.
+    // By themselves, too: this person's bones are not as long as the model's, and no point is
+    // corrupt for it.
     let alone = run("denoise", &["-q", "--per-frame", "--status"], &walk);
     let rejected = alone.matches("rejected").count();
     let rms = Numbers::read(&alone).rms(&Numbers::read(&walk));
@@ -117,8 +118,8 @@ fn the_status_says_what_changed() {
     );
 }
 
-/// A Gaussian learnt from some of subject 07's walks, and a walk that it has not seen.
-fn learnt(space: &str, name: &str) -> Option<(tempfile::TempDir, String, String)> {
+/// A Gaussian learned from some of subject 07's walks, and a walk that it has not seen.
+fn learned(space: &str, name: &str) -> Option<(tempfile::TempDir, String, String)> {
     let dir = tempfile::tempdir().unwrap();
     let space = ["--space", space];
     let mut all = take("07", "07_02", &space)?;
@@ -136,7 +137,7 @@ fn learnt(space: &str, name: &str) -> Option<(tempfile::TempDir, String, String)
 #[test]
 fn outliers_of_single_frames_are_found() {
     for space in ["body", "world"] {
-        let Some((_dir, model, walk)) = learnt(space, "g.npz") else {
+        let Some((_dir, model, walk)) = learned(space, "g.npz") else {
             return;
         };
         let truth = Numbers::read(&walk);
@@ -153,7 +154,7 @@ fn outliers_of_single_frames_are_found() {
 
 #[test]
 fn clean_points_among_outliers_stay_exactly_where_they_are() {
-    let Some((_dir, model, walk)) = learnt("body", "g.npz") else {
+    let Some((_dir, model, walk)) = learned("body", "g.npz") else {
         return;
     };
     let truth = Numbers::read(&walk);
@@ -182,7 +183,8 @@ fn clean_points_among_outliers_stay_exactly_where_they_are() {
     assert!(clean > 2000 && same * 10 >= clean * 7, "{same} of {clean}");
 }
 
-/// A walk with points that were hit by about so much, one in five of each frame, and what an answer's MSE is.
+/// A walk with points that were hit by about so much, one in five of each frame, and what an
+/// answer's MSE is.
 fn hit<'a>(walk: &'a str, noise: &str) -> (String, impl Fn(&str, &[&str]) -> f64 + use<'a>) {
     let hit = run("corrupt", &["--sparse", noise, "--seed", "4"], walk);
     let truth = Numbers::read(walk);
@@ -257,7 +259,7 @@ fn points_seen_in_part_among_whole_ones_are_filled_in_a_take() {
     assert!(far <= 1.0, "{far} cm");
 }
 
-/// Blocks learnt from some of subject 07's walks, and a walk that they have not seen.
+/// Blocks learned from some of subject 07's walks, and a walk that they have not seen.
 fn blocks() -> Option<(tempfile::TempDir, String, String)> {
     let dir = tempfile::tempdir().unwrap();
     let thinned = |name| Some(thin(&take("07", name, &[])?, 320, 4));

@@ -1,4 +1,5 @@
-//! The command `edit` from outside: its local server lets in the page that it has printed the address of, and nobody else.
+//! The command `edit` from outside: its local server lets in the page that it has printed the
+//! address of, and nobody else.
 
 use crate::common::edit_program::Server;
 use crate::common::{Numbers, bin, fails, run, text};
@@ -475,7 +476,8 @@ fn clients_that_do_not_read_are_cut_off() {
 #[test]
 fn the_server_is_on_loopback_only() {
     let server = Server::new();
-    // A server on all interfaces would answer at each address of this machine; 127.0.0.2 is one on Linux.
+    // A server on all interfaces would answer at each address of this machine; 127.0.0.2 is one on
+    // Linux.
     assert!(TcpStream::connect(("127.0.0.2", server.port)).is_err());
     let port = format!(":{:04X} ", server.port);
     for table in ["/proc/net/tcp", "/proc/net/tcp6"] {
@@ -823,7 +825,8 @@ fn rows_of_a_table_and_joints_of_a_map_are_posed() {
     assert!(apart(place(&state, "head"), at) < 0.5);
     drop(server);
 
-    // A rig of other names: joints stand at the starts of bones, so that a wrist is where the hand starts.
+    // A rig of other names: joints stand at the starts of bones, so that a wrist is where the hand
+    // starts.
     let bvh = run("xyz2bvh", &[text(&walk)], "")
         .replace("lwrist", "LeftHand")
         .replace("rwrist", "RightHand");

@@ -39,7 +39,7 @@ fn a_small_evaluation_says_what_it_found_in_three_ways() {
         assert_eq!(row["by_joint"].as_array().unwrap().len(), 23);
         assert!(row["frames"] == 60 && row["seeds"].as_array().unwrap().len() == 2);
     }
-    // Whoever is learnt from is restored better than somebody else.
+    // Whoever is learned from is restored better than somebody else.
     let subjects = rows
         .as_array()
         .unwrap()

@@ -1,4 +1,5 @@
-//! The examples of every help text, typed as they stand, in a folder that holds the files they name.
+//! The examples of every help text, typed as they stand, in a folder that holds the files they
+//! name.
 
 use crate::common::command_names;
 use crate::common::examples::{BVH, SETUP, SMALLER, bash, must, until_ready};

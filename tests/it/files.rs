@@ -1,4 +1,5 @@
-//! Files in and out: several that make one table, slow pipes, links, and what an array has no room for.
+//! Files in and out: several that make one table, slow pipes, links, and what an array has no room
+//! for.
 
 use crate::common::{Numbers, command, fails, run, take, thin};
 use std::fs;
@@ -187,7 +188,8 @@ fn an_array_never_swallows_columns() {
         table,
     );
     assert!(folder.path().join("1.npy").exists());
-    // Others would be taken for parts of this: of more clusters, in another format, with other zeros.
+    // Others would be taken for parts of this: of more clusters, in another format, with other
+    // zeros.
     for (args, left) in [
         (&["-k", "1", "--to", "npy"][..], "1.npy"),
         (&["-k", "2"], ".npy"),
@@ -273,7 +275,7 @@ fn what_was_never_seen_stays_missing_in_codes() {
 }
 
 #[test]
-fn frames_with_gaps_are_not_learnt_from_but_coded() {
+fn frames_with_gaps_are_not_learned_from_but_coded() {
     let table = "root.x,root.y,root.z,a.x,a.y,a.z\n1,2,3,4,5,7\n,,,4,5,7\n4,5,6,1,0,2\n7,8,1,,,\n";
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("m.npz").to_str().unwrap().to_string();
@@ -294,7 +296,8 @@ fn frames_with_gaps_are_not_learnt_from_but_coded() {
         let cells: Vec<&str> = codes.lines().nth(row).unwrap().split(',').collect();
         (cells[0].to_string(), cells[1].parse::<f64>().unwrap())
     };
-    // A pose of which one point is hidden has the atom and the coefficient of the whole: the atom's seen part is weighed alone.
+    // A pose of which one point is hidden has the atom and the coefficient of the whole: the atom's
+    // seen part is weighed alone.
     let (whole, part) = (code(1), code(2));
     assert_eq!(whole.0, part.0);
     assert!((whole.1 - part.1).abs() <= 1e-4, "{codes}");

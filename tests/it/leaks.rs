@@ -1,4 +1,4 @@
-//! The command `evaluate` from outside: nothing is tested that was learnt from.
+//! The command `evaluate` from outside: nothing is tested that was learned from.
 
 use crate::common::evaluations::{Folder, of_take};
 use crate::common::{command, fails, run};

@@ -1,4 +1,5 @@
-//! What ends a command or limits it from outside: signals, limits of memory and of files, a closed standard output.
+//! What ends a command or limits it from outside: signals, limits of memory and of files, a closed
+//! standard output.
 #![cfg(target_os = "linux")]
 
 use crate::common::bin;

@@ -1,4 +1,5 @@
-//! The tests of the commands, and of the project as a whole: a module each, one program, so that one link serves all.
+//! The tests of the commands, and of the project as a whole: a module each, one program, so that
+//! one link serves all.
 
 mod architecture;
 mod audit;
@@ -37,6 +38,7 @@ mod pipelines;
 mod plot;
 mod plot_meshes;
 mod prior_train;
+mod prose;
 mod readme;
 mod rivals;
 mod same_bytes;

@@ -123,7 +123,7 @@ fn a_missing_point_of_a_new_c3d_file_has_a_residual_of_minus_1() {
             };
             let is_missing = point == 1 && (10..15).contains(&frame);
             assert_eq!(real(3), if is_missing { -1.0 } else { 0.0 });
-            // Millimetres, z up: the second point is on the ground, 37.5 to the left.
+            // Millimeters, z up: the second point is on the ground, 37.5 to the left.
             let x = [125.0 + 1.25 * frame as f32, -37.5][point];
             assert_eq!(real(0), if is_missing { 0.0 } else { x });
         }
@@ -294,7 +294,7 @@ fn into_changes_the_bytes_of_the_changed_points_alone() {
         let copy = folder.path().join("filled.c3d");
         fs::write(&copy, after).unwrap();
         let far = distance(&c3d(&copy).0, &Numbers::read(&filled));
-        // An integer's step is at most a third of a millimetre in these files.
+        // An integer's step is at most a third of a millimeter in these files.
         assert!(far <= 0.02, "{file}, {point}: {far}");
     }
 }

@@ -7,7 +7,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// An oval column, 156 cm high, of so many rings and vertices a ring, open at both ends; then `place`.
+/// An oval column, 156 cm high, of so many rings and vertices a ring, open at both ends; then
+/// `place`.
 fn column(rings: u32, ring: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
     let vertex = |v: u32| {
         let angle = std::f64::consts::TAU * f64::from(v % ring) / f64::from(ring);
@@ -24,7 +25,8 @@ fn column(rings: u32, ring: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
     }
 }
 
-/// Where the scan has a point of the template, both in centimetres, y up: its axis is an arc, its sections are turned and squeezed.
+/// Where the scan has a point of the template, both in centimeters, y up: its axis is an arc, its
+/// sections are turned and squeezed.
 fn bent(v: DVec3) -> DVec3 {
     let curvature = 0.004;
     let angle = curvature * v.y;
@@ -33,18 +35,18 @@ fn bent(v: DVec3) -> DVec3 {
     DMat3::from_rotation_y(1.0) * (axis + section) + DVec3::new(30.0, 5.0, -8.0)
 }
 
-/// Centimetres, y up, to metres, z up.
-fn metres(v: DVec3) -> DVec3 {
+/// Centimeters, y up, to meters, z up.
+fn meters(v: DVec3) -> DVec3 {
     DVec3::new(v.x, -v.z, v.y) / 100.0
 }
 
 const ON: [usize; 9] = [0, 8, 16, 365, 374, 480, 700, 940, 952];
 
-/// Writes template.ply, scan.ply (metres, z up) and points.csv to a folder.
+/// Writes template.ply, scan.ply (meters, z up) and points.csv to a folder.
 fn write_files(folder: &Path) {
     let template = column(40, 24, |v| v);
     template.save(folder.join("template.ply")).unwrap();
-    let mut scan = column(97, 41, |v| metres(bent(v)));
+    let mut scan = column(97, 41, |v| meters(bent(v)));
     // A hole, and a loose piece far away.
     let shown = |f: &[u32; 3]| f.iter().all(|v| !(1000..1015).contains(v));
     scan.faces.retain(shown);
@@ -55,7 +57,7 @@ fn write_files(folder: &Path) {
     scan.save(folder.join("scan.ply")).unwrap();
     let mut points = String::from("vertex,x,y,z\n");
     for v in ON {
-        let [x, y, z] = metres(bent(DVec3::from_array(template.vertices[v]))).to_array();
+        let [x, y, z] = meters(bent(DVec3::from_array(template.vertices[v]))).to_array();
         writeln!(points, "{v},{x},{y},{z}").unwrap();
     }
     fs::write(folder.join("points.csv"), points).unwrap();
@@ -104,7 +106,7 @@ fn the_template_is_laid_on_scans_and_clouds() {
         let found = Mesh::open(folder.join("out.ply")).unwrap();
         assert_eq!(found.faces, template.faces);
         let off = (found.vertices.iter().zip(&template.vertices)).map(|(found, v)| {
-            let truth = metres(bent(DVec3::from_array(*v)));
+            let truth = meters(bent(DVec3::from_array(*v)));
             100.0 * (DVec3::from_array(*found) - truth).length()
         });
         let off = off.sum::<f64>() / 960.0;
@@ -164,7 +166,7 @@ fn bad_input_is_told_in_one_line() {
     assert!(refused(folder, "empty.ply").contains("empty.ply: is empty"));
     fs::write(folder.join("nan.obj"), "v 0 0 nan\n").unwrap();
     assert!(refused(folder, "nan.obj").contains("nan.obj:1"));
-    // The template in metres would be 156 m high.
+    // The template in meters would be 156 m high.
     let args = args(folder, "scan.ply");
     let args: Vec<&str> = (args.iter().map(String::as_str))
         .map(|a| if a == "cm" { "m" } else { a })

@@ -1,11 +1,13 @@
-//! The commands that learn and use distances of poses: rdsr-train, pose-distance, retrieve, evaluate metric.
+//! The commands that learn and use distances of poses: rdsr-train, pose-distance, retrieve,
+//! evaluate metric.
 
 use crate::common::{fails, run};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A walk and a run of CMU from testdata, each cut into four takes, and labelled pairs of their frames.
+/// A walk and a run of CMU from testdata, each cut into four takes, and labeled pairs of their
+/// frames.
 struct Setup {
     folder: tempfile::TempDir,
 }
@@ -159,8 +161,8 @@ fn distances_of_pairs_tell_labels_and_tables_compare_row_by_row() {
     names
         .extend(["jod", "wjcd", "ljcd", "jrf-lms", "rgf-boost", "game"].map(|b| ("--baseline", b)));
     for (flag, name) in names {
-        let learnt = ["ljcd", "jrf-lms", "rgf-boost"].contains(&name);
-        let labels = if learnt {
+        let learned = ["ljcd", "jrf-lms", "rgf-boost"].contains(&name);
+        let labels = if learned {
             vec!["--labels", &pairs]
         } else {
             vec![]
@@ -180,10 +182,10 @@ fn distances_of_pairs_tell_labels_and_tables_compare_row_by_row() {
             own.map(|(_, d)| d).sum::<f64>() / 24.0
         };
         assert_eq!(found.len(), 48);
-        // What is not learnt does not know what is called alike here.
+        // What is not learned does not know what is called alike here.
         let (alike, unlike) = (mean(1), mean(0));
         assert!(
-            alike < unlike || !(learnt || flag == "-m"),
+            alike < unlike || !(learned || flag == "-m"),
             "{name}: {alike} {unlike}"
         );
     }
@@ -362,8 +364,8 @@ fn an_evaluation_writes_tables_that_agree() {
         .collect();
     assert!(methods.len() >= 12, "{methods:?}");
     assert_eq!(json["tables"].as_array().unwrap().len(), 2);
-    assert_eq!(json["learnt"][0], "a");
-    assert_eq!(json["learnt"][1], "c");
+    assert_eq!(json["learned"][0], "a");
+    assert_eq!(json["learned"][1], "c");
     assert_eq!(json["tested"][0], "b");
     let html = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(html.contains("<svg") && !html.contains("http://") || html.contains("www.w3.org"));

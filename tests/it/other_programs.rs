@@ -1,4 +1,5 @@
-//! Files of other programs: text and arrays that `csv2xyz` and `clean` read, and files that are named with the way that exists.
+//! Files of other programs: text and arrays that `csv2xyz` and `clean` read, and files that are
+//! named with the way that exists.
 
 use crate::common::{Numbers, command, fails, run, shared, text};
 use serde_json::Value;
@@ -202,18 +203,18 @@ fn f4(values: impl IntoIterator<Item = f64>) -> Vec<u8> {
     values.into_iter().flat_map(bytes).collect()
 }
 
-/// AMASS' markers, metres, z up: two frames of six.
+/// AMASS' markers, meters, z up: two frames of six.
 fn amass() -> Vec<u8> {
     let labels: Vec<u8> = (0..6)
         .flat_map(|p| format!("P{p}").chars().map(u32::from).collect::<Vec<_>>())
         .flat_map(u32::to_le_bytes)
         .collect();
-    let metres = (0..2).flat_map(|t| moving(t, 6)).map(|v| v / 100.0);
+    let meters = (0..2).flat_map(|t| moving(t, 6)).map(|v| v / 100.0);
     zipped(&[
         ("poses", "<f4", "(2, 3)", f4([0.0; 6])),
         ("betas", "<f4", "(1,)", f4([0.0])),
         ("mocap_framerate", "<f4", "()", f4([100.0])),
-        ("marker_data", "<f4", "(2, 6, 3)", f4(metres)),
+        ("marker_data", "<f4", "(2, 6, 3)", f4(meters)),
         ("marker_labels", "<U2", "(6,)", labels),
     ])
 }
@@ -229,11 +230,11 @@ fn every_command_reads_positions_of_archives() {
     let file = put("walk.npz", amass());
     let done = command("trim").arg(&file).output().unwrap();
     let said = String::from_utf8(done.stderr).unwrap();
-    assert_eq!(said.matches("metres, z up").count(), 1, "{said}");
+    assert_eq!(said.matches("meters, z up").count(), 1, "{said}");
     let table = Numbers::read(&String::from_utf8(done.stdout).unwrap());
     assert_eq!((table.points[5].as_str(), table.rows.len()), ("P5", 2));
     assert_eq!(table.time, [0.0, 0.01]);
-    // z up in the file, y up in the table; centimetres.
+    // z up in the file, y up in the table; centimeters.
     let is_near = |a: f64, b: f64| (a - b).abs() <= 1e-4;
     let first = moving(0, 6);
     assert!(is_near(table.rows[0][0], first[0]) && is_near(table.rows[0][1], first[2]));
@@ -275,8 +276,8 @@ fn every_command_reads_positions_of_archives() {
 fn arrays_of_smpl_joints_have_names_and_no_silent_size() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("joints.npy");
-    let metres = (0..2).flat_map(|t| moving(t, 22)).map(|v| v / 100.0);
-    fs::write(&file, array("<f4", "(2, 22, 3)", &f4(metres))).unwrap();
+    let meters = (0..2).flat_map(|t| moving(t, 22)).map(|v| v / 100.0);
+    fs::write(&file, array("<f4", "(2, 22, 3)", &f4(meters))).unwrap();
     let file = text(&file);
     let said = fails("trim", &[file], b"", 1);
     assert!(said.contains("--joints (smpl"), "{said}");

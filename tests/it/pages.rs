@@ -1,6 +1,7 @@
 //! Every command has a page of the manual, completions and examples.
 //!
-//! `POSING_BLESS=1 cargo test --release --test it pages` writes the pages anew: look at the difference before you commit it.
+//! `POSING_BLESS=1 cargo test --release --test it pages` writes the pages anew: look at the
+//! difference before you commit it.
 
 use crate::common::{bin, command_names};
 use std::fs;

@@ -1,6 +1,6 @@
-//! The paper's own tests on subject 07 and the learning error on subject 01, with the published estimate: figures are
-//! printed (`cargo test --release --test paper -- --nocapture`) and held to bounds. In raw ASF units squared, as the
-//! paper's are. Needs the larger collection of takes.
+//! The paper's own tests on subject 07 and the learning error on subject 01, with the published
+//! estimate: figures are printed (`cargo test --release --test paper -- --nocapture`) and held to
+//! bounds. In raw ASF units squared, as the paper's are. Needs the larger collection of takes.
 
 use crate::common::{command, shared, text};
 use ndarray::{Array2, Axis};
@@ -103,8 +103,8 @@ fn the_papers_split_on_subject_07() {
             text(&at("train.npy")),
         ],
     );
-    let learnt = learn(
-        "learnt.npz",
+    let learned = learn(
+        "learned.npz",
         &["-n", "1000", "--iterations", "20", "--coherence", "0.99"],
     );
     let restore =
@@ -134,7 +134,7 @@ fn the_papers_split_on_subject_07() {
         };
     for (what, model) in [
         ("all training poses", &all),
-        ("1,000 learnt atoms", &learnt),
+        ("1,000 learned atoms", &learned),
     ] {
         for published in [true, false] {
             let errors = [
@@ -157,8 +157,9 @@ fn the_papers_split_on_subject_07() {
                 "{what}, {how}: dense {:.4} sparse {:.4} complete {:.4} (paper: 0.02 0.03 0.07)",
                 errors[0], errors[1], errors[2]
             );
-            // Dense noise: choosing among poses under noise costs what no projection bound tells. Even the posterior mean
-            // over all poses of the subject, the true ones among them, has an error of 0.041 here (three draws of noise).
+            // Dense noise: choosing among poses under noise costs what no projection bound tells.
+            // Even the posterior mean over all poses of the subject, the true ones
+            // among them, has an error of 0.041 here (three draws of noise).
             assert!(
                 errors[0] <= 0.12 && errors[1] <= 0.06 && errors[2] <= 0.07,
                 "{what}: {errors:?}"

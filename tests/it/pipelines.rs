@@ -48,7 +48,7 @@ fn a_gappy_walk_becomes_a_bvh() {
 }
 
 #[test]
-fn parts_are_learnt_side_by_side_and_denoise_another_take() {
+fn parts_are_learned_side_by_side_and_denoise_another_take() {
     let takes = [
         "01/01.asf",
         "01/01_01.amc",

@@ -182,12 +182,13 @@ fn a_page_knows_how_gaps_were_filled() {
     // Pairs of a code and a number of frames, for each point.
     assert_eq!(figure["status"], json!([[0, 1, 2, 2, 4, 1], [0, 4]]));
     assert_eq!(figure["method"], json!([[0, 1, 2, 2, 0, 1], [0, 4]]));
-    // Frames without and with one in turn; that of a measured point is left out. Then 500 and 250 thousandths.
+    // Frames without and with one in turn; that of a measured point is left out. Then 500 and 250
+    // thousandths.
     let sd = json!({ "runs": [[1, 2, 1], [4]], "data": "9AH6AA==" });
     assert_eq!(figure["sd"], sd);
-    // Read in metres, told in centimetres.
-    let metres = embedded(&["--units", "m"], &STATUS_TABLE.replace("0.5,", "0.005,"));
-    assert_eq!(metres["sd"]["data"], "9AGoYQ==");
+    // Read in meters, told in centimeters.
+    let meters = embedded(&["--units", "m"], &STATUS_TABLE.replace("0.5,", "0.005,"));
+    assert_eq!(meters["sd"]["data"], "9AGoYQ==");
 }
 
 #[test]

@@ -118,7 +118,7 @@ fn sequences_become_a_page() {
 }
 
 #[test]
-fn arrays_of_body_fit_are_in_centimetres() {
+fn arrays_of_body_fit_are_in_centimeters() {
     let meshes = Meshes::new();
     let data = scene(&meshes.plot(&["--to", "html"], &["fits.npz"]));
     assert_eq!((names(&data), &data["inCm"]), (vec!["fits"], &true.into()));

@@ -89,13 +89,14 @@ fn a_few_poses_are_enough() {
         assert_eq!(clean.rows.len(), 3, "{kind}");
         let errors = clean.rows.iter().flatten().zip(truth.rows.iter().flatten());
         let worst = errors.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // The poses are those that the model was trained on: the answer stays within the stated noise's reach.
+        // The poses are those that the model was trained on: the answer stays within the stated
+        // noise's reach.
         assert!(worst.is_finite() && worst <= 5.0, "{kind}: {worst} cm");
     }
 }
 
 #[test]
-fn a_thousand_points_are_learnt_and_filled() {
+fn a_thousand_points_are_learned_and_filled() {
     let columns: Vec<String> = (0..1000).map(|p| format!("p{p}.x,p{p}.y,p{p}.z")).collect();
     let mut table = format!("time,{}", columns.join(","));
     for t in 0..20 {

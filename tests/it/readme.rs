@@ -25,7 +25,8 @@ posing body-synth -q -m body.npz --pose truth.csv -o take.npz
 mkdir -p testdata && cp -R "$TAKES" testdata/cmu && cp -R "$BODIES" testdata/bodies && mkdir testdata/examples
 "#;
 
-/// Files of a longer collection that the recipes name; without it, the recipes that read them are skipped.
+/// Files of a longer collection that the recipes name; without it, the recipes that read them are
+/// skipped.
 const COLLECTION: &[&str] = &["01/01.asf", "01/01_01.amc", "01/01_02.amc", "07/07_02.amc"];
 
 /// The first frames of a take: thousands are more than a test needs.
@@ -53,7 +54,8 @@ fn copy_collection(folder: &Path) -> bool {
     })
 }
 
-/// The recipes: blocks of indented lines that begin with a command, and the commands in the rows of the table.
+/// The recipes: blocks of indented lines that begin with a command, and the commands in the rows of
+/// the table.
 fn recipes(readme: &str) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     let (mut in_block, mut fenced) = (false, false);

@@ -1,4 +1,5 @@
-//! The parametric priors beside scikit-learn's on the same poses (`testdata/expected/prior/make.py`).
+//! The parametric priors beside scikit-learn's on the same poses
+//! (`testdata/expected/prior/make.py`).
 
 use ndarray::Array2;
 use posing::prior::gaussian::MixtureParams;
@@ -68,7 +69,7 @@ fn the_mixture_is_as_likely_from_the_same_start() {
 }
 
 #[test]
-fn one_factor_analyser_is_as_likely() {
+fn one_factor_analyzer_is_as_likely() {
     let poses = poses();
     let stop = Stop {
         rounds: 500,

@@ -118,7 +118,8 @@ fn a_killed_training_goes_on_to_the_same_bytes() {
             changes += u32::from(now != before);
             before = now;
         }
-        // The kill that cannot be caught, of this child alone. It may have ended just before: then there is nothing to go on from.
+        // The kill that cannot be caught, of this child alone. It may have ended just before: then
+        // there is nothing to go on from.
         child.kill().unwrap();
         if let Some(code) = child.wait().unwrap().code() {
             assert_eq!(code, 0);

@@ -247,7 +247,8 @@ fn takes_of_several_rates_are_each_judged_by_their_own() {
         assert_eq!(r["rate"], Value::Null);
         let rates = [[10.0, 100.0], [100.0, 10.0]][i];
         assert_eq!(r["rates"], serde_json::json!(rates));
-        // Second differences of 2 along one axis of three: 200 and 20,000 a second squared, as many of each.
+        // Second differences of 2 along one axis of three: 200 and 20,000 a second squared, as many
+        // of each.
         let want = ((200f64.powi(2) + 20_000f64.powi(2)) / 6.0).sqrt();
         let told = r["accelerations"]["truth"].as_f64().unwrap();
         assert!((told - want).abs() <= 1e-6 * want, "{told} {want}");

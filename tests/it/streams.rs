@@ -1,11 +1,13 @@
-//! What every command does with its streams and files: closed pipes, full disks, missing files, formats, exit codes.
+//! What every command does with its streams and files: closed pipes, full disks, missing files,
+//! formats, exit codes.
 
 use crate::common::{bin, command, fails, long, run, text};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs a line under bash, the binaries on its path (and without its builtin of the name `complete`).
+/// Runs a line under bash, the binaries on its path (and without its builtin of the name
+/// `complete`).
 fn bash(folder: &Path, line: &str) -> Output {
     let path = std::env::var("PATH").unwrap();
     Command::new("bash")
@@ -307,7 +309,8 @@ fn exit_codes() {
 #[test]
 fn binary_never_goes_to_a_terminal() {
     let dir = folder();
-    // script gives its command a terminal, where the system has any to give (a bare chroot has not).
+    // script gives its command a terminal, where the system has any to give (a bare chroot has
+    // not).
     let terminal = bash(dir.path(), "script -qec 'test -t 1' /dev/null < /dev/null");
     if !terminal.status.success() {
         eprintln!("skipped: no command script to make a terminal");

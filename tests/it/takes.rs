@@ -1,4 +1,5 @@
-//! Takes restored in time without a model: `complete --self` and `denoise --self` on points of any names.
+//! Takes restored in time without a model: `complete --self` and `denoise --self` on points of any
+//! names.
 
 use crate::common::{Numbers, command, run};
 

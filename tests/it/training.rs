@@ -1,4 +1,5 @@
-//! Training in parts, by the scripts of testdata/examples: one machine, make and GNU parallel. Slurm: tests/slurm/run.sh.
+//! Training in parts, by the scripts of testdata/examples: one machine, make and GNU parallel.
+//! Slurm: tests/slurm/run.sh.
 
 use crate::common::{bin, skipped};
 use std::fs;

@@ -189,8 +189,8 @@ fn the_result_is_the_same_with_any_number_of_threads() {
     assert!(fails("transition", &["--within"], blind.as_bytes(), 1).contains("lwrist"));
 }
 
-/// The weighted joint orientation distance (Chen et al., (41)): rotations and their velocities of the shoulders, elbows, hips,
-/// knees, pelvis and spine, and the hip's height.
+/// The weighted joint orientation distance (Chen et al., (41)): rotations and their velocities of
+/// the shoulders, elbows, hips, knees, pelvis and spine, and the hip's height.
 fn write_wjod(path: &Path) {
     let features = PoseFeatures::Orientations;
     let weights: Vec<f32> = (features.feature_names().iter())
@@ -222,10 +222,10 @@ fn takes(subject: &str, takes: &[&str]) -> Option<String> {
     Some(table)
 }
 
-/// Pairs at which blends of walks of four other people are good are the labels; the metric learnt from them proposes better
-/// transitions of a fifth person than WJOD.
+/// Pairs at which blends of walks of four other people are good are the labels; the metric learned
+/// from them proposes better transitions of a fifth person than WJOD.
 #[test]
-fn more_transitions_of_a_learnt_metric_are_good_than_of_wjod() {
+fn more_transitions_of_a_learned_metric_are_good_than_of_wjod() {
     let people: [(&str, &[&str]); 4] = [
         ("05", &["01"]),
         ("06", &["01"]),
@@ -248,7 +248,7 @@ fn more_transitions_of_a_learnt_metric_are_good_than_of_wjod() {
     };
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
-    let [pairs, wjod, learnt] = ["pairs.csv", "wjod.npz", "learnt.npz"].map(file);
+    let [pairs, wjod, learned] = ["pairs.csv", "wjod.npz", "learned.npz"].map(file);
     let labels = run(
         "transition",
         &["--good", "-n", "60", "--apart", "0.05"],
@@ -259,7 +259,7 @@ fn more_transitions_of_a_learnt_metric_are_good_than_of_wjod() {
         labels.replace("acceleration,good", "acceleration,label"),
     )
     .unwrap();
-    let flags = ["-q", "--reach", "0", "--pairs", &pairs, "-o", &learnt];
+    let flags = ["-q", "--reach", "0", "--pairs", &pairs, "-o", &learned];
     command("rdsr-train")
         .args(flags)
         .write_stdin(train)
@@ -278,6 +278,6 @@ fn more_transitions_of_a_learnt_metric_are_good_than_of_wjod() {
         good
     };
     for n in [10, 20] {
-        assert!(good(&learnt, n) > good(&wjod, n));
+        assert!(good(&learned, n) > good(&wjod, n));
     }
 }

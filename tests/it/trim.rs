@@ -83,3 +83,24 @@ fn another_rate_keeps_the_gap_and_the_unit() {
         }
     }
 }
+
+#[test]
+fn the_end_and_the_format_share_a_flag() {
+    let asked = ["-q", "--from", "0.5", "--to", "1", "--to", "npy", "-"];
+    let done = command("trim")
+        .args(asked)
+        .write_stdin(table())
+        .output()
+        .unwrap();
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    assert!(done.stdout.starts_with(b"\x93NUMPY"));
+    let text = Numbers::read(&run("trim", &asked[..5], &table()));
+    assert_eq!(text.rows.len(), 51);
+    let wrong = command("trim").args(["--to", "soon"]).output().unwrap();
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("csv or npy"));
+}

@@ -142,7 +142,7 @@ fn a_measured_skeleton_stands_where_the_table_does() {
             vec![]
         };
         let back = bvh2xyz(&[&["--ends"], &turned[..]].concat(), &file);
-        // A millionth of a metre is 1e-4 cm.
+        // A millionth of a meter is 1e-4 cm.
         assert!(farthest(&table, &back) <= 1e-3, "{flags:?}");
         let (rows, time) = motion(&file);
         assert!((time - 1.0 / 120.0).abs() <= 1e-9);
@@ -256,7 +256,8 @@ fn a_neck_that_nods_through_straight_does_not_spin() {
         .for_each(|n| table += &format!(",{n}.x,{n}.y,{n}.z"));
     let frames = 200;
     for t in 0..frames {
-        // The head swings forth and back, a little to the side: the plane of the bend turns by half a turn in a few frames.
+        // The head swings forth and back, a little to the side: the plane of the bend turns by half
+        // a turn in a few frames.
         let (nod, side) = (0.15 * (t as f64 * 0.05).sin(), 0.004);
         let still = [
             [0., 90., 0.],
@@ -276,7 +277,8 @@ fn a_neck_that_nods_through_straight_does_not_spin() {
     assert!(jump(&rows) <= 15.0, "{} degrees in a frame", jump(&rows));
 }
 
-/// A file of strangers' faults, its table, and the BVH that xyz2bvh makes of it with the file as skeleton.
+/// A file of strangers' faults, its table, and the BVH that xyz2bvh makes of it with the file as
+/// skeleton.
 fn there_and_back(name: &str) -> Option<(String, String, String)> {
     let file = crate::common::shared(&format!("data/field/{name}"))?;
     let original = std::fs::read_to_string(&file).unwrap();
@@ -448,7 +450,8 @@ fn real_takes_come_back() {
     }
 }
 
-/// The motion of a BVH file with the values of some joints, by their channels, missing in some frames.
+/// The motion of a BVH file with the values of some joints, by their channels, missing in some
+/// frames.
 fn with_gaps(
     file: &str,
     channels: std::ops::Range<usize>,

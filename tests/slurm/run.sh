@@ -209,11 +209,11 @@ export TASKS=8
 same_results() { cmp one/results.csv "$1/results.csv" && cmp one/results.json "$1/results.json"; }
 evaluated() { BENCH='by Slurm' evaluate sh "$examples/evaluate.slurm" && settle && same_results 'by Slurm'; }
 check 'evaluate.slurm in 8 tasks gives the same bytes of results.csv and results.json as one machine' evaluated
-printf '#!/bin/sh\ncase "$*" in *--cells\\ 3/8*) echo "no licence" >&2; exit 1 ;; esac\nexec posing "$@"\n' >posing
+printf '#!/bin/sh\ncase "$*" in *--cells\\ 3/8*) echo "no license" >&2; exit 1 ;; esac\nexec posing "$@"\n' >posing
 chmod +x posing
 failed() {
   POSING=./posing BENCH=failed evaluate sh "$examples/evaluate.slurm" && settle &&
-    grep '^evaluate.slurm: task 3 failed: no licence' failed/logs/*.out && [ ! -e failed/results.csv ] && BENCH=failed evaluate sh "$examples/evaluate.slurm" && settle && same_results failed
+    grep '^evaluate.slurm: task 3 failed: no license' failed/logs/*.out && [ ! -e failed/results.csv ] && BENCH=failed evaluate sh "$examples/evaluate.slurm" && settle && same_results failed
 }
 check 'a task that fails is named, and there is no report; submitted again, it gives the same bytes' failed
 

@@ -17,14 +17,16 @@ use std::sync::Arc;
 
 /// Convert ASF/AMC takes to a table of joint positions
 ///
-/// Writes a pose table in centimetres, y up: one row per frame, three columns per joint. A joint is the end of the bone
-/// of the same name. Several takes make one table. The column take is the file's name, and time is
-/// (frame number - 1) / F, in seconds.
+/// Writes a pose table in centimeters, y up: one row per frame, three columns per joint. A joint is
+/// the end of the bone of the same name. Several takes make one table. The column take is the
+/// file's name, and time is (frame number - 1) / F, in seconds.
 #[derive(Parser)]
 #[command(
     name = "amc2xyz",
     version,
-    after_help = "Examples:\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc > walk.csv\n  posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_*.amc"
+    after_help = "Examples:\
+        \n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc > walk.csv\
+        \n  posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_*.amc"
 )]
 pub struct Args {
     /// Takes (AMC); - or nothing: standard input

@@ -14,20 +14,28 @@ use std::path::PathBuf;
 
 /// Find what is wrong in takes: rate, unit, gaps, swaps, jumps
 ///
-/// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and reports, take by take: rate, size,
-/// what is missing by point and how long, and what is not as it should be. A rate or a unit by which people would move faster
-/// or be larger than they are; a body that lies; zeros that mean missing; points that change places, jump off their path, hold
-/// their last value, stand far off, or have fallen off; distances that drift; angles that flip. Nothing is changed. A folder is searched
-/// for such files. A page gets pages of the takes beside it, in a folder of its name with _takes, which play what was found.
-/// Exit code 3 if anything was found; 1 if a file could not be read, the others are read all the same.
+/// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and
+/// reports, take by take: rate, size, what is missing by point and how long, and what is not as it
+/// should be. A rate or a unit by which people would move faster or be larger than they are; a body
+/// that lies; zeros that mean missing; points that change places, jump off their path, hold
+/// their last value, stand far off, or have fallen off; distances that drift; angles that flip.
+/// Nothing is changed. A folder is searched for such files. A page gets pages of the takes beside
+/// it, in a folder of its name with _takes, which play what was found. Exit code 3 if anything was
+/// found; 1 if a file could not be read, the others are read all the same.
 #[derive(Parser)]
 #[command(
     name = "audit",
     version,
-    after_help = "Examples:\n  posing audit walk.csv || echo look at it\n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\n  posing audit -o audit.html captures/ || echo see audit.html\n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
+    after_help = "Examples:\
+        \n  posing audit walk.csv || echo look at it\
+        \n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\
+        \n  posing audit -o audit.html captures/ || echo see audit.html\
+        \n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\
+        \n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
 )]
 pub struct Args {
-    /// Files of motion, of any format, and folders that are searched for them; - or nothing: standard input
+    /// Files of motion, of any format, and folders that are searched for them; - or nothing:
+    /// standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -37,7 +45,8 @@ pub struct Args {
     /// Write JSON: a list of files, each with its takes
     #[arg(long, help_heading = "Output")]
     json: bool,
-    /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears only when it is complete
+    /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears
+    /// only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]

@@ -24,17 +24,26 @@ use std::path::PathBuf;
 
 /// Complete a body from markers on its skin
 ///
-/// Finds, for each frame on its own, the rotations of the parts and the shape of a body whose vertices are at the markers. The output
-/// has two meshes a frame: the predicted one is a body of the model; the completed one is warped from it so that it goes (nearly)
-/// through the markers. Positions and meshes are in centimetres.
+/// Finds, for each frame on its own, the rotations of the parts and the shape of a body whose
+/// vertices are at the markers. The output has two meshes a frame: the predicted one is a body of
+/// the model; the completed one is warped from it so that it goes (nearly) through the markers.
+/// Positions and meshes are in centimeters.
 ///
-/// Each part needs about three markers. For a take of one person, whose shape stays the same, use body-animate.
+/// Each part needs about three markers. For a take of one person, whose shape stays the same, use
+/// body-animate.
 #[derive(Parser)]
 #[command(
     name = "body-fit",
     version,
-    after_help = "Examples:\n  posing body-fit -m body.npz --on on.csv -o fits.npz markers.csv\n  posing body-fit -m body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ markers.csv",
-    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is on, counted from 0\n  fits.npz: completed and predicted (frames, V, 3) cm, rotations (frames, parts, 3, 3), shape (frames, K), faces (F, 3); NaN where a frame has too few markers\n\nExamples:\n  posing body-fit -m body.npz --on on.csv -o fits.npz markers.csv\n  posing body-fit -m body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ markers.csv"
+    after_help = "Examples:\n  posing body-fit -m body.npz --on on.csv -o fits.npz markers.csv\n  \
+                  posing body-fit -m body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ \
+                  markers.csv",
+    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is \
+                       on, counted from 0\n  fits.npz: completed and predicted (frames, V, 3) cm, \
+                       rotations (frames, parts, 3, 3), shape (frames, K), faces (F, 3); NaN \
+                       where a frame has too few markers\n\nExamples:\n  posing body-fit -m \
+                       body.npz --on on.csv -o fits.npz markers.csv\n  posing body-fit -m \
+                       body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ markers.csv"
 )]
 pub struct Args {
     #[command(flatten)]

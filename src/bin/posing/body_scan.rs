@@ -16,15 +16,19 @@ use std::path::PathBuf;
 
 /// Complete a body from a partial scan and a few points
 ///
-/// Finds the pose and the shape of a body from a scan of a part of it, such as one side, with noise and holes. Four to ten points that a
-/// person has placed on the scan start the pose. The output is a whole mesh of the model's topology, in the unit and axis of the scan:
-/// where there is scan it follows it, elsewhere it is the body that goes with it.
+/// Finds the pose and the shape of a body from a scan of a part of it, such as one side, with noise
+/// and holes. Four to ten points that a person has placed on the scan start the pose. The output is
+/// a whole mesh of the model's topology, in the unit and axis of the scan: where there is scan it
+/// follows it, elsewhere it is the body that goes with it.
 #[derive(Parser)]
 #[command(
     name = "body-scan",
     version,
-    after_help = "Examples:\n  posing body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply",
-    after_long_help = "Files:\n  points.csv: vertex,x,y,z; a vertex of the model, counted from 0, and where it is on the scan, in the scan's unit\n\nExamples:\n  posing body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply"
+    after_help = "Examples:\
+        \n  posing body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply",
+    after_long_help = "Files:\n  points.csv: vertex,x,y,z; a vertex of the model, counted from 0, \
+                       and where it is on the scan, in the scan's unit\n\nExamples:\n  posing \
+                       body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply"
 )]
 pub struct Args {
     /// Scan: OBJ, PLY or STL; without faces a cloud of points
@@ -81,7 +85,7 @@ pub fn work(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The scan in centimetres, y up.
+/// The scan in centimeters, y up.
 fn read_scan(args: &Args, units: Units) -> Result<Surface> {
     let mesh = Mesh::read(input::open(&args.scan)?)?;
     let point = |v: &[f64; 3]| {

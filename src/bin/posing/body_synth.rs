@@ -16,15 +16,26 @@ use std::path::PathBuf;
 ///
 /// Without rotations and poses, makes the body in the template's pose.
 ///
-/// With --pose the body follows the joints of a pose table, which the model was told by body-train --joints: rotations and one shape
-/// for the take are fitted to them, so that the bones are as long as those of the table. --shape puts another body into the same
-/// rotations, at the same height above the ground.
+/// With --pose the body follows the joints of a pose table, which the model was told by body-train
+/// --joints: rotations and one shape for the take are fitted to them, so that the bones are as long
+/// as those of the table. --shape puts another body into the same rotations, at the same height
+/// above the ground.
 #[derive(Parser)]
 #[command(
     name = "body-synth",
     version,
-    after_help = "Examples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.glb",
-    after_long_help = "Files:\n  rotations.csv: take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation vectors of the parts in the world, radians, and the mean of the vertices of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard deviations of people; one row, or one a frame\n\nExamples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.glb"
+    after_help = "Examples:\
+        \n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\
+        \n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\
+        \n  posing body-synth -m body.npz --pose walk.csv -o walk.glb",
+    after_long_help = "Files:\n  rotations.csv: \
+                       take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation \
+                       vectors of the parts in the world, radians, and the mean of the vertices \
+                       of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard \
+                       deviations of people; one row, or one a frame\n\nExamples:\n  posing \
+                       body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m \
+                       body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m \
+                       body.npz --pose walk.csv -o walk.glb"
 )]
 pub struct Args {
     /// Body model
@@ -51,12 +62,17 @@ pub struct Args {
     /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     joints: Option<String>,
-    /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /)
-    /// for a file a mesh
+    /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and
+    /// viewers; or a folder (ending in /) for a file a mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder [default: ply]
-    #[arg(long, value_name = "FORMAT", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        value_parser = ["obj", "ply", "stl"],
+        help_heading = "Output"
+    )]
     mesh_format: Option<String>,
     /// Unit of length of the meshes
     #[arg(
@@ -136,7 +152,8 @@ fn with_shape(args: &Args, body: &BodyModel, mut take: BodyTake) -> Result<BodyT
         return Err(Error::usage(format!("--shape: row {} is empty", k + 1)));
     }
     let shapes = shapes.into_iter().map(Option::unwrap_or_default).collect();
-    // The root of a table of rotations is where the user wants it; a pose table's is that of another body.
+    // The root of a table of rotations is where the user wants it; a pose table's is that of
+    // another body.
     Ok(match args.pose {
         Some(_) => take.on_body(body, shapes),
         None => BodyTake { shapes, ..take },

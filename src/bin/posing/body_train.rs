@@ -20,17 +20,26 @@ use std::path::PathBuf;
 
 /// Learn a body's pose and shape from meshes
 ///
-/// Learns how a surface follows its joints from poses of one person, and how bodies differ from meshes of people in any pose (SCAPE).
-/// All meshes have one topology: the same vertices and faces in the same order. The first pose is the template. body-synth makes
-/// meshes of the model, body-fit completes markers, body-animate takes of markers.
+/// Learns how a surface follows its joints from poses of one person, and how bodies differ from
+/// meshes of people in any pose (SCAPE). All meshes have one topology: the same vertices and faces
+/// in the same order. The first pose is the template. body-synth makes meshes of the model,
+/// body-fit completes markers, body-animate takes of markers.
 ///
 /// Rigid parts are found from the poses, or given by --parts; joints stand where parts meet.
 #[derive(Parser)]
 #[command(
     name = "body-train",
     version,
-    after_help = "Examples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
-    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table at the joint where the part begins; in a second line of the same part, the point at its far end\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
+    after_help = "Examples:\
+        \n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\
+        \n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of \
+                       their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: \
+                       vertex,part; both count from 0\n  joints.csv: part,joint; the point of a \
+                       pose table at the joint where the part begins; in a second line of the \
+                       same part, the point at its far end\n\nExamples:\n  posing body-train \
+                       --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing \
+                       body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
 )]
 pub struct Args {
     /// Meshes of one person in many poses; the first is the template
@@ -45,13 +54,24 @@ pub struct Args {
     #[arg(long, value_name = "PARTS.csv")]
     parts: Option<PathBuf>,
     /// Number of parts to find
-    #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "parts", value_parser = clap::value_parser!(u16).range(2..=256))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 16,
+        conflicts_with = "parts",
+        value_parser = clap::value_parser!(u16).range(2..=256)
+    )]
     part_count: u16,
     /// Points of a pose table at the joints where parts begin, for body-synth --pose
     #[arg(long, value_name = "JOINTS.csv")]
     joints: Option<PathBuf>,
     /// Largest number of components of shape
-    #[arg(long, value_name = "K", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=500))]
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 20,
+        value_parser = clap::value_parser!(u16).range(1..=500)
+    )]
     components: u16,
     /// The model as published: two joints a part, components of the matrices; less accurate
     #[arg(long)]
@@ -103,7 +123,7 @@ pub fn work(args: &Args) -> Result<()> {
         body.joint_names = joint_names(path, body.template.parts())?;
     }
     messages::info(&format!(
-        "learnt from {} poses and {} people: {} vertices, {} parts, {} components of shape",
+        "learned from {} poses and {} people: {} vertices, {} parts, {} components of shape",
         pose_meshes.len(),
         people_meshes.len(),
         body.template.vertices.len(),
@@ -118,7 +138,8 @@ fn read_people(args: &Args, units: Units, poses: &MeshSet) -> Result<MeshSet> {
     let people = read_meshes(&args.shapes, units)?;
     if people.faces != poses.faces || people.vertices.dim().1 != poses.vertices.dim().1 {
         let what = format!(
-            "has {} vertices and {} faces, {} has {} and {}; poses and people need the same vertices and faces",
+            "has {} vertices and {} faces, {} has {} and {}; poses and people need the same \
+             vertices and faces",
             people.vertices.dim().1,
             people.faces.len(),
             poses.names[0],
@@ -201,7 +222,8 @@ fn joint_names(path: &std::path::Path, parts: usize) -> Result<Vec<(usize, Strin
         }
         if names.iter().filter(|(p, _)| *p == part).count() == 2 {
             return wrong(format!(
-                "gives part {part} a third point; it has one where it begins and one at its far end"
+                "gives part {part} a third point; it has one where it begins and one at its far \
+                 end"
             ));
         }
         names.push((part, joint.clone()));

@@ -15,21 +15,24 @@ use std::sync::Arc;
 
 /// Convert a BVH file to a pose table
 ///
-/// Writes a pose table in centimetres, y up: one row per frame, three columns per joint, End Sites as NAME_end. A joint
-/// is the start of its bone, unless --ends is given; denoise, complete and xyz2bvh tell which. Position channels
-/// replace the OFFSET. BVH files state no unit and no up axis; the default is centimetres, y up.
+/// Writes a pose table in centimeters, y up: one row per frame, three columns per joint, End Sites
+/// as NAME_end. A joint is the start of its bone, unless --ends is given; denoise, complete and
+/// xyz2bvh tell which. Position channels replace the OFFSET. BVH files state no unit and no up
+/// axis; the default is centimeters, y up.
 #[derive(Parser)]
 #[command(
     name = "bvh2xyz",
     version,
-    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz walk.bvh | posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
+    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz walk.bvh | \
+                  posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing \
+                  bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
 )]
 pub struct Args {
     /// BVH file; - or nothing: standard input
     #[arg(value_name = "FILE.bvh")]
     file: Option<PathBuf>,
-    /// Write the end of each bone under the bone's name, the inverse of xyz2bvh: the mean start of its child joints and End
-    /// Sites; for the root, its own joint
+    /// Write the end of each bone under the bone's name, the inverse of xyz2bvh: the mean start of
+    /// its child joints and End Sites; for the root, its own joint
     #[arg(long)]
     ends: bool,
     /// Unit of length of the file [default: cm]
@@ -92,7 +95,8 @@ pub fn work(args: &Args) -> Result<()> {
 fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
     match (bvh.rate(), args.fps) {
         (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
-            "--fps {fps} contradicts the file's Frame Time ({rate} frames per second); leave --fps out"
+            "--fps {fps} contradicts the file's Frame Time ({rate} frames per second); leave \
+             --fps out"
         ))),
         (_, fps) => (bvh.rate_or(fps)).map_err(|e| e.at(Place::file(name))),
     }

@@ -21,22 +21,30 @@ use std::path::PathBuf;
 
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
-/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own format, with all else that the
-/// file says. Gaps are filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
-/// --noise-limit are denoised; all else stays to the last digit. In BVH files, missing values (the word nan) are filled and
-/// every other byte stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become positions, which are cleaned as
-/// others are.
+/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
+/// format, with all else that the file says. Gaps are filled as by complete, outliers replaced (the
+/// record keeps them), and takes with more noise than --noise-limit are denoised; all else stays to
+/// the last digit. In BVH files, missing values (the word nan) are filled and every other byte
+/// stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become
+/// positions, which are cleaned as others are.
 ///
-/// A folder is searched for such files; its results keep their places below DIR. Beside each result, RESULT.json says what it was
-/// made from, how the file was taken, what was found, and how each gap was filled. A file whose result is there and whose
-/// capture, settings and model are the same is not cleaned again, so that a run that was stopped goes on. One bad file stops
-/// no other. At the end, a table, and in DIR the page clean.html and the list clean.json; beside results in which there is something to
-/// see, RESULT.html plays the take. Exit code 1: a file failed; 3: none did, but there are findings to look at.
+/// A folder is searched for such files; its results keep their places below DIR. Beside each
+/// result, RESULT.json says what it was made from, how the file was taken, what was found, and how
+/// each gap was filled. A file whose result is there and whose capture, settings and model are the
+/// same is not cleaned again, so that a run that was stopped goes on. One bad file stops
+/// no other. At the end, a table, and in DIR the page clean.html and the list clean.json; beside
+/// results in which there is something to see, RESULT.html plays the take. Exit code 1: a file
+/// failed; 3: none did, but there are findings to look at.
 #[derive(Parser)]
 #[command(
     name = "clean",
     version,
-    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d -o clean.c3d --redo lfoot:1.2-1.9 || echo see clean.c3d.json"
+    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  \
+                  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see \
+                  cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo \
+                  see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z \
+                  --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d \
+                  -o clean.c3d --redo lfoot:1.2-1.9 || echo see clean.c3d.json"
 )]
 pub struct Args {
     /// Files, and folders that are searched for files
@@ -48,18 +56,21 @@ pub struct Args {
     /// Format of the results [default: that of each file, or by the extension of OUT]
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<OutputFormat>,
-    /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with the ending .json
+    /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
+    /// the ending .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<PathBuf>,
     /// Clean files again whose results are there, also where somebody changed these
     #[arg(long, help_heading = "Output")]
     again: bool,
-    /// Tell only findings and failures that the last run into DIR did not have; only these count for the exit code
+    /// Tell only findings and failures that the last run into DIR did not have; only these count
+    /// for the exit code
     #[arg(long, help_heading = "Output")]
     new_only: bool,
     #[command(flatten)]
     read: ReadArgs,
-    /// Which points are which of the model's: a shipped map or a TOML file, as for complete [default: the shipped map that fits]
+    /// Which points are which of the model's: a shipped map or a TOML file, as for complete
+    /// [default: the shipped map that fits]
     #[arg(
         long,
         value_name = "NAME|FILE.toml",
@@ -67,8 +78,8 @@ pub struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
-    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing ones: the last value was held. audit
-    /// finds them
+    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing
+    /// ones: the last value was held. audit finds them
     #[arg(long, help_heading = "Input")]
     held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are
@@ -81,19 +92,39 @@ pub struct Args {
     #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
     take_alone: bool,
     /// Noise of a coordinate over which a take is denoised, in cm or with a unit (1mm)
-    #[arg(long, value_name = "CM", default_value = "0.1", value_parser = parse_length, help_heading = "Method")]
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value = "0.1",
+        value_parser = parse_length,
+        help_heading = "Method"
+    )]
     noise_limit: f64,
-    /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is bad, none]
+    /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
+    /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
     outliers: Option<Outliers>,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
-    /// Largest standard deviation of what is filled, in cm or with a unit; a gap that is less sure stays, and is a finding
-    #[arg(long, value_name = "CM", default_value = "5", value_parser = parse_length, help_heading = "Method")]
+    /// Largest standard deviation of what is filled, in cm or with a unit; a gap that is less sure
+    /// stays, and is a finding
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value = "5",
+        value_parser = parse_length,
+        help_heading = "Method"
+    )]
     max_sd: f64,
-    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9 (several times, of one file)
-    #[arg(long, value_name = "NAME:FROM-TO", value_parser = Stretch::parse, help_heading = "Method")]
+    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
+    /// (several times, of one file)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Stretch::parse,
+        help_heading = "Method"
+    )]
     redo: Vec<Stretch>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
@@ -132,8 +163,8 @@ pub fn work(args: &Args) -> Result<Outcome> {
     })
 }
 
-/// Writes the page, the table and the list. What the list has counts as told, so it comes last; where nobody reads the table any
-/// more, nothing new counts as told.
+/// Writes the page, the table and the list. What the list has counts as told, so it comes last;
+/// where nobody reads the table any more, nothing new counts as told.
 fn tell(report: &CleanReport) -> Result<()> {
     report
         .errors()

@@ -1,4 +1,5 @@
-//! The commands, in the groups and the order in which they are listed: a first-time user's jobs first.
+//! The commands, in the groups and the order in which they are listed: a first-time user's jobs
+//! first.
 
 use clap::{Command, CommandFactory};
 use posing::cli::run;
@@ -9,8 +10,8 @@ use std::process::ExitCode;
 pub struct Entry {
     /// The word after `posing`, and the name of its link.
     pub name: &'static str,
-    /// Whether `make install` links it into `bin` under its own name. No shell may own that name: `complete` is a
-    /// builtin of bash and fish, which would run instead.
+    /// Whether `make install` links it into `bin` under its own name. No shell may own that name:
+    /// `complete` is a builtin of bash and fish, which would run instead.
     pub linked: bool,
     /// Its parser.
     pub command: fn() -> Command,
@@ -18,8 +19,8 @@ pub struct Entry {
     pub run: fn(Vec<OsString>) -> ExitCode,
 }
 
-/// What `--version` says: the version, and the commit where `make` built it in a checkout. Only here, so that pages, models
-/// and records stay the same from commit to commit.
+/// What `--version` says: the version, and the commit where `make` built it in a checkout. Only
+/// here, so that pages, models and records stay the same from commit to commit.
 pub fn version() -> String {
     let version = env!("CARGO_PKG_VERSION");
     match option_env!("POSING_COMMIT").filter(|commit| !commit.is_empty()) {

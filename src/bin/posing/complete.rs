@@ -10,18 +10,21 @@ use std::path::PathBuf;
 
 /// Fill gaps and missing points
 ///
-/// Fills empty cells. Measured values are not changed. In a take (a table with times, or with --fps) a gap is learnt from the
-/// points that are seen, by the take's own frames, a pose model's training poses and time; what is filled joins the measured
-/// path at both ends and keeps distances that are rigid in the take, such as bone lengths. Without times, a pose model fills
-/// each frame by itself. A frame in which too little is seen keeps empty cells and is counted.
+/// Fills empty cells. Measured values are not changed. In a take (a table with times, or with
+/// --fps) a gap is learned from the points that are seen, by the take's own frames, a pose model's
+/// training poses and time; what is filled joins the measured path at both ends and keeps distances
+/// that are rigid in the take, such as bone lengths. Without times, a pose model fills each frame
+/// by itself. A frame in which too little is seen keeps empty cells and is counted.
 ///
-/// Outliers are ignored: points of a take that jump off their path and back, or that break rigid distances. They keep
-/// their values; --status marks them as rejected.
+/// Outliers are ignored: points of a take that jump off their path and back, or that break rigid
+/// distances. They keep their values; --status marks them as rejected.
 #[derive(Parser)]
 #[command(
     name = "complete",
     version,
-    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > from-six.csv"
+    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status \
+                  --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe \
+                  lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > from-six.csv"
 )]
 pub struct Args {
     /// Comma-separated points to use; all others count as missing
@@ -33,7 +36,8 @@ pub struct Args {
     /// Also replace outliers by their estimate
     #[arg(long)]
     overwrite_observed: bool,
-    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. JSON if FILE ends in .json
+    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. JSON
+    /// if FILE ends in .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

@@ -14,19 +14,26 @@ use posing::{Error, Place, Result};
 
 /// Add noise, outliers or gaps to poses, for tests
 ///
-/// Damage is applied in the order --dense, --sparse, --keep and --drop, --gaps. Missing values stay missing, unchanged
-/// cells keep their text, and the same seed gives the same damage. Memory is constant, except with --gaps.
+/// Damage is applied in the order --dense, --sparse, --keep and --drop, --gaps. Missing values stay
+/// missing, unchanged cells keep their text, and the same seed gives the same damage. Memory is
+/// constant, except with --gaps.
 #[derive(Parser)]
 #[command(
     name = "corrupt",
     version,
-    after_help = "Examples:\n  posing corrupt --dense 1asf --seed 1 walk.csv > noisy.csv\n  posing corrupt --sparse 1asf --share 0.2 walk.csv > outliers.csv\n  posing corrupt --keep lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > six.csv\n  posing corrupt --gaps 8 --length 0.4 --points 3 walk.csv > gaps.csv"
+    after_help = "Examples:\
+        \n  posing corrupt --dense 1asf --seed 1 walk.csv > noisy.csv\
+        \n  posing corrupt --sparse 1asf --share 0.2 walk.csv > outliers.csv\
+        \n  posing corrupt --keep lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > six.csv\
+        \n  posing corrupt --gaps 8 --length 0.4 --points 3 walk.csv > gaps.csv"
 )]
 pub struct Args {
-    /// Add Gaussian noise to every coordinate; standard deviation in cm or with a unit (1asf = 5.644 cm)
+    /// Add Gaussian noise to every coordinate; standard deviation in cm or with a unit (1asf =
+    /// 5.644 cm)
     #[arg(long, value_name = "SD", value_parser = parse_length)]
     dense: Option<f64>,
-    /// Add Gaussian noise to random points; standard deviation of each coordinate in cm or with a unit
+    /// Add Gaussian noise to random points; standard deviation of each coordinate in cm or with a
+    /// unit
     #[arg(long, value_name = "SD", value_parser = parse_length)]
     sparse: Option<f64>,
     /// Probability, 0 to 1, that --sparse hits a point in a frame, independently for each
@@ -38,7 +45,8 @@ pub struct Args {
     /// Comma-separated points that become empty
     #[arg(long, value_name = "LIST")]
     drop: Option<String>,
-    /// Number of gaps in each take; they spare the first and last frame of a run if it is long enough
+    /// Number of gaps in each take; they spare the first and last frame of a run if it is long
+    /// enough
     #[arg(long, value_name = "N", requires = "length")]
     gaps: Option<usize>,
     /// Length of a gap, in seconds; needs times in the table, or --fps

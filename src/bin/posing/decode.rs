@@ -14,13 +14,14 @@ use std::path::PathBuf;
 
 /// Convert sparse codes back to poses
 ///
-/// A pose is the sum of its atoms times their coefficients. Reads the columns atom1, coef1, atom2, coef2, …, and writes
-/// a pose table without takes and times.
+/// A pose is the sum of its atoms times their coefficients. Reads the columns atom1, coef1, atom2,
+/// coef2, …, and writes a pose table without takes and times.
 #[derive(Parser)]
 #[command(
     name = "decode",
     version,
-    after_help = "Examples:\n  posing encode -m dict.npz poses.npy | posing decode -m dict.npz > again.csv"
+    after_help = "Examples:\
+        \n  posing encode -m dict.npz poses.npy | posing decode -m dict.npz > again.csv"
 )]
 pub struct Args {
     /// Codes, as encode writes them; - or nothing: standard input

@@ -9,22 +9,28 @@ use posing::restore::Denoise;
 
 /// Remove noise and outliers from poses
 ///
-/// In a take (a table with times, or with --fps), smooths the path of each point as strongly as its motion bears, and draws it
-/// towards a pose model's estimate, the more the noisier it is. Without times, each frame is estimated by the model alone, and
-/// rigid distances, such as bone lengths, are kept. Empty cells stay empty without --fill.
+/// In a take (a table with times, or with --fps), smooths the path of each point as strongly as its
+/// motion bears, and draws it towards a pose model's estimate, the more the noisier it is. Without
+/// times, each frame is estimated by the model alone, and rigid distances, such as bone lengths,
+/// are kept. Empty cells stay empty without --fill.
 ///
-/// Outliers are replaced by their estimate. In a take, they are points that jump off their path and back, or that break
-/// rigid distances. In a single frame (--per-frame), rigid distances give the noise level: if it is at most 1 cm, or a
-/// few points are too far off for it, those points are outliers. Points without noise are not changed.
+/// Outliers are replaced by their estimate. In a take, they are points that jump off their path and
+/// back, or that break rigid distances. In a single frame (--per-frame), rigid distances give the
+/// noise level: if it is at most 1 cm, or a few points are too far off for it, those points are
+/// outliers. Points without noise are not changed.
 #[derive(Parser)]
 #[command(
     name = "denoise",
     version,
-    after_help = "Examples:\n  posing denoise noisy.csv > clean.csv\n  posing denoise --noise 0.5cm --fill --status -o clean.csv noisy.csv\n  posing denoise --per-frame -m dict.npz --sparsity 3 --published -o clean.npy poses.npy"
+    after_help = "Examples:\
+        \n  posing denoise noisy.csv > clean.csv\
+        \n  posing denoise --noise 0.5cm --fill --status -o clean.csv noisy.csv\
+        \n  posing denoise --per-frame -m dict.npz --sparsity 3 --published -o clean.npy poses.npy"
 )]
 pub struct Args {
-    /// Standard deviation of the noise of a coordinate, outliers aside, in cm or with a unit (0.5cm, 1asf); auto: estimated
-    /// from the data. Over 1 cm, single frames are not searched for outliers
+    /// Standard deviation of the noise of a coordinate, outliers aside, in cm or with a unit
+    /// (0.5cm, 1asf); auto: estimated from the data. Over 1 cm, single frames are not searched
+    /// for outliers
     #[arg(long, value_name = "CM|auto", default_value = "auto", value_parser = parse_noise)]
     noise: Noise,
     /// Whether to detect outliers

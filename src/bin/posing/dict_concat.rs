@@ -12,19 +12,23 @@ use std::path::PathBuf;
 
 /// Join dictionaries into one
 ///
-/// Writes the atoms of all dictionaries, in order. Reports the number of copies, and the cross-coherence of each pair of
-/// dictionaries: for each atom of the later one, its largest absolute cosine with an atom of the earlier one.
+/// Writes the atoms of all dictionaries, in order. Reports the number of copies, and the
+/// cross-coherence of each pair of dictionaries: for each atom of the later one, its largest
+/// absolute cosine with an atom of the earlier one.
 #[derive(Parser)]
 #[command(
     name = "dict-concat",
     version,
-    after_help = "Examples:\n  posing dict-concat part-*.npz -o dict.npz\n  posing dict-concat --prune 0.99 walk.npz run.npz -o dict.npz"
+    after_help = "Examples:\
+        \n  posing dict-concat part-*.npz -o dict.npz\
+        \n  posing dict-concat --prune 0.99 walk.npz run.npz -o dict.npz"
 )]
 pub struct Args {
     /// Dictionaries with the same points and space
     #[arg(value_name = "DICT.npz", required = true)]
     dictionaries: Vec<PathBuf>,
-    /// Drop an atom whose coherence with an earlier one is at least this, above 0 to 1 (1: exact copies only)
+    /// Drop an atom whose coherence with an earlier one is at least this, above 0 to 1 (1: exact
+    /// copies only)
     #[arg(long, value_name = "COHERENCE", value_parser = parse_positive)]
     prune: Option<f64>,
     /// Skip the report, whose time grows with the square of the number of atoms

@@ -21,24 +21,31 @@ use std::path::{Path, PathBuf};
 
 /// Pose a figure by hand: drag joints on a local page
 ///
-/// Prints the page's address and opens it in the browser; Ctrl-C ends the program. Only this machine can open the page, and
-/// only with the token in the address. To work from another machine, use ssh -L PORT:127.0.0.1:PORT with --port PORT.
+/// Prints the page's address and opens it in the browser; Ctrl-C ends the program. Only this
+/// machine can open the page, and only with the token in the address. To work from another machine,
+/// use ssh -L PORT:127.0.0.1:PORT with --port PORT.
 ///
-/// Drag a joint, and the rest of the figure follows as the pose model finds natural; bones keep their lengths. A pinned joint
-/// stays exactly where it is. One slider says how far the other joints may go from where they were: from staying, as in inverse
-/// kinematics, to following the model. What is out of reach is said, with its distance. The page also poses the figure from joints
-/// that are marked on a photograph (which never leaves the page), keeps key poses and plays what lies between them, and saves
-/// BVH, CSV (with the standard deviation of each joint, and whether a pin holds it), AMC for an ASF skeleton, and the session. The
-/// page's own help lists keys and fingers.
+/// Drag a joint, and the rest of the figure follows as the pose model finds natural; bones keep
+/// their lengths. A pinned joint stays exactly where it is. One slider says how far the other
+/// joints may go from where they were: from staying, as in inverse kinematics, to following the
+/// model. What is out of reach is said, with its distance. The page also poses the figure from
+/// joints that are marked on a photograph (which never leaves the page), keeps key poses and plays
+/// what lies between them, and saves BVH, CSV (with the standard deviation of each joint, and
+/// whether a pin holds it), AMC for an ASF skeleton, and the session. The page's own help lists
+/// keys and fingers.
 ///
-/// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with the model's points by name, or
-/// by --map: a shipped map of names (posing complete --help lists them), or a TOML file of lines such as lhumerus = "LeftForeArm": the
-/// point of the model, then the joint. Without it, the shipped map that fits is taken where the model knows none of the names.
+/// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with
+/// the model's points by name, or by --map: a shipped map of names (posing complete --help lists
+/// them), or a TOML file of lines such as lhumerus = "LeftForeArm": the point of the model, then
+/// the joint. Without it, the shipped map that fits is taken where the model knows none of the
+/// names.
 #[derive(Parser)]
 #[command(
     name = "edit",
     version,
-    after_help = "Examples:\n  posing edit\n  posing edit --skeleton 07.asf walk.csv\n  posing edit --session pose.json --no-open --port 8000"
+    after_help = "Examples:\n  posing edit\
+        \n  posing edit --skeleton 07.asf walk.csv\
+        \n  posing edit --session pose.json --no-open --port 8000"
 )]
 pub struct Args {
     /// Pose table whose rows can be edited, CSV or NPY; -: standard input

@@ -12,25 +12,37 @@ use std::path::PathBuf;
 
 /// Describe poses by 1,683 geometric features
 ///
-/// Writes a row a frame: distances, directions and angles of joints, lines and planes of the body, and how they move, without
-/// place, heading and size, after the columns take and time. Names have no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
+/// Writes a row a frame: distances, directions and angles of joints, lines and planes of the body,
+/// and how they move, without place, heading and size, after the columns take and time. Names have
+/// no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
 ///
-/// Families: J_c, coordinates (46); JJ_d, JJ_o, distances and directions of two joints (120, 360); JL_d, LL_a, distances and
-/// angles of lines (420, 435); JP_d, LP_a, PP_a, of planes (65, 135, 10); J_k, velocities and accelerations (92).
+/// Families: J_c, coordinates (46); JJ_d, JJ_o, distances and directions of two joints (120, 360);
+/// JL_d, LL_a, distances and angles of lines (420, 435); JP_d, LP_a, PP_a, of planes (65, 135, 10);
+/// J_k, velocities and accelerations (92).
 ///
-/// Lengths are in body heights: the median lengths of the bones from head to hip and from hip joint to foot of each take, added
-/// up. Angles are in radians, times in seconds.
+/// Lengths are in body heights: the median lengths of the bones from head to hip and from hip joint
+/// to foot of each take, added up. Angles are in radians, times in seconds.
 #[derive(Parser)]
 #[command(
     name = "gpd",
     version,
-    after_help = "Examples:\n  posing gpd walk.csv > features.csv\n  posing gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd --map joints.toml mine.csv",
-    after_long_help = "Files:\n  joints.toml: which point is which joint, sixteen lines (for CMU: Hip = \"root\", Chest = \"thorax\", Neck = \"lowerneck\", Head = \"head\", LShoulder = \"lclavicle\", LElbow = \"lhumerus\", LHand = \"lwrist\", LHip = \"lhipjoint\", LKnee = \"lfemur\", LFoot = \"ltibia\", and R for the right side)\n\nExamples:\n  posing gpd walk.csv > features.csv\n  posing gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd --map joints.toml mine.csv"
+    after_help = "Examples:\
+        \n  posing gpd walk.csv > features.csv\
+        \n  posing gpd --static --features JJ_d,LL_a -o features.npy walk.csv\
+        \n  posing gpd --map joints.toml mine.csv",
+    after_long_help = "Files:\n  joints.toml: which point is which joint, sixteen lines (for CMU: \
+                       Hip = \"root\", Chest = \"thorax\", Neck = \"lowerneck\", Head = \"head\", \
+                       LShoulder = \"lclavicle\", LElbow = \"lhumerus\", LHand = \"lwrist\", LHip \
+                       = \"lhipjoint\", LKnee = \"lfemur\", LFoot = \"ltibia\", and R for the \
+                       right side)\n\nExamples:\n  posing gpd walk.csv > features.csv\n  posing \
+                       gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd \
+                       --map joints.toml mine.csv"
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",
@@ -74,7 +86,8 @@ pub fn work(args: &Args) -> Result<()> {
     let rates = args.input.rates(&table.poses)?;
     if gpd.needs_rate() && rates.iter().any(Option::is_none) {
         return Err(Error::usage(
-            "velocities need a frame rate, and the table's times give none; give it with --fps, or leave them out with --static",
+            "velocities need a frame rate, and the table's times give none; give it with --fps, \
+             or leave them out with --static",
         ));
     }
     let takes = body_frames(&table.poses, &rates, &map, &table.name)?;

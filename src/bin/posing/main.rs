@@ -1,5 +1,5 @@
-//! The program: it runs the command that it was called as (`complete`, by a link), or that its first word names
-//! (`posing complete`).
+//! The program: it runs the command that it was called as (`complete`, by a link), or that its
+//! first word names (`posing complete`).
 
 mod amc2xyz;
 mod audit;
@@ -62,7 +62,10 @@ use std::process::ExitCode;
     version,
     disable_help_subcommand = true,
     help_template = overview(),
-    after_help = "Examples:\n  posing                    list the commands\n  posing help complete      open the page of a command\n  posing completions bash   print completions for all commands"
+    after_help = "Examples:\
+        \n  posing                    list the commands\
+        \n  posing help complete      open the page of a command\
+        \n  posing completions bash   print completions for all commands"
 )]
 struct Args {
     #[command(subcommand)]

@@ -18,17 +18,23 @@ use std::path::{Path, PathBuf};
 
 /// Lay a template mesh on a raw scan
 ///
-/// Writes a mesh that has the vertices and faces of the template and the surface of the scan (non-rigid ICP), for body-train,
-/// body-fit and body-animate. Where the scan has holes, the mesh follows its surroundings. A scan without faces is a cloud of points.
+/// Writes a mesh that has the vertices and faces of the template and the surface of the scan
+/// (non-rigid ICP), for body-train, body-fit and body-animate. Where the scan has holes, the mesh
+/// follows its surroundings. A scan without faces is a cloud of points.
 ///
-/// Some vertices of the template are placed on the scan by hand, in a program that shows meshes: 4 or more, better 10 for a scan in
-/// the template's pose, and 20 (joints, hands, feet, head) in another. Axes need not agree. The mesh is in the scan's unit and place.
+/// Some vertices of the template are placed on the scan by hand, in a program that shows meshes: 4
+/// or more, better 10 for a scan in the template's pose, and 20 (joints, hands, feet, head) in
+/// another. Axes need not agree. The mesh is in the scan's unit and place.
 #[derive(Parser)]
 #[command(
     name = "mesh-register",
     version,
-    after_help = "Examples:\n  posing mesh-register --units cm --template template.ply --points points.csv -o registered.ply scan.ply",
-    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL\n  points.csv: vertex,x,y,z; a vertex of the template, counted from 0, and where it is on the scan, in the scan's unit\n\nExamples:\n  posing mesh-register --units cm --template template.ply --points points.csv -o registered.ply scan.ply"
+    after_help = "Examples:\n  posing mesh-register --units cm --template template.ply --points \
+                  points.csv -o registered.ply scan.ply",
+    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL\n  points.csv: vertex,x,y,z; a \
+                       vertex of the template, counted from 0, and where it is on the scan, in \
+                       the scan's unit\n\nExamples:\n  posing mesh-register --units cm --template \
+                       template.ply --points points.csv -o registered.ply scan.ply"
 )]
 pub struct Args {
     /// Scan; - is standard input
@@ -94,7 +100,7 @@ fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
     Template::new(vertices(&set, 0), faces, parts).map_err(|e| e.at(Place::file(&set.names[0])))
 }
 
-/// The scan in centimetres, y up.
+/// The scan in centimeters, y up.
 fn read_scan(path: &Path, units: Units) -> Result<Surface> {
     let scan = Mesh::read(input::open(path)?)?;
     let vertex = |v: &[f64; 3]| {
@@ -123,7 +129,7 @@ fn report(found: &Registration) {
     });
     if found.folds > 0 {
         messages::info(&format!(
-            "the mesh folds: {} triangles point against their neighbours",
+            "the mesh folds: {} triangles point against their neighbors",
             found.folds
         ));
     }

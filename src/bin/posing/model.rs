@@ -12,7 +12,10 @@ use std::path::PathBuf;
 #[command(
     name = "model",
     version,
-    after_help = "Examples:\n  posing model info\n  posing model info dict.npz\n  posing model save -o builtin.npz"
+    after_help = "Examples:\
+        \n  posing model info\
+        \n  posing model info dict.npz\
+        \n  posing model save -o builtin.npz"
 )]
 pub struct Args {
     #[command(subcommand)]

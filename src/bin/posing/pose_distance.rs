@@ -5,24 +5,31 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::{feature_table, input, messages, streams};
 use posing::io::text::push_f32;
-use posing::metric::pairs::{FrameRef, LabelledPair, best_threshold};
+use posing::metric::pairs::{FrameRef, LabeledPair, best_threshold};
 use posing::metric::{Baseline, JointMap, PoseMetric};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
 /// Compute how alike poses are
 ///
-/// Writes a_take,a_frame,b_take,b_frame,distance: a row for each frame of table A and the frame of table B at its side, or for
-/// each pair of --pairs among the frames of the input, in order. Frames count from 0 within their take. Where the pairs have
-/// labels, a message gives the best share of right decisions by one threshold. A pose that lacks a joint has an empty distance.
+/// Writes a_take,a_frame,b_take,b_frame,distance: a row for each frame of table A and the frame of
+/// table B at its side, or for each pair of --pairs among the frames of the input, in order. Frames
+/// count from 0 within their take. Where the pairs have labels, a message gives the best share of
+/// right decisions by one threshold. A pose that lacks a joint has an empty distance.
 ///
-/// Baselines: jod, wjod, ljod compare rotations of joints, fitted to points and so without the twist about a bone; jcd, wjcd, ljcd coordinates; jrf-lms distances of joints; rgf-boost
-/// chosen geometric features; game what game engines do. ljod, ljcd, jrf-lms and rgf-boost are learnt from --labels.
+/// Baselines: jod, wjod, ljod compare rotations of joints, fitted to points and so without the
+/// twist about a bone; jcd, wjcd, ljcd coordinates; jrf-lms distances of joints; rgf-boost
+/// chosen geometric features; game what game engines do. ljod, ljcd, jrf-lms and rgf-boost are
+/// learned from --labels.
 #[derive(Parser)]
 #[command(
     name = "pose-distance",
     version,
-    after_help = "Examples:\n  posing pose-distance -m metric.npz truth.csv restored.csv\n  posing pose-distance --baseline wjod --all truth.csv restored.csv -o distances.csv\n  posing pose-distance -m metric.npz --pairs pairs.csv poses.csv\n  posing pose-distance --baseline ljcd --labels pairs.csv --pairs pairs.csv poses.csv"
+    after_help = "Examples:\
+        \n  posing pose-distance -m metric.npz truth.csv restored.csv\
+        \n  posing pose-distance --baseline wjod --all truth.csv restored.csv -o distances.csv\
+        \n  posing pose-distance -m metric.npz --pairs pairs.csv poses.csv\
+        \n  posing pose-distance --baseline ljcd --labels pairs.csv --pairs pairs.csv poses.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -38,7 +45,7 @@ pub struct Args {
     /// A published distance instead
     #[arg(long, value_name = "NAME", value_parser = baseline, conflicts_with = "model")]
     baseline: Option<Baseline>,
-    /// For a baseline that is learnt: labelled pairs of frames of the input
+    /// For a baseline that is learned: labeled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv", requires = "baseline")]
     labels: Option<PathBuf>,
     /// Pairs of frames of the input: a_take,a_frame,b_take,b_frame and perhaps label
@@ -47,7 +54,8 @@ pub struct Args {
     /// Each frame of A with each of B
     #[arg(long, conflicts_with = "pairs")]
     all: bool,
-    /// For a baseline: which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    /// For a baseline: which points the sixteen joints are: CMU, a shipped map (posing complete
+    /// --help lists them), or a TOML file
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",
@@ -116,9 +124,9 @@ fn learn_baseline(args: &Args, map: &JointMap, tables: &[MetricTakes]) -> Result
     let baseline = args.baseline.unwrap_or(Baseline::Jcd);
     let labels = match &args.labels {
         Some(path) => tables[0].read_pairs(path)?,
-        None if baseline.is_learnt() => {
+        None if baseline.is_learned() => {
             return Err(Error::usage(format!(
-                "--baseline {} is learnt from labelled pairs; give them with --labels",
+                "--baseline {} is learned from labeled pairs; give them with --labels",
                 baseline.name()
             )));
         }
@@ -135,7 +143,7 @@ fn write_pairs(args: &Args, metric: &PoseMetric, takes: &MetricTakes, path: &Pat
     let (pairs, has_labels) = takes.read_pairs_to_compare(path)?;
     let (rows, vectors) = takes.embed(metric, 1);
     let row = |at: FrameRef| vectors.row(rows.binary_search(&at).unwrap_or(0));
-    let distance = |p: &LabelledPair| metric.norm.distance(row(p.ends[0]), row(p.ends[1]));
+    let distance = |p: &LabeledPair| metric.norm.distance(row(p.ends[0]), row(p.ends[1]));
     let distances: Vec<f32> = pairs.iter().map(distance).collect();
     let mut out = streams::open_output(args.output.as_deref(), false)?;
     out.write(HEAD)?;

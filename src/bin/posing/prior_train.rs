@@ -14,25 +14,30 @@ use std::path::PathBuf;
 
 /// Train a pose model
 ///
-/// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on held-out poses; then the
-/// model is trained on all poses. Train on several takes: a single one cannot be held out. Frames with missing points
-/// are skipped and counted.
+/// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on
+/// held-out poses; then the model is trained on all poses. Train on several takes: a single one
+/// cannot be held out. Frames with missing points are skipped and counted.
 #[derive(Parser)]
 #[command(
     name = "prior-train",
     version,
-    after_help = "Examples:\n  posing prior-train -o model.npz poses.csv\n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\n  posing denoise -m model.npz noisy.csv -o clean.csv"
+    after_help = "Examples:\
+        \n  posing prior-train -o model.npz poses.csv\
+        \n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\
+        \n  posing denoise -m model.npz noisy.csv -o clean.csv"
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Kind of model (default: multiscale, or nlm for more than 250 points, for which it would take too long)
+    /// Kind of model (default: multiscale, or nlm for more than 250 points, for which it would
+    /// take too long)
     #[arg(long, value_name = "KIND", value_parser = kinds())]
     kind: Option<String>,
-    /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale holds out both
+    /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale
+    /// holds out both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBackFlag,
-    /// Space in which poses are learnt
+    /// Space in which poses are learned
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
@@ -109,7 +114,8 @@ pub fn work(args: &Args) -> Result<()> {
     }
     if kind == Kind::Multiscale && poses.takes.len() < 2 {
         messages::info(
-            "a single take cannot be held out: all levels get equal weight and unlike poses are not reported; train on several takes",
+            "a single take cannot be held out: all levels get equal weight and unlike poses are \
+             not reported; train on several takes",
         );
     }
     model.meta.credit.clone_from(&args.credit);

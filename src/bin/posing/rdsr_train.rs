@@ -1,4 +1,4 @@
-//! Learns a distance of poses from labelled pairs.
+//! Learns a distance of poses from labeled pairs.
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
@@ -10,30 +10,39 @@ use posing::prior::provenance::{digest, entry};
 use posing::{Place, Result};
 use std::path::PathBuf;
 
-/// Learn how alike poses are from labelled pairs
+/// Learn how alike poses are from labeled pairs
 ///
-/// Learns a metric, a distance of poses, from pairs of frames that are alike and from poses without labels (RDSR). retrieve,
-/// pose-distance and transition use it. More pairs help slowly: of ten poses found
-/// across people .881 were of the right action with 50 pairs, .887 with 150, .893 with 500 (HDM05). Pairs of label 1 alone are
-/// enough for rdsr, rca, nca and l2.
+/// Learns a metric, a distance of poses, from pairs of frames that are alike and from poses without
+/// labels (RDSR). retrieve, pose-distance and transition use it. More pairs help slowly: of ten
+/// poses found across people .881 were of the right action with 50 pairs, .887 with 150, .893 with
+/// 500 (HDM05). Pairs of label 1 alone are enough for rdsr, rca, nca and l2.
 ///
-/// A label says that two takes show the same around two frames. Within --reach seconds of them, each pose is paired with the
-/// nearest poses of the takes that it is linked to. For labels that hold for one instant only, such as transitions, give a
-/// short reach; 0 takes the pairs as they are.
+/// A label says that two takes show the same around two frames. Within --reach seconds of them,
+/// each pose is paired with the nearest poses of the takes that it is linked to. For labels that
+/// hold for one instant only, such as transitions, give a short reach; 0 takes the pairs as they
+/// are.
 #[derive(Parser)]
 #[command(
     name = "rdsr-train",
     version,
-    after_help = "Examples:\n  posing rdsr-train --pairs pairs.csv -o metric.npz poses.csv\n  posing rdsr-train --paper --pairs pairs.csv -o paper.npz poses.csv\n  posing retrieve -m metric.npz -k 10 --database poses.csv walk.csv",
-    after_long_help = "Files:\n  pairs.csv: a_take,a_frame,b_take,b_frame,label; label 1: alike, 0: not; frames count from 0 within their take\n\nExamples:\n  posing rdsr-train --pairs pairs.csv -o metric.npz poses.csv\n  posing rdsr-train --paper --pairs pairs.csv -o paper.npz poses.csv\n  posing retrieve -m metric.npz -k 10 --database poses.csv walk.csv"
+    after_help = "Examples:\
+        \n  posing rdsr-train --pairs pairs.csv -o metric.npz poses.csv\
+        \n  posing rdsr-train --paper --pairs pairs.csv -o paper.npz poses.csv\
+        \n  posing retrieve -m metric.npz -k 10 --database poses.csv walk.csv",
+    after_long_help = "Files:\n  pairs.csv: a_take,a_frame,b_take,b_frame,label; label 1: alike, \
+                       0: not; frames count from 0 within their take\n\nExamples:\n  posing \
+                       rdsr-train --pairs pairs.csv -o metric.npz poses.csv\n  posing rdsr-train \
+                       --paper --pairs pairs.csv -o paper.npz poses.csv\n  posing retrieve -m \
+                       metric.npz -k 10 --database poses.csv walk.csv"
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Labelled pairs of frames of the input
+    /// Labeled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: PathBuf,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",
@@ -41,36 +50,51 @@ pub struct Args {
         help_heading = "Input"
     )]
     map: String,
-    /// What describes a pose: geometric features (gpd), distances of joints (jrf), coordinates with velocities (jc),
-    /// rotations with velocities (jo), what game engines compare (game) [default: gpd]
-    #[arg(long, value_name = "SET", value_parser = ["gpd", "gpd+a", "jrf", "jc", "jo", "game"], hide_possible_values = true)]
+    /// What describes a pose: geometric features (gpd), distances of joints (jrf), coordinates
+    /// with velocities (jc), rotations with velocities (jo), what game engines compare (game)
+    /// [default: gpd]
+    #[arg(
+        long,
+        value_name = "SET",
+        value_parser = ["gpd", "gpd+a", "jrf", "jc", "jo", "game"],
+        hide_possible_values = true
+    )]
     features: Option<String>,
     /// Seconds to the frames before and after that are described too; 0: none [default: 0.2]
     #[arg(long, value_name = "S", value_parser = seconds)]
     window: Option<f64>,
-    /// How the metric is learnt
+    /// How the metric is learned
     #[arg(long, value_enum, value_name = "METHOD", default_value = "rdsr")]
     learner: LearnerFlag,
-    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default: 50]
+    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
+    /// 50]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
     rank: Option<u16>,
-    /// For rdsr: weight of the pairs against the unlabelled poses [default: 1]
+    /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
     #[arg(long, value_name = "A", value_parser = posing::cli::args::parse_positive)]
     alpha: Option<f64>,
-    /// For rdsr: sparsity of the graph of unlabelled poses, above 0 to 1 [default: 0.05]
+    /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
     #[arg(long, value_name = "G", value_parser = share)]
     gamma: Option<f64>,
-    /// For rdsr: share of the mean variance added to all directions [default: 0.1; with --paper 1e-6]
+    /// For rdsr: share of the mean variance added to all directions [default: 0.1; with --paper
+    /// 1e-6]
     #[arg(long, value_name = "R", value_parser = posing::cli::args::parse_positive)]
     ridge: Option<f64>,
-    /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs alone
-    #[arg(long, value_name = "N", default_value_t = 5000, value_parser = clap::value_parser!(u32).range(..=20_000))]
-    unlabelled: u32,
-    /// Seconds about a labelled frame for which its label holds [default: 1; with --paper 0]
+    /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs
+    /// alone
+    #[arg(
+        long = "unlabelled",
+        alias = "unlabeled",
+        value_name = "N",
+        default_value_t = 5000,
+        value_parser = clap::value_parser!(u32).range(..=20_000)
+    )]
+    unlabeled: u32,
+    /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
     #[arg(long, value_name = "S", value_parser = seconds)]
     reach: Option<f64>,
-    /// The method as published: all features of one frame at unit length, ratio of traces, pairs as labelled; finds poses
-    /// across people far worse
+    /// The method as published: all features of one frame at unit length, ratio of traces, pairs
+    /// as labeled; finds poses across people far worse
     #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
     paper: bool,
     /// Output file
@@ -86,7 +110,7 @@ pub struct Args {
 enum LearnerFlag {
     /// Regularized distance metric learning with sparse representation
     Rdsr,
-    /// Nothing is learnt but the scaling of the features
+    /// Nothing is learned but the scaling of the features
     L2,
     /// Weights of features or joints by least squares (Wang and Bodenheimer); needs both labels
     Lms,
@@ -98,9 +122,9 @@ enum LearnerFlag {
     Sda,
     /// Relevant component analysis (Bar-Hillel et al.)
     Rca,
-    /// Large margin nearest neighbours (Weinberger and Saul); needs both labels
+    /// Large margin nearest neighbors (Weinberger and Saul); needs both labels
     Lmnn,
-    /// Neighbourhood component analysis (Goldberger et al.)
+    /// Neighborhood component analysis (Goldberger et al.)
     Nca,
 }
 
@@ -155,7 +179,7 @@ pub fn work(args: &Args) -> Result<()> {
         ("reach", settings.reach.to_string()),
         ("paper", args.paper.to_string()),
         ("pairs", pairs.len().to_string()),
-        ("unlabelled", trained.unlabelled.to_string()),
+        ("unlabelled", trained.unlabeled.to_string()),
         ("seed", settings.seed.to_string()),
     ];
     let poses = takes.poses.xyz.mapv(|v| v as f32);
@@ -179,7 +203,7 @@ fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
     settings.learner = args.learner.learner();
     settings.window = args.window.unwrap_or(settings.window);
     settings.reach = args.reach.unwrap_or(settings.reach);
-    settings.unlabelled = args.unlabelled as usize;
+    settings.unlabeled = args.unlabeled as usize;
     settings.seed = args.seed.seed;
     let rdsr = &mut settings.rdsr;
     rdsr.rank = args.rank.map_or(rdsr.rank, usize::from);
@@ -207,12 +231,12 @@ fn report(trained: &Trained) {
             trained.ignored
         ));
     }
-    let without = match trained.unlabelled {
+    let without = match trained.unlabeled {
         0 => String::new(),
         n => format!(", and {n} poses without labels"),
     };
     messages::info(&format!(
-        "learnt from {} pairs of label 1, {} of label 0{without}",
+        "learned from {} pairs of label 1, {} of label 0{without}",
         trained.alike, trained.unlike
     ));
 }

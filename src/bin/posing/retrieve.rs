@@ -8,7 +8,7 @@ use posing::cli::{input, messages, streams};
 use posing::draw::figure::strip::{StripPose, strip};
 use posing::evaluate::metric::SIXTEEN_JOINTS;
 use posing::io::text::push_f32;
-use posing::metric::nearest::Neighbour;
+use posing::metric::nearest::Neighbor;
 use posing::metric::{FrameRef, PoseDatabase, PoseMetric};
 use posing::{Error, Result};
 use std::collections::HashMap;
@@ -16,13 +16,18 @@ use std::path::PathBuf;
 
 /// Find the poses of a database that are most like given ones
 ///
-/// Writes take, frame, rank, found_take, found_frame, distance: for each frame of the input the nearest frames of the database by
-/// a metric of rdsr-train, nearest first, exactly. Frames count from 0 within their take.
+/// Writes take, frame, rank, found_take, found_frame, distance: for each frame of the input the
+/// nearest frames of the database by a metric of rdsr-train, nearest first, exactly. Frames count
+/// from 0 within their take.
 #[derive(Parser)]
 #[command(
     name = "retrieve",
     version,
-    after_help = "Examples:\n  posing retrieve -m metric.npz -k 10 --database poses.csv walk.csv\n  posing retrieve -m metric.npz --every 12 --other-takes --database poses.csv poses.csv\n  posing retrieve -m metric.npz --every 12 --classes classes.csv --scope 5,10 --picture found.svg --database poses.csv walk.csv > found.csv"
+    after_help = "Examples:\n  posing retrieve -m metric.npz -k 10 --database poses.csv \
+                  walk.csv\n  posing retrieve -m metric.npz --every 12 --other-takes --database \
+                  poses.csv poses.csv\n  posing retrieve -m metric.npz --every 12 --classes \
+                  classes.csv --scope 5,10 --picture found.svg --database poses.csv walk.csv > \
+                  found.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -34,20 +39,37 @@ pub struct Args {
     #[arg(long, value_name = "DB")]
     database: PathBuf,
     /// Poses to find for each frame
-    #[arg(short, value_name = "N", default_value = "10", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        short,
+        value_name = "N",
+        default_value = "10",
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     k: u32,
-    /// Every N-th frame of each take only, in the input and the database; movement is seen from all frames
-    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Every N-th frame of each take only, in the input and the database; movement is seen from
+    /// all frames
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "1",
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     every: u32,
     /// Find poses of takes with other names only
     #[arg(long)]
     other_takes: bool,
-    /// What is done in each take (take,class): adds the column right, 1 where the take found is of the query's class, and prints
-    /// the share of these
+    /// What is done in each take (take,class): adds the column right, 1 where the take found is of
+    /// the query's class, and prints the share of these
     #[arg(long, value_name = "CLASSES.csv")]
     classes: Option<PathBuf>,
     /// Comma-separated numbers of poses found at which --classes judges (default: that of -k)
-    #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "classes", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        requires = "classes",
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     scope: Vec<u32>,
     /// Draw some queries and the poses found for them
     #[arg(long, value_name = "FILE.svg", help_heading = "Output")]
@@ -138,7 +160,7 @@ struct Answers<'a> {
     query_rows: &'a [FrameRef],
     database: &'a MetricTakes,
     rows: &'a [FrameRef],
-    found: &'a [Vec<Neighbour>],
+    found: &'a [Vec<Neighbor>],
     classes: Option<HashMap<String, TakeClass>>,
 }
 
@@ -152,16 +174,16 @@ impl Answers<'_> {
 
     fn lines(&self, query: usize) -> Vec<u8> {
         let mut out = Vec::new();
-        for (rank, neighbour) in self.found[query].iter().enumerate() {
+        for (rank, neighbor) in self.found[query].iter().enumerate() {
             self.queries.push_frame(&mut out, self.query_rows[query]);
             out.push(b',');
             out.extend((rank + 1).to_string().bytes());
             out.push(b',');
-            self.database.push_frame(&mut out, self.rows[neighbour.row]);
+            self.database.push_frame(&mut out, self.rows[neighbor.row]);
             out.push(b',');
-            push_f32(&mut out, neighbour.distance);
+            push_f32(&mut out, neighbor.distance);
             if self.classes.is_some() {
-                let right = self.is_right(query, neighbour);
+                let right = self.is_right(query, neighbor);
                 out.extend(
                     right
                         .map_or(String::from(","), |r| format!(",{}", u8::from(r)))
@@ -174,10 +196,10 @@ impl Answers<'_> {
     }
 
     /// Whether a pose found is of its query's class; `None` where that is not known.
-    fn is_right(&self, query: usize, neighbour: &Neighbour) -> Option<bool> {
+    fn is_right(&self, query: usize, neighbor: &Neighbor) -> Option<bool> {
         let classes = self.classes.as_ref()?;
         let wanted = classes.get(&self.queries.names[self.query_rows[query].take])?;
-        let found = classes.get(&self.database.names[self.rows[neighbour.row].take])?;
+        let found = classes.get(&self.database.names[self.rows[neighbor.row].take])?;
         Some(wanted.class == found.class)
     }
 

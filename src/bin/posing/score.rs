@@ -14,15 +14,19 @@ use std::path::PathBuf;
 
 /// Compare poses with the truth
 ///
-/// Prints, in total and for each point, the number of coordinates, their mean squared error (MSE) and its root (RMS), the
-/// mean distance of a point and the largest error of a coordinate; then the errors and variation of bone lengths, and
-/// accelerations (jitter raises them above the truth's). The frames must be the same; points are matched by name.
-/// Coordinates missing in TRUTH are left out; those missing in RESULT are counted as still missing.
+/// Prints, in total and for each point, the number of coordinates, their mean squared error (MSE)
+/// and its root (RMS), the mean distance of a point and the largest error of a coordinate; then the
+/// errors and variation of bone lengths, and accelerations (jitter raises them above the truth's).
+/// The frames must be the same; points are matched by name. Coordinates missing in TRUTH are left
+/// out; those missing in RESULT are counted as still missing.
 #[derive(Parser)]
 #[command(
     name = "score",
     version,
-    after_help = "Examples:\n  posing score truth.csv denoised.csv\n  posing score --damaged gaps.csv truth.csv completed.csv\n  posing denoise noisy.csv | posing score --units asf --json truth.csv -"
+    after_help = "Examples:\
+        \n  posing score truth.csv denoised.csv\
+        \n  posing score --damaged gaps.csv truth.csv completed.csv\
+        \n  posing denoise noisy.csv | posing score --units asf --json truth.csv -"
 )]
 pub struct Args {
     /// True poses, CSV or NPY; - for standard input
@@ -31,10 +35,11 @@ pub struct Args {
     /// Poses to score, CSV or NPY; - for standard input
     #[arg(value_name = "RESULT")]
     result: PathBuf,
-    /// The table that RESULT was restored from: adds the errors where it was missing (by gap length), observed and changed
+    /// The table that RESULT was restored from: adds the errors where it was missing (by gap
+    /// length), observed and changed
     #[arg(long, value_name = "TABLE")]
     damaged: Option<PathBuf>,
-    /// Unit of the printed errors; the paper uses asf. Tables are in centimetres
+    /// Unit of the printed errors; the paper uses asf. Tables are in centimeters
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     /// Print one JSON object with all digits

@@ -1,25 +1,32 @@
 //! Chooses frames and points of takes, changes their rate, filters them.
 
-use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+use posing::cli::args::{CommonArgs, Format, InputArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
 use posing::io::{Table, parse_point_names};
 use posing::pose::Poses;
-use posing::pose::units::Units;
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
 
 /// Choose frames, takes and points, resample, rename, filter
 ///
-/// Several tables become one. First frames are chosen (--take, --from, --to), then values are filtered (--butterworth), then
-/// resampled, then points are chosen and renamed. Missing values stay missing, and nothing is interpolated across them. The
-/// result has the columns take, time and the points; other columns are left out.
+/// Several tables become one. First frames are chosen (--take, --from, --to), then values are
+/// filtered (--butterworth), then resampled, then points are chosen and renamed. Missing values
+/// stay missing, and nothing is interpolated across them. The result has the columns take, time and
+/// the points; other columns are left out.
 #[derive(Parser)]
 #[command(
     name = "trim",
     version,
-    after_help = "Examples:\n  posing trim --from 1.5 --to 4 walk.csv > part.csv\n  posing trim --butterworth 6Hz walk.csv > smooth.csv\n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
+    after_help = "Examples:\
+        \n  posing trim --from 1.5 --to 4 walk.csv > part.csv\
+        \n  posing trim --butterworth 6Hz walk.csv > smooth.csv\
+        \n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\
+        \n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -27,18 +34,24 @@ pub struct Args {
     /// First time, in seconds as the table has it
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     from: Option<f64>,
-    /// Last time, in seconds as the table has it
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
-    to: Option<f64>,
+    /// Last time, in seconds as the table has it; or the output format, csv or npy (default: by
+    /// FILE's extension, else csv). It may be given twice, once for each
+    #[arg(
+        long,
+        value_name = "SECONDS|FORMAT",
+        allow_negative_numbers = true,
+        value_parser = parse_to
+    )]
+    to: Vec<To>,
     /// Comma-separated takes
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     take: Vec<String>,
-    /// Low-pass filter: Butterworth of second order, forwards and backwards (no lag, fourth order together), with half the power
-    /// left at this cutoff; below .4 of the rate
+    /// Low-pass filter: Butterworth of second order, forwards and backwards (no lag, fourth order
+    /// together), with half the power left at this cutoff; below .4 of the rate
     #[arg(long, value_name = "HZ", value_parser = parse_hertz)]
     butterworth: Option<f64>,
-    /// Frames per second of the result, interpolated (PCHIP) between measured neighbours. For a lower rate, filter first: what is
-    /// faster than half of it turns into slow movement
+    /// Frames per second of the result, interpolated (PCHIP) between measured neighbors. For a
+    /// lower rate, filter first: what is faster than half of it turns into slow movement
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     resample: Option<f64>,
     /// Comma-separated points, in the order of the result
@@ -47,10 +60,58 @@ pub struct Args {
     /// Comma-separated new names of points
     #[arg(long, value_name = "OLD=NEW,...", value_delimiter = ',', value_parser = parse_rename)]
     rename: Vec<(String, String)>,
-    #[command(flatten)]
-    out: OutputArgs,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Unit of length of the output (default: that of an input table, else cm)
+    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
+    out_units: Option<LengthUnit>,
+    /// Axis of the output that points up (default: that of an input table, else y)
+    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Output")]
+    out_up: Option<UpAxis>,
     #[command(flatten)]
     common: CommonArgs,
+}
+
+/// What `--to` says: where frames end, or as what they are written.
+#[derive(Debug, Clone, Copy)]
+enum To {
+    Seconds(f64),
+    Format(Format),
+}
+
+fn parse_to(text: &str) -> std::result::Result<To, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
+    match (seconds, Format::from_str(text, true)) {
+        (Some(seconds), _) => Ok(To::Seconds(seconds)),
+        (None, Ok(format)) => Ok(To::Format(format)),
+        (None, Err(_)) => Err("expected a time in seconds, or the format csv or npy".into()),
+    }
+}
+
+impl Args {
+    /// The last time that is chosen, in seconds.
+    fn last(&self) -> Option<f64> {
+        self.to.iter().rev().find_map(|to| match to {
+            To::Seconds(seconds) => Some(*seconds),
+            To::Format(_) => None,
+        })
+    }
+
+    /// Where the result goes: in the unit and axis of the input where no flag names others.
+    fn output(&self) -> OutputArgs {
+        let units = self.input.table_units();
+        let format = self.to.iter().rev().find_map(|to| match to {
+            To::Format(format) => Some(*format),
+            To::Seconds(_) => None,
+        });
+        OutputArgs {
+            output: self.output.clone(),
+            to: format,
+            out_units: self.out_units.or(Some(units.unit)),
+            out_up: self.out_up.or(Some(units.up)),
+        }
+    }
 }
 
 fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
@@ -77,7 +138,8 @@ pub fn work(args: &Args) -> Result<()> {
     if let Some(rate) = args.resample {
         if fps.is_some_and(|fps| rate < fps) && args.butterworth.is_none() {
             messages::info(
-                "a lower rate without --butterworth: what is faster than half of it turns into slow movement",
+                "a lower rate without --butterworth: what is faster than half of it turns into \
+                 slow movement",
             );
         }
         if let (None, Some(fps)) = (&poses.time, fps) {
@@ -93,15 +155,11 @@ pub fn work(args: &Args) -> Result<()> {
     rename(args, &mut poses).map_err(bad)?;
     let mut result = Table::from_poses(poses);
     result.name.clone_from(&table.name);
-    // The poses are in centimetres; the result is in the unit of the input.
-    let units = args.input.table_units();
-    let out = OutputArgs {
-        out_units: args.out.out_units.or(Some(units.unit)),
-        out_up: args.out.out_up.or(Some(units.up)),
-        ..args.out.clone()
-    };
     let xyz = result.poses.xyz.view();
-    write_table(&out, Units::CM_Y, &result, xyz, &[], |_| Vec::new())
+    // The poses are in centimeters.
+    write_table(&args.output(), Units::CM_Y, &result, xyz, &[], |_| {
+        Vec::new()
+    })
 }
 
 /// The frames that the flags choose.
@@ -111,7 +169,8 @@ fn chosen(args: &Args, poses: &Poses) -> Result<Poses> {
     if let Some(take) = args.take.iter().find(unknown) {
         return Err(format!("has no take \"{take}\"").into());
     }
-    if (args.from.is_some() || args.to.is_some()) && poses.time.is_none() {
+    let last = args.last();
+    if (args.from.is_some() || last.is_some()) && poses.time.is_none() {
         return Err("has no times: --from and --to need them".into());
     }
     let is_chosen = |t: usize| {
@@ -120,7 +179,7 @@ fn chosen(args: &Args, poses: &Poses) -> Result<Poses> {
             || names.is_some_and(|names| args.take.iter().any(|take| **take == *names[t]));
         in_take
             && args.from.is_none_or(|from| time >= from - 1e-9)
-            && args.to.is_none_or(|to| time <= to + 1e-9)
+            && last.is_none_or(|last| time <= last + 1e-9)
     };
     let frames: Vec<usize> = (0..poses.frames()).filter(|&t| is_chosen(t)).collect();
     if frames.is_empty() {

@@ -19,16 +19,19 @@ use std::path::PathBuf;
 
 /// Convert a pose table to an AMC take
 ///
-/// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom by inverse
-/// kinematics. A point is the end of the bone of the same name. Bones without a point stay at zero. Standard error
-/// reports the mean and largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton
-/// (not eyes, ears, heels and fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25% or 10 cm is an
-/// error.
+/// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom
+/// by inverse kinematics. A point is the end of the bone of the same name. Bones without a point
+/// stay at zero. Standard error reports the mean and largest distance between points and joints.
+/// Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
+/// fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25% or 10
+/// cm is an error.
 #[derive(Parser)]
 #[command(
     name = "xyz2amc",
     version,
-    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf 07.asf -o whole.amc"
+    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz \
+                  --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf \
+                  07.asf -o whole.amc"
 )]
 pub struct Args {
     /// Pose tables, CSV or NPY; - or nothing: standard input
@@ -40,7 +43,8 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
+    /// fit
     #[arg(long)]
     force: bool,
     /// Take to write, if the table has several

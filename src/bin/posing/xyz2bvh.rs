@@ -22,42 +22,51 @@ use std::path::{Path, PathBuf};
 
 /// Convert a pose table to a BVH file
 ///
-/// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse kinematics. A point is the
-/// end of the bone of the same name, or its start where names and lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
-/// of a chain ends in an End Site. Bones without a point keep their rest pose. Standard error reports the mean and
-/// largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
-/// fingers) is over 5% of the leg or over 2 cm, or most of its joints have no points; over 25% or 10 cm is an error.
+/// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse
+/// kinematics. A point is the end of the bone of the same name, or its start where names and
+/// lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone
+/// NAME and rotates it; the last bone of a chain ends in an End Site. Bones without a point keep
+/// their rest pose. Standard error reports the mean and largest distance between points and joints.
+/// Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
+/// fingers) is over 5% of the leg or over 2 cm, or most of its joints have no points; over 25% or
+/// 10 cm is an error.
 ///
-/// Position channels of a BVH skeleton take the place of its OFFSETs, also below the root: where they hold one value in that file, that is
-/// the bone; where they vary, they are solved for.
+/// Position channels of a BVH skeleton take the place of its OFFSETs, also below the root: where
+/// they hold one value in that file, that is the bone; where they vary, they are solved for.
 #[derive(Parser)]
 #[command(
     name = "xyz2bvh",
     version,
-    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh\n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
+    after_help = "Examples:\
+        \n  posing xyz2bvh -o walk.bvh walk.csv\
+        \n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\
+        \n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh\
+        \n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]
 pub struct Args {
     /// Pose tables, CSV or NPY; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept [default: measured from the
-    /// table, which needs the CMU joint names]
+    /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept
+    /// [default: measured from the table, which needs the CMU joint names]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
-    /// BVH file whose missing values (the word nan) are filled from the table, which has its joints, as bvh2xyz writes them, and its
-    /// frames; every other byte of it stays
+    /// BVH file whose missing values (the word nan) are filled from the table, which has its
+    /// joints, as bvh2xyz writes them, and its frames; every other byte of it stays
     #[arg(long, value_name = "ORIGINAL.bvh", conflicts_with_all = ["skeleton", "order", "limits"])]
     into: Option<PathBuf>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Order of the rotation channels; the last is applied first [default: ZYX, or that of the BVH skeleton]
+    /// Order of the rotation channels; the last is applied first [default: ZYX, or that of the BVH
+    /// skeleton]
     #[arg(long, value_name = "ORDER", value_parser = order)]
     order: Option<[Axis; 3]>,
     /// Respect the skeleton's joint limits, which captured motion often exceeds
     #[arg(long)]
     limits: bool,
-    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
+    /// fit
     #[arg(long)]
     force: bool,
     /// Take to write, if the table has several

@@ -12,15 +12,17 @@ use std::path::{Path, PathBuf};
 
 /// Convert a pose table to a C3D file
 ///
-/// Writes points alone: Intel reals, millimetres, z up. With --into, the points of an existing file are replaced and all
-/// else stays as it is, byte for byte: analog channels, events, force plates, parameters, the first frame's number. A point
-/// whose coordinates do not change keeps its residual and cameras; one that was filled or changed gets a residual of 0, as
-/// the format has it for points that were not measured, and an empty one -1.
+/// Writes points alone: Intel reals, millimeters, z up. With --into, the points of an existing file
+/// are replaced and all else stays as it is, byte for byte: analog channels, events, force plates,
+/// parameters, the first frame's number. A point whose coordinates do not change keeps its residual
+/// and cameras; one that was filled or changed gets a residual of 0, as the format has it for
+/// points that were not measured, and an empty one -1.
 #[derive(Parser)]
 #[command(
     name = "xyz2c3d",
     version,
-    after_help = "Examples:\n  posing xyz2c3d -o walk.c3d walk.csv\n  posing c3d2xyz gait.c3d | posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d"
+    after_help = "Examples:\n  posing xyz2c3d -o walk.c3d walk.csv\n  posing c3d2xyz gait.c3d | \
+                  posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d"
 )]
 pub struct Args {
     /// C3D file whose points are replaced; frames and names must be the table's

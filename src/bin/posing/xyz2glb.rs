@@ -19,20 +19,25 @@ use std::path::{Path, PathBuf};
 
 /// Convert a pose table to binary glTF: a skeleton that viewers play
 ///
-/// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a simple mesh, an octahedron a bone, so that viewers
-/// and browsers show it. Lengths are metres, y points up. For a body with skin, see body-synth; for FBX, see
-/// posing-formats(7).
+/// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a
+/// simple mesh, an octahedron a bone, so that viewers and browsers show it. Lengths are meters, y
+/// points up. For a body with skin, see body-synth; for FBX, see posing-formats(7).
 #[derive(Parser)]
 #[command(
     name = "xyz2glb",
     version,
-    after_help = "Examples:\n  posing xyz2glb -o walk.glb walk.csv\n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
+    after_help = "Examples:\
+        \n  posing xyz2glb -o walk.glb walk.csv\
+        \n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\
+        \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
 )]
 pub struct Args {
-    /// Skeleton to fit, ASF or BVH [default: measured from the table, which needs the CMU joint names]
+    /// Skeleton to fit, ASF or BVH [default: measured from the table, which needs the CMU joint
+    /// names]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
-    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
+    /// fit
     #[arg(long)]
     force: bool,
     #[command(flatten)]

@@ -7,14 +7,17 @@ use posing::pose::units::{LengthUnit, Units, UpAxis};
 
 /// Convert a pose table to a TRC file
 ///
-/// Writes a tab-separated TRC file for OpenSim and others: millimetres, y up, the table's times, frames numbered from the first,
-/// every number as the shortest text that reads back. A missing point is three empty cells. TRC files state their unit, not
-/// their up axis; OpenSim takes y for up.
+/// Writes a tab-separated TRC file for OpenSim and others: millimeters, y up, the table's times,
+/// frames numbered from the first, every number as the shortest text that reads back. A missing
+/// point is three empty cells. TRC files state their unit, not their up axis; OpenSim takes y for
+/// up.
 #[derive(Parser)]
 #[command(
     name = "xyz2trc",
     version,
-    after_help = "Examples:\n  posing xyz2trc -o walk.trc walk.csv\n  posing trc2xyz --up y gait.trc | posing complete --self | posing xyz2trc -o filled.trc"
+    after_help = "Examples:\
+        \n  posing xyz2trc -o walk.trc walk.csv\
+        \n  posing trc2xyz --up y gait.trc | posing complete --self | posing xyz2trc -o filled.trc"
 )]
 pub struct Args {
     /// Unit of length of the file

@@ -1,7 +1,8 @@
-//! The fit of a skin to one mesh: translations of the bones and weights of the corrective shapes, together by least squares.
+//! The fit of a skin to one mesh: translations of the bones and weights of the corrective shapes,
+//! together by least squares.
 //!
-//! With u_vk = Σ_b w_vb R_b s_vk the vertices are Σ_b w_vb (R_b x_v + t_b) + Σ_k c_k u_vk. For any c the best t is
-//! (Wᵀ W)⁻¹ Wᵀ (r - U c); what is left of the normal equations has K unknowns.
+//! With u_vk = Σ_b w_vb R_b s_vk the vertices are Σ_b w_vb (R_b x_v + t_b) + Σ_k c_k u_vk. For any
+//! c the best t is (Wᵀ W)⁻¹ Wᵀ (r - U c); what is left of the normal equations has K unknowns.
 
 use super::weights::blend;
 use super::{Frame, Sample, Skinning};
@@ -14,7 +15,8 @@ use ndarray::{Array1, Array2};
 const RIDGE: f64 = 1e-6;
 
 impl Skinning {
-    /// Fits the translations of the bones and the weights of the corrective shapes to a mesh. O(V (K² + B)).
+    /// Fits the translations of the bones and the weights of the corrective shapes to a mesh. O(V
+    /// (K² + B)).
     ///
     /// # Errors
     /// [`Error::Unfit`]: sizes that differ from the skin's, or numbers that are not finite.
@@ -60,7 +62,8 @@ impl Skinning {
         frame.error_mm.is_finite().then_some(frame).ok_or_else(fail)
     }
 
-    /// The translations t and the weights c for r (V, 3) and u (V, 3 K), of which the columns run over the axes, then the shapes.
+    /// The translations t and the weights c for r (V, 3) and u (V, 3 K), of which the columns run
+    /// over the axes, then the shapes.
     fn solve(&self, r: Array2<f64>, u: Array2<f64>) -> Option<(Vec<DVec3>, Vec<f64>)> {
         let (count, bones) = (self.shapes.len(), self.parents.len());
         // Rows over bones (or vertices) and axes; LAPACK answers in columns.
@@ -90,7 +93,7 @@ impl Skinning {
         Some((translations.collect(), weights.to_vec()))
     }
 
-    /// The vertices (V) of a frame, centimetres.
+    /// The vertices (V) of a frame, centimeters.
     pub fn pose(&self, frame: &Frame) -> Vec<DVec3> {
         let motions = frame.motions();
         let vertex = |v: usize| {
@@ -103,7 +106,7 @@ impl Skinning {
 }
 
 impl Frame {
-    /// The motion of each bone (B) from the rest pose, centimetres.
+    /// The motion of each bone (B) from the rest pose, centimeters.
     pub fn motions(&self) -> Vec<DAffine3> {
         let motion = |(r, t): (&DMat3, &DVec3)| DAffine3::from_mat3_translation(*r, *t);
         self.rotations

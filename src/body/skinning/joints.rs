@@ -1,13 +1,15 @@
 //! Blend skinning with joints: rotations alone give the vertices, by forward kinematics.
 //!
-//! Bone c on parent p turns about the rest position q of their joint: t_c = t_p + (R_p - R_c) q. So the vertices are linear in the
-//! joints,
+//! Bone c on parent p turns about the rest position q of their joint: t_c = t_p + (R_p - R_c) q. So
+//! the vertices are linear in the joints,
 //!
 //! ```text
-//! y_v = Σ_b w_vb R_b x_v + t_root + Σ_j ω_vj (R_p - R_c)_j q_j,   ω_vj the weights of the bones that hang on joint j
+//! y_v = Σ_b w_vb R_b x_v + t_root + Σ_j ω_vj (R_p - R_c)_j q_j,
+//!     ω_vj the weights of the bones that hang on joint j
 //! ```
 //!
-//! and all q are fitted to the vertices of the samples at once; t_root is free in each sample. Weights and joints are fitted in turn.
+//! and all q are fitted to the vertices of the samples at once; t_root is free in each sample.
+//! Weights and joints are fitted in turn.
 
 use super::tree::{Tree, borders};
 use super::weights::{self, BoneWeights, blend, used};
@@ -18,18 +20,18 @@ use crate::numeric::linalg::cholesky_solve;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// The pull of each joint to the middle of its parts' border, in shares of the mean diagonal: rotations about one axis leave the
-/// joint free along it.
+/// The pull of each joint to the middle of its parts' border, in shares of the mean diagonal:
+/// rotations about one axis leave the joint free along it.
 const PULL: f64 = 1e-3;
 
 /// A skin posed by rotations alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointSkinning {
-    /// The template's vertices (V), centimetres.
+    /// The template's vertices (V), centimeters.
     pub vertices: Vec<DVec3>,
     /// The bones that each vertex follows (V).
     pub weights: Vec<BoneWeights>,
-    /// The rest position of each of the template's joints, centimetres.
+    /// The rest position of each of the template's joints, centimeters.
     pub joints: Vec<DVec3>,
     tree: Tree,
 }
@@ -38,7 +40,8 @@ impl JointSkinning {
     /// Fits weights and joints to samples.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers that are not finite.
+    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers
+    /// that are not finite.
     pub fn fit(template: &Template, samples: &[Sample<'_>]) -> Result<JointSkinning> {
         check(template, samples)?;
         let tree = Tree::of(template);
@@ -56,7 +59,8 @@ impl JointSkinning {
         Ok(skin)
     }
 
-    /// The vertices (V) for the absolute rotation of each part, centimetres, with their mean at the origin.
+    /// The vertices (V) for the absolute rotation of each part, centimeters, with their mean at the
+    /// origin.
     pub fn pose(&self, rotations: &[DMat3]) -> Vec<DVec3> {
         let motions = self.tree.forward(rotations, &self.joints);
         let mut found: Vec<DVec3> = (self.weights.iter().zip(&self.vertices))

@@ -1,4 +1,5 @@
-//! Linear blend skinning with corrective shapes, fitted to sample meshes: the form of a body that animation software plays.
+//! Linear blend skinning with corrective shapes, fitted to sample meshes: the form of a body that
+//! animation software plays.
 //!
 //! Vertex v of a mesh, from its place x_v in the template, is
 //!
@@ -9,19 +10,23 @@
 //! | symbol | meaning | shape | unit |
 //! |---|---|---|---|
 //! | w | weights of the bones, at least 0, sum 1, at most four above 0 a vertex | (V, B) | none |
-//! | R, t | rotation and translation of each bone; a bone is a rigid part | (B, 3, 3), (B, 3) | none, cm |
+//! | R, t | rotation and translation of each bone, a rigid part | (B, 3, 3), (B, 3) | none, cm |
 //! | s | corrective shapes: offsets in the rest pose | (K, V, 3) | cm |
 //! | c | their weights, of mean square 1 over the samples | (K) | none |
 //!
-//! The rotations of the samples are known. Translations and weights are fitted in turn, each by least squares (B. H. Le, Z. Deng:
-//! Smooth Skinning Decomposition with Rigid Bones. SIGGRAPH Asia 2012, without its step for rotations). Corrective shapes are the
-//! principal components of what remains, carried back into the rest pose (P. G. Kry, D. L. James, D. K. Pai: EigenSkin. SCA 2002).
+//! The rotations of the samples are known. Translations and weights are fitted in turn, each by
+//! least squares (B. H. Le, Z. Deng: Smooth Skinning Decomposition with Rigid Bones. SIGGRAPH Asia
+//! 2012, without its step for rotations). Corrective shapes are the principal components of what
+//! remains, carried back into the rest pose (P. G. Kry, D. L. James, D. K. Pai: EigenSkin. SCA
+//! 2002).
 //!
-//! In a [`Frame`] the translations are free: a bone may leave its joint by some millimetres, as real joints and soft tissue do. Where
-//! only rotations are known, [`JointSkinning`] takes the translations from joints by forward kinematics.
+//! In a [`Frame`] the translations are free: a bone may leave its joint by some millimeters, as
+//! real joints and soft tissue do. Where only rotations are known, [`JointSkinning`] takes the
+//! translations from joints by forward kinematics.
 //!
-//! Cost of a fit: O(N V (B + K)) a round for N samples; half a second for 30 meshes of 13,000 vertices on two cores. A fit needs at
-//! least as many samples as corrective shapes. Opposite rotations of neighbouring bones collapse the skin, as in any blend of matrices.
+//! Cost of a fit: O(N V (B + K)) a round for N samples; half a second for 30 meshes of 13,000
+//! vertices on two cores. A fit needs at least as many samples as corrective shapes. Opposite
+//! rotations of neighboring bones collapse the skin, as in any blend of matrices.
 
 mod frames;
 mod joints;
@@ -47,22 +52,23 @@ const ROUNDS: usize = 5;
 pub struct Sample<'a> {
     /// The absolute rotation of each part (B).
     pub rotations: &'a [DMat3],
-    /// The vertices (V), centimetres.
+    /// The vertices (V), centimeters.
     pub vertices: &'a [DVec3],
 }
 
 /// A skin fitted to samples.
 #[derive(Debug, Clone)]
 pub struct Skinning {
-    /// The template's vertices (V), centimetres.
+    /// The template's vertices (V), centimeters.
     pub vertices: Vec<DVec3>,
     /// The bone that each bone hangs on; one bone has none.
     pub parents: Vec<Option<usize>>,
-    /// The place about which each bone turns in the rest pose, centimetres: the joint with its parent; of the root, the middle of its part.
+    /// The place about which each bone turns in the rest pose, centimeters: the joint with its
+    /// parent; of the root, the middle of its part.
     pub places: Vec<DVec3>,
     /// The bones that each vertex follows (V).
     pub weights: Vec<BoneWeights>,
-    /// Corrective shapes (K, V), centimetres, the largest first.
+    /// Corrective shapes (K, V), centimeters, the largest first.
     pub shapes: Vec<Vec<DVec3>>,
     solver: Solver,
 }
@@ -72,11 +78,11 @@ pub struct Skinning {
 pub struct Frame {
     /// The absolute rotation of each bone (B).
     pub rotations: Vec<DMat3>,
-    /// The translation of each bone (B), centimetres: a point x of the rest pose moves to R x + t.
+    /// The translation of each bone (B), centimeters: a point x of the rest pose moves to R x + t.
     pub translations: Vec<DVec3>,
     /// The weight of each corrective shape (K).
     pub weights: Vec<f64>,
-    /// The mean distance of the vertices from the mesh, millimetres.
+    /// The mean distance of the vertices from the mesh, millimeters.
     pub error_mm: f64,
 }
 
@@ -84,7 +90,8 @@ impl Skinning {
     /// Fits a skin with `shapes` corrective shapes to samples.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers that are not finite.
+    /// [`crate::Error::Unfit`]: too few samples, sizes that differ from the template's, or numbers
+    /// that are not finite.
     pub fn fit(template: &Template, samples: &[Sample<'_>], shapes: usize) -> Result<Skinning> {
         check(template, samples)?;
         if shapes > samples.len() {

@@ -1,7 +1,9 @@
-//! Corrective shapes: what skinning leaves of the samples, carried back into the rest pose, in principal components.
+//! Corrective shapes: what skinning leaves of the samples, carried back into the rest pose, in
+//! principal components.
 //!
-//! The residual e_v of a sample is carried back through the blended matrix M_v = Σ_b w_vb R_b: d_v = (Mᵀ M + ε I)⁻¹ Mᵀ e_v. The rest
-//! pose itself has no residual, so the components are those about zero, not about the mean.
+//! The residual e_v of a sample is carried back through the blended matrix M_v = Σ_b w_vb R_b: d_v
+//! = (Mᵀ M + ε I)⁻¹ Mᵀ e_v. The rest pose itself has no residual, so the components are those about
+//! zero, not about the mean.
 
 use super::weights::blend;
 use super::{Frame, Sample, Skinning};
@@ -13,7 +15,8 @@ use ndarray::Array2;
 /// Keeps offsets small where opposite rotations cancel in M.
 const DAMPING: f64 = 1e-2;
 
-/// The `count` largest components (count, V), scaled so that the weights of the samples have mean square 1.
+/// The `count` largest components (count, V), scaled so that the weights of the samples have mean
+/// square 1.
 pub fn fit(skinning: &Skinning, samples: &[Sample<'_>], count: usize) -> Result<Vec<Vec<DVec3>>> {
     let offsets: Result<Vec<Vec<DVec3>>> = (samples.iter())
         .map(|s| Ok(carried_back(skinning, s, &skinning.frame(s)?)))

@@ -15,7 +15,8 @@ fn bump(x: DVec3) -> DVec3 {
     DVec3::new(0.3 * (-(x.y - 5.5).powi(2) / 4.0).exp() * x.x, 0.0, 0.0)
 }
 
-/// Columns with one joint, skinned exactly, each with the bump `c` times and the upper bone `slip` cm off its joint.
+/// Columns with one joint, skinned exactly, each with the bump `c` times and the upper bone `slip`
+/// cm off its joint.
 fn planted(template: &Template, slip: f64, bumps: f64) -> Vec<(Vec<DMat3>, Vec<DVec3>)> {
     let one = |i: usize| {
         let wave = |k: f64| (k * (i + 1) as f64).sin();

@@ -71,8 +71,8 @@ impl Tree {
         self.joints.iter().map(difference).collect()
     }
 
-    /// The motion of each bone by forward kinematics: both bones of a joint carry its rest position `at` to one place. The root
-    /// turns about the origin.
+    /// The motion of each bone by forward kinematics: both bones of a joint carry its rest position
+    /// `at` to one place. The root turns about the origin.
     pub fn forward(&self, rotations: &[DMat3], at: &[DVec3]) -> Vec<DAffine3> {
         let mut shifts = vec![DVec3::ZERO; self.len()];
         for ([parent, child], at) in self.joints.iter().zip(at) {
@@ -83,7 +83,8 @@ impl Tree {
             .collect()
     }
 
-    /// The place about which each bone turns: `at` of the joint with its parent, and for the root the middle of its part.
+    /// The place about which each bone turns: `at` of the joint with its parent, and for the root
+    /// the middle of its part.
     pub fn places(&self, template: &Template, at: &[DVec3]) -> Vec<DVec3> {
         let of_root = (template.vertices.iter().zip(&template.vertex_parts))
             .filter(|(_, part)| **part == self.root);

@@ -1,13 +1,13 @@
 //! The weights of bones at a vertex.
 //!
-//! Given the motion (R, t) of each bone b in each sample i, the weights of a vertex x minimise
+//! Given the motion (R, t) of each bone b in each sample i, the weights of a vertex x minimize
 //!
 //! ```text
 //! Σ_i |Σ_b w_b (R_b^i x + t_b^i) - y^i|²   over w ≥ 0, Σ w = 1
 //! ```
 //!
-//! As the weights sum to 1, the objective is wᵀ G w with G_ab = Σ_i (R_a x + t_a - y)·(R_b x + t_b - y); its minimum is the
-//! minimum of ½ zᵀ G z - Σ z over z ≥ 0, divided by its sum.
+//! As the weights sum to 1, the objective is wᵀ G w with G_ab = Σ_i (R_a x + t_a - y)·(R_b x + t_b
+//! - y); its minimum is the minimum of ½ zᵀ G z - Σ z over z ≥ 0, divided by its sum.
 
 use super::Sample;
 use super::tree::Tree;
@@ -17,14 +17,16 @@ use crate::numeric::parallel;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::{Array1, Array2, Axis};
 
-/// Up to four bones that a vertex follows, with their weights: at least 0, sum 1. What is not used is bone 0 with weight 0.
+/// Up to four bones that a vertex follows, with their weights: at least 0, sum 1. What is not used
+/// is bone 0 with weight 0.
 pub type BoneWeights = [(u16, f32); 4];
 
 /// The bones that a vertex follows.
 const MOST: usize = 4;
-/// The accuracy of vertices, centimetres: where a bone fits better, others may share its weight.
+/// The accuracy of vertices, centimeters: where a bone fits better, others may share its weight.
 const ACCURACY: f64 = 1e-3;
-/// The share that is added to the squared misfit of each bone: nearly equal motions share a vertex evenly.
+/// The share that is added to the squared misfit of each bone: nearly equal motions share a vertex
+/// evenly.
 const RIDGE: f64 = 1e-6;
 /// Smaller weights are left out.
 const LEAST: f64 = 1e-4;
@@ -121,7 +123,7 @@ fn vertex<'a>(
     Some(weights)
 }
 
-/// Minimises wᵀ G w over w ≥ 0 of sum 1.
+/// Minimizes wᵀ G w over w ≥ 0 of sum 1.
 fn shares(gram: &Array2<f64>) -> Option<Array1<f64>> {
     let size = gram.diag().mapv(f64::sqrt);
     let scaled = Array2::from_shape_fn(gram.dim(), |(a, b)| gram[[a, b]] / (size[a] * size[b]));

@@ -39,7 +39,8 @@ impl Picture<'_, '_> {
         }
         let (x, y, w, h) = (n(at[0]), n(at[1]), n(wide), n(tall));
         out.push_str(&format!(
-            "<clipPath id=\"c{id}\"><rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/></clipPath>\n\
+            "<clipPath id=\"c{id}\">\
+             <rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/></clipPath>\n\
              <g clip-path=\"url(#c{id})\">\n"
         ));
         out.push_str(&self.grid(panel, &place));
@@ -55,7 +56,7 @@ impl Picture<'_, '_> {
         out
     }
 
-    /// The ground: lines every half metre of the world, around all the panel's frames.
+    /// The ground: lines every half meter of the world, around all the panel's frames.
     fn grid(&self, panel: &Panel, place: &dyn Fn([f64; 3]) -> [f64; 2]) -> String {
         let mut area = [[panel.middle[0]; 2], [panel.middle[1]; 2]];
         for middle in panel.frames.iter().filter_map(|t| self.geometry.middle(*t)) {

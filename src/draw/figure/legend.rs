@@ -1,4 +1,5 @@
-//! What is written around the panels: the title, what colours and signs mean, and which moments are shown.
+//! What is written around the panels: the title, what colors and signs mean, and which moments are
+//! shown.
 
 use super::shapes::{FIGURES, INK, LEFT, PALE, RIGHT, UNKNOWN, dot, n, shortened};
 use super::view::Panel;
@@ -33,14 +34,15 @@ impl Picture<'_, '_> {
         lines.iter().enumerate().map(line).collect()
     }
 
-    /// The title, and what the colours and signs in use mean.
+    /// The title, and what the colors and signs in use mean.
     pub fn heading(&self, panels: &[Panel]) -> String {
         let mut out = String::new();
         let mut y = 26.0;
         if !self.scene.title.is_empty() {
             let title = escape(self.scene.title);
             out.push_str(&format!(
-                "<text x=\"{EDGE}\" y=\"{y}\" font-size=\"15\" font-weight=\"600\">{title}</text>\n"
+                "<text x=\"{EDGE}\" y=\"{y}\" font-size=\"15\" \
+                 font-weight=\"600\">{title}</text>\n"
             ));
             y = 48.0;
         }
@@ -81,7 +83,8 @@ impl Picture<'_, '_> {
             let wide = text.chars().count() as f64 * 6.9 + 28.0;
             let at = format!("{} {}", n(x), n(y));
             out.push_str(&format!(
-                "<g transform=\"translate({at})\">{sign}<text x=\"9\" fill=\"{PALE}\">{text}</text></g>\n"
+                "<g transform=\"translate({at})\">{sign}<text x=\"9\" \
+                 fill=\"{PALE}\">{text}</text></g>\n"
             ));
             x += wide;
         }

@@ -1,7 +1,7 @@
 //! Stick figures as SVG, for papers and reports: chosen frames, side by side or in one trail.
 //!
-//! One view serves every panel: a right-handed frame with y up is turned by the azimuth about y, tilted
-//! by the elevation, and drawn by parallel rays. The same scene gives the same bytes.
+//! One view serves every panel: a right-handed frame with y up is turned by the azimuth about y,
+//! tilted by the elevation, and drawn by parallel rays. The same scene gives the same bytes.
 
 mod body;
 mod legend;
@@ -22,7 +22,7 @@ pub enum Layout {
     /// A column for each frame, a row for each figure.
     #[default]
     Grid,
-    /// A column for each frame, the figures on top of each other in their own colours.
+    /// A column for each frame, the figures on top of each other in their own colors.
     Overlaid,
     /// A row for each figure, all frames where they are in the world, the earlier ones fainter.
     Trail,
@@ -34,7 +34,8 @@ pub struct Options {
     /// How frames and figures share the picture.
     pub layout: Layout,
     /// Where the viewer stands, in degrees: 0 at +z, 90 at +x. `None`: chosen so that the body,
-    /// if its points' names define left and right, is seen from the side and a little from the front.
+    /// if its points' names define left and right, is seen from the side and a little from the
+    /// front.
     pub azimuth: Option<f64>,
     /// How far the viewer looks down, in degrees: 0 is level, 90 straight from above.
     pub elevation: f64,
@@ -178,8 +179,9 @@ impl Picture<'_, '_> {
 }
 
 const DOCUMENT: &str = "\
-<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{{w}}\" height=\"{{h}}\" viewBox=\"0 0 {{w}} {{h}}\" \
-role=\"img\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\" font-size=\"12\" fill=\"#39424e\">
+<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{{w}}\" height=\"{{h}}\" viewBox=\"0 0 {{w}} \
+                        {{h}}\" role=\"img\" font-family=\"system-ui, 'Segoe UI', Helvetica, \
+                        Arial, sans-serif\" font-size=\"12\" fill=\"#39424e\">
 <title>{{title}}</title>
 <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>
 {{body}}</svg>
@@ -192,7 +194,8 @@ pub(in crate::draw) mod tests {
     use crate::draw::scene::{Figure, Status};
     use ndarray::Array2;
 
-    /// Whether every tag is closed in its turn and every attribute quoted; the tags seen are counted.
+    /// Whether every tag is closed in its turn and every attribute quoted; the tags seen are
+    /// counted.
     pub fn well_formed(xml: &str) -> usize {
         let (mut open, mut seen) = (Vec::new(), 0);
         for piece in xml.split('<').skip(1) {

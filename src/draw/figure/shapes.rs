@@ -1,4 +1,4 @@
-//! The shapes and colours of stick figures in SVG.
+//! The shapes and colors of stick figures in SVG.
 
 use crate::draw::scene::Status;
 
@@ -23,7 +23,8 @@ pub const UNKNOWN: &str = "#8b949f";
 /// A place on the paper (px).
 pub type At = [f64; 2];
 
-/// A bone, dashed if an end was inferred; with a white edge, so that the nearer of two that cross is seen.
+/// A bone, dashed if an end was inferred; with a white edge, so that the nearer of two that cross
+/// is seen.
 pub fn stick(a: At, b: At, color: &str, thick: f64, ends: [Status; 2], edged: bool) -> String {
     let line = |a: At, b: At| format!("M{} {}L{} {}", n(a[0]), n(a[1]), n(b[0]), n(b[1]));
     let dashes = if ends.contains(&Status::Inferred) {
@@ -36,7 +37,7 @@ pub fn stick(a: At, b: At, color: &str, thick: f64, ends: [Status; 2], edged: bo
         " stroke-linecap=\"round\"".into()
     };
     let mut out = String::new();
-    // The edge stops before the joints, where it would cut into the neighbouring bones.
+    // The edge stops before the joints, where it would cut into the neighboring bones.
     let (long, free) = ((b[0] - a[0]).hypot(b[1] - a[1]), 2.4 * thick);
     if edged && long > 2.5 * free {
         let part = |t: f64| [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t];
@@ -59,7 +60,8 @@ pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String
         let line = n((0.45 * small).max(1.2));
         let radius = n(radius);
         format!(
-            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{edge}\" stroke-width=\"{line}\"/>"
+            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{edge}\" \
+             stroke-width=\"{line}\"/>"
         )
     };
     let grown = radius.max(small * 1.35);
@@ -74,7 +76,8 @@ pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String
         Status::Rejected => {
             let arm = n(small * 1.2);
             format!(
-                "<path d=\"M{x} {y}m-{arm} -{arm}l{d} {d}m0 -{d}l-{d} {d}\" stroke=\"{REJECTED}\" stroke-width=\"1.6\"/>\n",
+                "<path d=\"M{x} {y}m-{arm} -{arm}l{d} {d}m0 -{d}l-{d} {d}\" stroke=\"{REJECTED}\" \
+                 stroke-width=\"1.6\"/>\n",
                 d = n(small * 2.4)
             )
         }

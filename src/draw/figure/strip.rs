@@ -35,12 +35,16 @@ pub struct StripJoints<'a> {
     pub parents: &'a [usize],
 }
 
-/// Rows of poses as SVG; the first of each row stands apart. Poses are seen from the front, turned a little.
+/// Rows of poses as SVG; the first of each row stands apart. Poses are seen from the front, turned
+/// a little.
 pub fn strip(rows: &[Vec<StripPose>], joints: StripJoints<'_>) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as f64;
     let (wide, high) = (columns * WIDE + 12.0, rows.len() as f64 * (HIGH + TEXT));
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" role=\"img\" aria-label=\"Poses and those found for them\" font-family=\"sans-serif\" font-size=\"10\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" \
+         height=\"{1}\" role=\"img\" aria-label=\"Poses and those found for them\" \
+         font-family=\"sans-serif\" font-size=\"10\">\n<rect width=\"{0}\" height=\"{1}\" \
+         fill=\"#fff\"/>\n",
         n(wide),
         n(high)
     );
@@ -61,13 +65,14 @@ fn panel(pose: &StripPose, joints: StripJoints<'_>, [x, y]: At, is_query: bool) 
         (_, Some(false)) => ("#cf1039", "#fdf3f4"),
         (_, None) => ("#c9d0d7", "#fff"),
     };
-    // Right and wrong are told by more than colour.
+    // Right and wrong are told by more than color.
     let dashes = match pose.is_right {
         Some(false) => " stroke-dasharray=\"4 3\"",
         _ => "",
     };
     let mut out = format!(
-        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"4\" fill=\"{fill}\" stroke=\"{edge}\"{dashes}/>\n",
+        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"4\" fill=\"{fill}\" \
+         stroke=\"{edge}\"{dashes}/>\n",
         n(x + 3.0),
         n(y + 3.0),
         n(WIDE - 6.0),

@@ -1,5 +1,5 @@
 
-// The body of a player, shared by all: the camera, colours, the ground. Reads `scene`, and `path`, where the figure goes.
+// The body of a player, shared by all: the camera, colors, the ground. Reads `scene`, and `path`, where the figure goes.
 
 // ---- the camera, one for all panels ----
 
@@ -12,7 +12,7 @@ function resetCamera() {
 }
 resetCamera();
 
-/** What the camera looks at, and how: the place in the middle, pixels a centimetre there, the distance of the eye. */
+/** What the camera looks at, and how: the place in the middle, pixels a centimeter there, the distance of the eye. */
 function lens(width, height, frame) {
   const [x, z] = camera.follow ? [path.x[frame], path.z[frame]] : path.middle;
   const radius = camera.follow ? path.radius : path.reach;
@@ -22,7 +22,7 @@ function lens(width, height, frame) {
   return { at: [x, scene.ground + path.height / 2, z], fit, eye, near: eye * .12 };
 }
 
-/** A function from centimetres to [x, y, depth, pixels a centimetre] in a panel of this size. */
+/** A function from centimeters to [x, y, depth, pixels a centimeter] in a panel of this size. */
 function projection(width, height, frame) {
   const { at, fit, eye, near } = lens(width, height, frame);
   const se = Math.sin(camera.elevation), ce = Math.cos(camera.elevation);
@@ -39,7 +39,7 @@ function projection(width, height, frame) {
 // ---- what all draw ----
 
 let ink = {};
-/** Reads the page's colours of these names, and those of the figures. */
+/** Reads the page's colors of these names, and those of the figures. */
 function readColors(names) {
   const style = getComputedStyle(document.documentElement), get = name => style.getPropertyValue("--" + name).trim();
   for (const name of ["panel", "text", "grid", "shadow", "accent"].concat(names)) ink[name] = get(name);

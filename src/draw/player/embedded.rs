@@ -1,8 +1,9 @@
 //! The scene as JSON that the player's script reads.
 //!
-//! Coordinates are base64 of little-endian 32-bit floats, frame after frame; NaN is missing. Statuses and methods are run
-//! lengths, point by point. Of standard deviations only those of points that were changed, filled or rejected are there: run
-//! lengths of frames without and with one in turn, point by point, and base64 of 16-bit numbers.
+//! Coordinates are base64 of little-endian 32-bit floats, frame after frame; NaN is missing.
+//! Statuses and methods are run lengths, point by point. Of standard deviations only those of
+//! points that were changed, filled or rejected are there: run lengths of frames without and with
+//! one in turn, point by point, and base64 of 16-bit numbers.
 
 use crate::draw::scene::{FillMethod, Scene, Status};
 use crate::draw::scene_geometry::{SceneGeometry, Side};
@@ -12,7 +13,7 @@ use serde_json::{Value, json};
 
 /// Largest size of the coordinates in a page, bytes of base64.
 const LIMIT: usize = 24_000_000;
-/// Steps of a standard deviation in a centimetre; the largest that is told is 65 cm.
+/// Steps of a standard deviation in a centimeter; the largest that is told is 65 cm.
 const SD_STEPS: f64 = 1e3;
 
 /// The smallest step through the frames that keeps the coordinates within [`LIMIT`].
@@ -59,7 +60,8 @@ pub fn embedded(
     })
 }
 
-/// Name, first embedded frame, its time and the embedded frames a second of every run that has an embedded frame.
+/// Name, first embedded frame, its time and the embedded frames a second of every run that has an
+/// embedded frame.
 fn runs(scene: &Scene<'_>, kept: usize, every: usize) -> Vec<Value> {
     let first = |i: usize| scene.runs[i].first.div_ceil(every);
     (0..scene.runs.len())
@@ -114,7 +116,8 @@ fn embedded_figure(
     })
 }
 
-/// Run lengths of how each point was filled: 0 where it was not, else 1 more than the place in [`FillMethod::ALL`].
+/// Run lengths of how each point was filled: 0 where it was not, else 1 more than the place in
+/// [`FillMethod::ALL`].
 fn methods(method: ArrayView2<'_, Option<FillMethod>>, kept: &[usize]) -> Vec<Vec<usize>> {
     let place = |method| FillMethod::ALL.iter().position(|m| *m == method);
     let code = |method: Option<FillMethod>| method.and_then(place).map_or(0, |at| at + 1);
@@ -148,7 +151,7 @@ fn run_lengths(codes: impl Iterator<Item = usize>) -> Vec<usize> {
     runs.flat_map(|run| [run[0], run.len()]).collect()
 }
 
-/// A thousandth of a centimetre, degree or second is enough for a picture.
+/// A thousandth of a centimeter, degree or second is enough for a picture.
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

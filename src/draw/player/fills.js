@@ -3,7 +3,7 @@
 
 const METHODS = ["", "regression", "pchip", "model"];
 const INFERRED = 2;
-/** Steps of a standard deviation in a centimetre. */
+/** Steps of a standard deviation in a centimeter. */
 const SD_STEPS = 1000;
 
 /** The methods and the standard deviations (cm; 0: none is stated) of every point in every frame; null where none are known. */

@@ -41,8 +41,8 @@ pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
     format!("{PAPER}\nfunction player(root, scene) {{{player}}}\n{start}")
 });
 
-/// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene. It has one frame of every
-/// `every`; `None`: as many as 24 MB of coordinates allow.
+/// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene. It has
+/// one frame of every `every`; `None`: as many as 24 MB of coordinates allow.
 ///
 /// # Errors
 /// [`Error::Usage`] if [`Scene::check`] fails, or `every` is 0.
@@ -62,8 +62,8 @@ pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
     }))
 }
 
-/// What a page with one player is made of. The player and the remarks are HTML, as are the entries of its own in the list
-/// of keys and links; the first three are text.
+/// What a page with one player is made of. The player and the remarks are HTML, as are the entries
+/// of its own in the list of keys and links; the first three are text.
 struct Page<'a> {
     title: &'a str,
     note: Option<&'a str>,
@@ -110,8 +110,8 @@ fn whole_page(page: &Page<'_>) -> String {
     )
 }
 
-/// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
-/// is drawn as SVG, without the controls.
+/// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end,
+/// [`SCRIPT`]. A scene of one frame is drawn as SVG, without the controls.
 ///
 /// # Errors
 /// As [`page`].
@@ -200,7 +200,8 @@ mod tests {
         })
     }
 
-    /// The JSON between the page's own script tags, found as a browser would: up to the first `</script`.
+    /// The JSON between the page's own script tags, found as a browser would: up to the first
+    /// `</script`.
     fn data(page: &str) -> Value {
         let (_, after) = page
             .split_once("<script type=\"application/json\">")

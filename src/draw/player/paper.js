@@ -24,7 +24,7 @@ function canvasPaper(canvas) {
   return ctx;
 }
 
-/** The strokes of a canvas as the paths of an SVG: sharp at any size, and in print. Colours are the page's own. */
+/** The strokes of a canvas as the paths of an SVG: sharp at any size, and in print. Colors are the page's own. */
 function svgPaper(node) {
   let parts = [], d = "", dashes = "";
   const at = (x, y) => x.toFixed(1) + " " + y.toFixed(1);

@@ -1,4 +1,5 @@
-//! The parts of the scripts of pages with figures. A page names the parts that it uses; what these use comes with them.
+//! The parts of the scripts of pages with figures. A page names the parts that it uses; what these
+//! use comes with them.
 
 /// A part: the body of a function that has a `scene`, or some of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

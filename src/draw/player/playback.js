@@ -126,7 +126,7 @@ function panelLists() {
   return state.overlay ? [all] : all.map(f => [f]);
 }
 
-/** Makes the panels, and lets the buttons, the keys and the address act; `redraw` when sizes or colours have changed. */
+/** Makes the panels, and lets the buttons, the keys and the address act; `redraw` when sizes or colors have changed. */
 function startPlayback(redraw) {
   part("stage").hidden = false;
   part("scrub").max = frames - 1;

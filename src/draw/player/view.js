@@ -69,7 +69,7 @@ const path = journey(figures.length ? spread : () => null);
 function readInk() { readColors(["middle", "left", "right", "behind", "pale", "f5"].concat(STATUS.slice(1))); }
 
 const LIMB = { l: "left", r: "right", m: "middle" };
-/** A limb's colour: its side, or (overlaid) its figure, paler on the right; what stands behind has one of its own. */
+/** A limb's color: its side, or (overlaid) its figure, paler on the right; what stands behind has one of its own. */
 function limbColor(figure, side, overlaid, behind) {
   if (behind) return ink.behind;
   if (!overlaid) return ink[LIMB[side]];

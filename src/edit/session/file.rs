@@ -9,7 +9,8 @@ use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// The largest file of a session, bytes: keys that would not fit are refused, so that what was saved opens again.
+/// The largest file of a session, bytes: keys that would not fit are refused, so that what was
+/// saved opens again.
 pub const LARGEST_SESSION: usize = 64 << 20;
 /// The most that a number takes in it, bytes, with its comma.
 const LARGEST_NUMBER: usize = 26;
@@ -87,7 +88,8 @@ impl Session {
     /// The most keys that its file has room for.
     fn most_keys(&self) -> usize {
         let (joints, values) = (self.rig().joints(), self.rig().skeleton.dof_count());
-        // Position, deviation, miss and pin of each joint, the placement and the time; a pin has brackets.
+        // Position, deviation, miss and pin of each joint, the placement and the time; a pin has
+        // brackets.
         let numbers = values + 8 * joints + 16;
         let pose = LARGEST_NUMBER * numbers + 4 * joints + 200;
         let names: usize = self.rig().names.iter().map(|name| 6 * name.len() + 3).sum();
@@ -105,10 +107,12 @@ impl Session {
         }
     }
 
-    /// Goes to the state of a file, as a step. Poses of another skeleton with the same joints are fitted with this one.
+    /// Goes to the state of a file, as a step. Poses of another skeleton with the same joints are
+    /// fitted with this one.
     ///
     /// # Errors
-    /// [`Error::Usage`]: no session, of other joints, or with numbers that cannot be. Nothing changes then.
+    /// [`Error::Usage`]: no session, of other joints, or with numbers that cannot be. Nothing
+    /// changes then.
     pub fn open_json(&mut self, json: &[u8]) -> Result<()> {
         let file: SessionFile = serde_json::from_slice(json).map_err(|e| {
             Error::usage(format!(

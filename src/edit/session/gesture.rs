@@ -19,13 +19,15 @@ pub struct Gesture {
 }
 
 impl Gesture {
-    /// Whether the same joints are dragged and pinned. Another `rest` goes on only without a drag: a slider moved to and fro.
+    /// Whether the same joints are dragged and pinned. Another `rest` goes on only without a drag:
+    /// a slider moved to and fro.
     fn goes_on_with(&self, dragged: &[usize], pinned: &[usize], is_same_rest: bool) -> bool {
         let is_same = self.dragged == dragged && self.pinned == pinned;
         is_same && (is_same_rest || dragged.is_empty()) && self.photograph.is_none()
     }
 
-    /// Its name as a step, at whose end the other joints may go as far as `rest`, cm; `names` are those of the joints.
+    /// Its name as a step, at whose end the other joints may go as far as `rest`, cm; `names` are
+    /// those of the joints.
     fn step(&self, names: &[String], rest: f64) -> String {
         let dragged: Vec<&str> = self.dragged.iter().map(|&k| names[k].as_str()).collect();
         match dragged[..] {
@@ -47,11 +49,13 @@ impl Session {
         self.solve(&drags, &self.pins(), self.now.rest)
     }
 
-    /// Finds the pose with these joints dragged, these pinned, and the others held to where they were when the gesture began to
-    /// within `rest`, cm. The gesture goes on while the same joints are dragged and pinned; other joints begin the next.
+    /// Finds the pose with these joints dragged, these pinned, and the others held to where they
+    /// were when the gesture began to within `rest`, cm. The gesture goes on while the same
+    /// joints are dragged and pinned; other joints begin the next.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage): there is no such joint, or a number is not finite or out of range. Nothing changes then.
+    /// [`Error::Usage`](crate::Error::Usage): there is no such joint, or a number is not finite or
+    /// out of range. Nothing changes then.
     pub fn solve(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Result<&Pose> {
         self.check(drags, pins, rest)?;
         let dragged: Vec<usize> = drags.keys().copied().collect();
@@ -130,7 +134,8 @@ impl Session {
         }
     }
 
-    /// Poses the figure by the marks of a photograph, without pins; released, it is one step, whatever was marked on the way.
+    /// Poses the figure by the marks of a photograph, without pins; released, it is one step,
+    /// whatever was marked on the way.
     ///
     /// # Errors
     /// As [`fit_photograph`].

@@ -10,7 +10,8 @@ impl Session {
     /// Makes the pose and its pins a key at `time`, seconds.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage): the time is negative or too large, or there are too many keys.
+    /// [`Error::Usage`](crate::Error::Usage): the time is negative or too large, or there are too
+    /// many keys.
     pub fn set_key(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
         self.check_key_count(self.now.keys.len() + 1)?;
@@ -79,7 +80,8 @@ impl Session {
         in_betweens(&self.solver, keys, keys.rate(), self.now.floor)
     }
 
-    /// The present pose as a motion of one frame; joints that are pinned have no standard deviation.
+    /// The present pose as a motion of one frame; joints that are pinned have no standard
+    /// deviation.
     pub fn still(&self, rate: f64) -> Motion {
         Motion::of_one(&self.now.pose, &self.now.pins, rate)
     }

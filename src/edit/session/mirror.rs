@@ -9,8 +9,8 @@ impl Session {
         self.take_mirrored(&mirrored, &|_| true, "the mirroring");
     }
 
-    /// Copies one side of the body, the joints whose names (or those of their points) begin with `from`, onto the other; joints
-    /// between the sides move onto the plane between them.
+    /// Copies one side of the body, the joints whose names (or those of their points) begin with
+    /// `from`, onto the other; joints between the sides move onto the plane between them.
     pub fn copy_side(&mut self, from: &str) {
         let (rig, xyz) = (&self.solver.rig, &self.now.pose.xyz);
         let points = &self.solver.prior.names;

@@ -87,7 +87,8 @@ impl Session {
     /// A session with the model's own body, for models with CMU's names.
     ///
     /// # Errors
-    /// [`Error::Data`](crate::Error::Data) if the model cannot be opened, [`Error::Usage`](crate::Error::Usage) if no skeleton is known for its points.
+    /// [`Error::Data`](crate::Error::Data) if the model cannot be opened,
+    /// [`Error::Usage`](crate::Error::Usage) if no skeleton is known for its points.
     pub fn of_model(model: &Model) -> Result<Session> {
         let opened = OpenedModel::open(model, "the model")?;
         let skeleton = estimate_skeleton(&opened.typical_poses())?;
@@ -284,7 +285,8 @@ mod tests {
         let model = Model::builtin().unwrap();
         let rig = Rig::new(asf.skeleton, &model.meta.points).unwrap();
         let mut session = Session::new(&model, "the model", rig).unwrap();
-        // Some of its joints the model does not know: a release without a move is no step all the same.
+        // Some of its joints the model does not know: a release without a move is no step all the
+        // same.
         let wrist = session.joint("lwrist").unwrap();
         session.release();
         session.set_rest(REST).unwrap();

@@ -12,8 +12,8 @@ impl Session {
         &self.rows
     }
 
-    /// Sets the rows of a table that can be edited, and takes the first that places a pose, where it is; the floor is off, as nothing
-    /// is known of it.
+    /// Sets the rows of a table that can be edited, and takes the first that places a pose, where
+    /// it is; the floor is off, as nothing is known of it.
     ///
     /// # Errors
     /// [`Error::Usage`]: other than three columns a joint, or no row places a pose.
@@ -48,7 +48,8 @@ impl Session {
     }
 }
 
-/// Rows of a table as poses of a rig (frames, 3 K): the columns of the joints' names; NaN where the table has none.
+/// Rows of a table as poses of a rig (frames, 3 K): the columns of the joints' names; NaN where the
+/// table has none.
 pub fn rows_of_table(rig: &Rig, poses: &Poses) -> Array2<f64> {
     let columns: Vec<Option<usize>> = (rig.names.iter())
         .map(|name| poses.points.iter().position(|p| p == name))

@@ -1,4 +1,5 @@
-//! The poses that models are trained and tested on: complete frames in body space, by take and subject.
+//! The poses that models are trained and tested on: complete frames in body space, by take and
+//! subject.
 
 use crate::pose::{Poses, Space};
 use crate::prior::{
@@ -44,12 +45,13 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Joins tables, each with its name. A table without takes is one take with the table's name. The subject of a take is given by `subjects`,
-    /// else by the part of its name before the first `_`.
+    /// Joins tables, each with its name. A table without takes is one take with the table's name.
+    /// The subject of a take is given by `subjects`, else by the part of its name before the
+    /// first `_`.
     ///
     /// # Errors
-    /// [`Error::Data`] for tables with different points, a take in two tables, poses that are not in body space, or no
-    /// complete frame; [`Error::Usage`] without a table.
+    /// [`Error::Data`] for tables with different points, a take in two tables, poses that are not
+    /// in body space, or no complete frame; [`Error::Usage`] without a table.
     pub fn new(tables: &[(String, Poses)], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
         let points = match tables.first() {
             Some((_, first)) => first.points.clone(),
@@ -116,7 +118,8 @@ impl Dataset {
             if let Some(root) = root
                 && (0..3).any(|a| frame[3 * root + a].abs() > MAX_ROOT_OFFSET)
             {
-                let what = "has a root away from the origin; evaluate needs body space, which amc2xyz makes with the option `space body`";
+                let what = "has a root away from the origin; evaluate needs body space, which \
+                            amc2xyz makes with the option `space body`";
                 let place = Place::file(table).part(format!("take {name}"));
                 return Err(Error::data(place, what));
             }

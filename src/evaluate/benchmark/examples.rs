@@ -1,7 +1,9 @@
-//! Example poses for the report's figures: two test poses and part of a test take, the same for all methods.
+//! Example poses for the report's figures: two test poses and part of a test take, the same for all
+//! methods.
 //!
-//! Examples belong to the first seed and the first split of the run that holds out whole takes; in a run of `frames` alone,
-//! half of the frames shown are training poses. Examples are drawn and enter no table.
+//! Examples belong to the first seed and the first split of the run that holds out whole takes; in
+//! a run of `frames` alone, half of the frames shown are training poses. Examples are drawn and
+//! enter no table.
 
 use super::dataset::Dataset;
 use super::splits::{Partition, Split};
@@ -80,7 +82,8 @@ impl ExamplePoses {
         whole.or(splits.first()).copied()
     }
 
-    /// Chooses two test poses at random, from different takes if there are two, and the middle of the longest test take.
+    /// Chooses two test poses at random, from different takes if there are two, and the middle of
+    /// the longest test take.
     pub fn choose(data: &Dataset, partition: &Partition) -> ExamplePoses {
         let mut rows = partition.test.clone();
         let take_of = |row: &usize| &data.takes[data.take_of(*row)];

@@ -1,8 +1,9 @@
-//! Train/test leakage: takes that share poses, possibly mirrored, and takes that a pretrained model was trained from.
+//! Train/test leakage: takes that share poses, possibly mirrored, and takes that a pretrained model
+//! was trained from.
 //!
-//! Duplicates are found by digest and by pose distance: a share of one take's poses, or of their mirror images, occurs in
-//! the other. Poses are sorted by their projection on one random direction. Poses within a distance d have projections
-//! within d, so that few pairs are compared.
+//! Duplicates are found by digest and by pose distance: a share of one take's poses, or of their
+//! mirror images, occurs in the other. Poses are sorted by their projection on one random
+//! direction. Poses within a distance d have projections within d, so that few pairs are compared.
 
 use super::dataset::Dataset;
 use crate::numeric::parallel;
@@ -12,8 +13,8 @@ use rand::Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-/// Two poses are equal up to this RMS of a coordinate, cm. The bound allows for rounding; two takes of a person standing
-/// still differ by millimetres.
+/// Two poses are equal up to this RMS of a coordinate, cm. The bound allows for rounding; two takes
+/// of a person standing still differ by millimeters.
 const EQUAL_RMS: f64 = 0.02;
 /// A pose stored in a model equals one of the dataset up to this RMS, cm: both are rounded to f32.
 const STORED_RMS: f64 = 0.002;
@@ -141,7 +142,8 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// The indices of takes that the model was trained from: their digest is in the history or a pose is stored.
+    /// The indices of takes that the model was trained from: their digest is in the history or a
+    /// pose is stored.
     pub fn takes(&self, data: &Dataset) -> Vec<usize> {
         let mut known: Vec<usize> = (0..data.takes.len())
             .filter(|&k| self.digests.contains(&data.takes[k].digest))
@@ -218,8 +220,9 @@ struct Mirror {
 }
 
 impl Mirror {
-    /// The lateral axis is the one with the largest mean distance of left joints from their counterparts. `None` if no
-    /// point has a counterpart or the distance is below [`MIN_LATERAL`] on all axes.
+    /// The lateral axis is the one with the largest mean distance of left joints from their
+    /// counterparts. `None` if no point has a counterpart or the distance is below
+    /// [`MIN_LATERAL`] on all axes.
     fn of(data: &Dataset) -> Option<Mirror> {
         let names = &data.points;
         let from: Vec<usize> = (0..names.len())

@@ -19,7 +19,8 @@ use std::time::Instant;
 
 /// The suffix of a method's name that turns on outlier detection and rigid distances.
 pub const TREATED: &str = "+treated";
-/// Largest default number of atoms of a K-SVD dictionary. Fewer training poses have a quarter of their number.
+/// Largest default number of atoms of a K-SVD dictionary. Fewer training poses have a quarter of
+/// their number.
 const MAX_ATOMS: usize = 1000;
 /// Poses restored at a time; fixed, so that the number of threads changes nothing.
 const BATCH: usize = 100;
@@ -44,7 +45,8 @@ pub struct PretrainedModel {
 /// Where a model comes from.
 #[derive(Clone)]
 pub enum ModelSource {
-    /// Trained on the training part: a kind of `prior-train`, or `sparse`, a K-SVD dictionary of this many atoms.
+    /// Trained on the training part: a kind of `prior-train`, or `sparse`, a K-SVD dictionary of
+    /// this many atoms.
     Kind {
         /// The kind.
         kind: Kind,
@@ -78,8 +80,9 @@ impl Method {
         names
     }
 
-    /// Parses a name: `KIND`, `sparse`, `ksvd` (as published, with optimised OMP) or `ksvd-omp` (as published). The last
-    /// three may have `:n=ATOMS` and `:k=SPARSITY`; any name may end in `+treated`.
+    /// Parses a name: `KIND`, `sparse`, `ksvd` (as published, with optimized OMP) or `ksvd-omp` (as
+    /// published). The last three may have `:n=ATOMS` and `:k=SPARSITY`; any name may end in
+    /// `+treated`.
     ///
     /// # Errors
     /// [`Error::Usage`] for an unknown name.
@@ -116,7 +119,8 @@ impl Method {
                 Some(("k", Some(k))) if is_sparse && k <= 1000 => choice.sparsity = Some(k),
                 _ => {
                     return Err(Error::usage(format!(
-                        "the option `models {name}`: \"{part}\" is neither n=ATOMS nor k=SPARSITY (1 to 1000) of a sparse model"
+                        "the option `models {name}`: \"{part}\" is neither n=ATOMS nor k=SPARSITY \
+                         (1 to 1000) of a sparse model"
                     )));
                 }
             }
@@ -137,7 +141,8 @@ impl Method {
         }
     }
 
-    /// Checks that a pretrained model has the dataset's points and was not trained from any of its takes.
+    /// Checks that a pretrained model has the dataset's points and was not trained from any of its
+    /// takes.
     ///
     /// # Errors
     /// [`Error::Data`] that names the model and the take.
@@ -156,7 +161,8 @@ impl Method {
                 n => format!(" and {n} more of these takes"),
             };
             return fail(format!(
-                "was trained on take {}{more}; a model cannot be tested on its training data; leave these takes out",
+                "was trained on take {}{more}; a model cannot be tested on its training data; \
+                 leave these takes out",
                 dataset.takes[*first].name
             ));
         }
@@ -170,8 +176,8 @@ pub struct TrainedModel {
     pub priors: Vec<Arc<dyn Prior>>,
     /// Seconds that training took; `None` for a pretrained model.
     pub seconds: Option<f64>,
-    /// The tuning record. A tuned model assumes a noise of its own where the variance is unknown; any other must be given
-    /// one.
+    /// The tuning record. A tuned model assumes a noise of its own where the variance is unknown;
+    /// any other must be given one.
     tuning: Option<Value>,
 }
 
@@ -225,7 +231,8 @@ impl TrainedModel {
         })
     }
 
-    /// Restores with the opened model of a method; `rigid` are the rigid distances of a treated method.
+    /// Restores with the opened model of a method; `rigid` are the rigid distances of a treated
+    /// method.
     pub fn restorer<'r>(
         &self,
         prior: &'r dyn Prior,
@@ -253,7 +260,8 @@ impl TrainedModel {
 pub struct Restorer<'r> {
     prior: &'r dyn Prior,
     rigid: Option<&'r RigidModel>,
-    /// Whether the model needs a noise variance under sparse noise, because it was not tuned to one.
+    /// Whether the model needs a noise variance under sparse noise, because it was not tuned to
+    /// one.
     needs_variance: bool,
 }
 

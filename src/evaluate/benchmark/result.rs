@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Multiples of the stated standard deviation at which errors are counted, with the share of a Gaussian within.
+/// Multiples of the stated standard deviation at which errors are counted, with the share of a
+/// Gaussian within.
 pub const SD_LEVELS: [(f64, f64); 12] = [
     (0.25, 0.197_413),
     (0.5, 0.382_925),
@@ -27,7 +28,8 @@ pub const SD_LEVELS: [(f64, f64); 12] = [
 ];
 /// The indices of one and two standard deviations in [`SD_LEVELS`].
 pub const ONE_AND_TWO_SD: [usize; 2] = [3, 7];
-/// A coordinate with a smaller range in training, cm, is constant, like the root, and does not count for calibration.
+/// A coordinate with a smaller range in training, cm, is constant, like the root, and does not
+/// count for calibration.
 const MIN_RANGE: f64 = 1e-3;
 
 /// A case of a run: what is tested on what.
@@ -69,7 +71,8 @@ impl Case {
     }
 }
 
-/// The result of a case. Errors are means over all coordinates of all frames, exactly observed ones included.
+/// The result of a case. Errors are means over all coordinates of all frames, exactly observed ones
+/// included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkResult {
     /// The case.
@@ -85,8 +88,9 @@ pub struct BenchmarkResult {
     /// The tuning of the model for the task on held-back training poses: the choice and the curve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tuning: Option<Value>,
-    /// Restored example poses by [`ExampleKind::name`](super::examples::ExampleKind::name): (frames, 3 J) each, cm, to a tenth
-    /// of a millimetre. A kind is absent where an estimate was not finite. `None` for a case without examples.
+    /// Restored example poses by [`ExampleKind::name`](super::examples::ExampleKind::name):
+    /// (frames, 3 J) each, cm, to a tenth of a millimeter. A kind is absent where an estimate
+    /// was not finite. `None` for a case without examples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub examples: Option<BTreeMap<String, Vec<Vec<f64>>>>,
     /// Seconds a pose on one thread while other threads work. Not part of any compared output.
@@ -96,7 +100,8 @@ pub struct BenchmarkResult {
 }
 
 impl BenchmarkResult {
-    /// Whether the lists have the lengths for this number of joints. A result read from a file may not.
+    /// Whether the lists have the lengths for this number of joints. A result read from a file may
+    /// not.
     pub fn is_sound(&self, joints: usize) -> bool {
         let parts = [Some(&self.test), self.training.as_ref()];
         let frames: usize = self.test.units.iter().map(|u| u.frames).sum();
@@ -194,7 +199,8 @@ pub fn measure(
             }
             sum += error * error;
             out.by_joint[c / 3] += error * error;
-            // Exactly observed coordinates do not count for calibration; under sparse noise none is known to be exact.
+            // Exactly observed coordinates do not count for calibration; under sparse noise none is
+            // known to be exact.
             if (task == Task::Sparse || damaged.variance[[i, c]] > 0.0) && varying[c] {
                 out.coordinates += 1;
                 let off = error.abs() / variance.max(EXACT_VARIANCE).sqrt();

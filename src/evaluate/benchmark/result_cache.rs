@@ -1,4 +1,5 @@
-//! The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the next run goes on.
+//! The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the
+//! next run goes on.
 
 use super::BenchmarkResult;
 use super::runner::Results;
@@ -27,8 +28,8 @@ pub struct ResultCache {
 }
 
 impl ResultCache {
-    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete last line, left by a
-    /// killed run, is removed.
+    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete
+    /// last line, left by a killed run, is removed.
     ///
     /// # Errors
     /// A line that is not a result, with its number.

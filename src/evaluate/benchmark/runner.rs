@@ -60,12 +60,12 @@ pub struct Benchmark<'a> {
 }
 
 impl<'a> Benchmark<'a> {
-    /// Checks that the settings can be run on the dataset and that no pretrained model was trained from its takes.
-    /// Settings without splits are given all splits that the dataset allows.
+    /// Checks that the settings can be run on the dataset and that no pretrained model was trained
+    /// from its takes. Settings without splits are given all splits that the dataset allows.
     ///
     /// # Errors
-    /// [`Error::Usage`] as [`Settings::check`] and [`Partition::draw`], or if a point that completion observes does not
-    /// exist; [`Error::Data`] as [`Method::check_provenance`].
+    /// [`Error::Usage`] as [`Settings::check`] and [`Partition::draw`], or if a point that
+    /// completion observes does not exist; [`Error::Data`] as [`Method::check_provenance`].
     pub fn new(dataset: &'a Dataset, mut settings: Settings) -> Result<Benchmark<'a>> {
         settings.check()?;
         let duplicates = find_duplicates(dataset);
@@ -131,7 +131,8 @@ impl<'a> Benchmark<'a> {
         missing.cloned().collect()
     }
 
-    /// Runs all cases without a cached result. Returns the results of all, in the order of [`Benchmark::cases`].
+    /// Runs all cases without a cached result. Returns the results of all, in the order of
+    /// [`Benchmark::cases`].
     ///
     /// # Errors
     /// Errors of [`Benchmark::run_cases`].
@@ -154,11 +155,12 @@ impl<'a> Benchmark<'a> {
 
     /// Runs some cases, those without a cached result. Returns the cache with their results.
     ///
-    /// Each model is trained once for all tasks, models in parallel, splits and seeds one after another. The numbers do
-    /// not depend on the number of threads; run times do.
+    /// Each model is trained once for all tasks, models in parallel, splits and seeds one after
+    /// another. The numbers do not depend on the number of threads; run times do.
     ///
     /// # Errors
-    /// As training and the observer; [`Error::Data`] if a method returns a number that is not finite.
+    /// As training and the observer; [`Error::Data`] if a method returns a number that is not
+    /// finite.
     pub fn run_cases(
         &self,
         cases: &[Case],
@@ -192,7 +194,8 @@ impl<'a> Benchmark<'a> {
         Ok(results)
     }
 
-    /// Those of the cases of a split and seed that have no result, by method, and the methods by the model they share.
+    /// Those of the cases of a split and seed that have no result, by method, and the methods by
+    /// the model they share.
     fn pending(
         &self,
         cases: &[Case],
@@ -224,7 +227,8 @@ impl<'a> Benchmark<'a> {
         methods.find(|m| m.name == case.model)
     }
 
-    /// Whether a case has a result. One whose content does not fit its key does not count: files can be changed.
+    /// Whether a case has a result. One whose content does not fit its key does not count: files
+    /// can be changed.
     fn is_cached(&self, results: &Results, case: &Case) -> bool {
         let result = results.get(&self.key(case));
         result.is_some_and(|r| {
@@ -346,7 +350,8 @@ impl TrainingPart<'_, '_, '_> {
         })
     }
 
-    /// Damages poses, restores them and compares them with the truth. Returns also the seconds of restoring.
+    /// Damages poses, restores them and compares them with the truth. Returns also the seconds of
+    /// restoring.
     fn measure(
         &self,
         restorer: &Restorer<'_>,

@@ -24,7 +24,8 @@ pub struct Settings {
     pub seeds: u64,
     /// The first seed.
     pub first_seed: u64,
-    /// Largest number of test frames of a split, and of training frames for the training error; at least 1.
+    /// Largest number of test frames of a split, and of training frames for the training error; at
+    /// least 1.
     pub frames: usize,
     /// Standard deviations of the base noise on clean coordinates, cm, 0 to 10 asf.
     pub base: Vec<f64>,
@@ -106,7 +107,8 @@ impl Settings {
         self.first_seed..self.first_seed + self.seeds
     }
 
-    /// The tasks that are run with a base noise. Dense noise leaves no coordinate clean, so it runs with the first only.
+    /// The tasks that are run with a base noise. Dense noise leaves no coordinate clean, so it runs
+    /// with the first only.
     pub fn tasks_at(&self, base: f64) -> Vec<Task> {
         let first = self.base.first() == Some(&base);
         let tasks = self.tasks.iter().copied();

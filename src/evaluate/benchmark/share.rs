@@ -31,8 +31,9 @@ impl FromStr for Share {
 }
 
 impl Benchmark<'_> {
-    /// The cases of a share. Cases of one trained model stay together, and the trainings of each method are dealt out in
-    /// turn, so that shares take about equally long. A share is empty where there are more shares than trainings.
+    /// The cases of a share. Cases of one trained model stay together, and the trainings of each
+    /// method are dealt out in turn, so that shares take about equally long. A share is empty
+    /// where there are more shares than trainings.
     pub fn cases_of(&self, share: Share) -> Vec<Case> {
         let mut trainings = BTreeMap::new();
         for method in &self.settings.methods {
@@ -54,12 +55,12 @@ impl Benchmark<'_> {
         cases
     }
 
-    /// Joins the results of several runs, each with the name of its file, and counts the results of other takes or settings,
-    /// which are left out.
+    /// Joins the results of several runs, each with the name of its file, and counts the results of
+    /// other takes or settings, which are left out.
     ///
     /// # Errors
-    /// [`Error::Data`] with the file: all its results are of other takes or settings, or one differs from that of another
-    /// file.
+    /// [`Error::Data`] with the file: all its results are of other takes or settings, or one
+    /// differs from that of another file.
     pub fn merge(&self, runs: Vec<(String, Results)>) -> Result<(Results, usize)> {
         let (mut merged, mut foreign) = (Results::new(), 0);
         for (name, mut results) in runs {
@@ -67,14 +68,16 @@ impl Benchmark<'_> {
             results.retain(|key, result| self.is_own(key, result));
             foreign += all - results.len();
             if results.is_empty() && all > 0 {
-                let what = "has only results of other takes, other settings or another version; give the tables and flags of its run";
+                let what = "has only results of other takes, other settings or another version; \
+                            give the tables and flags of its run";
                 return Err(Error::data(Place::file(name), what));
             }
             for (key, result) in results {
                 let first = merged.get(&key);
                 if first.is_some_and(|first: &BenchmarkResult| first.test != result.test) {
                     let what = format!(
-                        "the result of {} has other numbers than in another folder; was it run by another build or processor?",
+                        "the result of {} has other numbers than in another folder; was it run by \
+                         another build or processor?",
                         result.case.describe()
                     );
                     return Err(Error::data(Place::file(name), what));

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// A random half of the frames, as in the paper. A test frame has its neighbours in time in the training half.
+    /// A random half of the frames, as in the paper. A test frame has its neighbors in time in the
+    /// training half.
     Frames,
     /// Whole takes held out: of each subject a third, at least two.
     Takes,
@@ -63,8 +64,8 @@ impl Split {
     }
 }
 
-/// Training rows and test rows of a split: no row is on both sides; under `takes` and `subjects` also no take and no duplicate
-/// of a take, under `subjects` also no subject.
+/// Training rows and test rows of a split: no row is on both sides; under `takes` and `subjects`
+/// also no take and no duplicate of a take, under `subjects` also no subject.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
     /// The split.
@@ -193,8 +194,8 @@ fn held_takes(data: &Dataset, groups: &[usize], seed: u64) -> Vec<usize> {
     held
 }
 
-/// The groups held out under `subjects`. All seeds share one random order, and each seed starts where the previous one
-/// ended, so that consecutive seeds hold out every subject once.
+/// The groups held out under `subjects`. All seeds share one random order, and each seed starts
+/// where the previous one ended, so that consecutive seeds hold out every subject once.
 fn held_subjects(groups: &[usize], seed: u64) -> Vec<usize> {
     let mut all = distinct(groups);
     all.shuffle(&mut parallel::rng(0, 2));
@@ -263,8 +264,8 @@ mod tests {
         let mut held = Vec::new();
         for seed in 0..8 {
             let part = Partition::draw(&data, &[], Split::Takes, seed).unwrap();
-            let [learnt, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
-            assert!(learnt.iter().zip(&tested).all(|(l, t)| l != t));
+            let [learned, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
+            assert!(learned.iter().zip(&tested).all(|(l, t)| l != t));
             let count = |subject: &str| {
                 let both = data.takes.iter().zip(&tested);
                 both.filter(|(t, s)| t.subject == subject && **s).count()
@@ -277,8 +278,8 @@ mod tests {
                     .filter_map(|(t, s)| s.then_some(&*t.subject))
                     .collect()
             };
-            let (learnt, tested) = (subjects(&part.train), subjects(&part.test));
-            assert!(learnt.is_disjoint(&tested) && tested.len() == 1);
+            let (learned, tested) = (subjects(&part.train), subjects(&part.test));
+            assert!(learned.is_disjoint(&tested) && tested.len() == 1);
             held.extend(tested.into_iter().filter(|_| seed < 4));
         }
         // Consecutive seeds hold out every subject once.
@@ -299,8 +300,8 @@ mod tests {
         let twins = [twin(0, 8), twin(8, 12)];
         for (seed, split) in (0..10).flat_map(|s| [(s, Split::Takes), (s, Split::Subjects)]) {
             let part = Partition::draw(&data, &twins, split, seed).unwrap();
-            let [learnt, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
-            assert!(learnt.iter().zip(&tested).all(|(l, t)| l != t));
+            let [learned, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
+            assert!(learned.iter().zip(&tested).all(|(l, t)| l != t));
             assert!(tested[0] == tested[8] && tested[8] == tested[12]);
         }
     }

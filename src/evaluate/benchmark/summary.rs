@@ -1,9 +1,10 @@
 //! Means over the seeds with bootstrap intervals.
 //!
-//! Intervals are percentiles (2.5% to 97.5%) of a bootstrap over takes, or over frames under the split `frames`. Units are
-//! drawn with replacement from all that any seed has tested, with the same draws for all seeds, tasks and models. A take
-//! tested by several seeds is therefore one unit, and models are compared on equal draws. Consecutive frames are alike, so
-//! intervals under `frames` are too narrow.
+//! Intervals are percentiles (2.5% to 97.5%) of a bootstrap over takes, or over frames under the
+//! split `frames`. Units are drawn with replacement from all that any seed has tested, with the
+//! same draws for all seeds, tasks and models. A take tested by several seeds is therefore one
+//! unit, and models are compared on equal draws. Consecutive frames are alike, so intervals under
+//! `frames` are too narrow.
 
 use super::result::{BenchmarkResult, Case, Measurement, ResampledUnit};
 use super::splits::Split;
@@ -282,7 +283,8 @@ pub(in crate::evaluate) mod tests {
             (rows[0].seeds.len(), rows[0].frames, rows[0].units),
             (3, 180, 180)
         );
-        // All models' units have the same errors but for a factor: on the same draws the ratio does not vary.
+        // All models' units have the same errors but for a factor: on the same draws the ratio does
+        // not vary.
         let (ratio, interval) = rows[1].to_best_other.unwrap();
         assert!((ratio - 0.8).abs() <= 1e-9 && (interval[1] - interval[0]).abs() <= 1e-9);
         assert!((rows[0].training_mse.unwrap() - rows[0].mse / 2.0).abs() <= 1e-12);

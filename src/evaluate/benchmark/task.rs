@@ -1,4 +1,5 @@
-//! The paper's three tasks (section 4): the damage to a clean pose, and the noise variance that a method is given.
+//! The paper's three tasks (section 4): the damage to a clean pose, and the noise variance that a
+//! method is given.
 
 use super::dataset::Dataset;
 use super::splits::Split;
@@ -19,8 +20,9 @@ pub const SPARSE_SHARE: f64 = 0.2;
 pub enum Task {
     /// Noise N(0, 1 asf) on every coordinate; the method is given its variance.
     Dense,
-    /// Noise N(0, 1 asf) on the coordinates of each joint with probability 0.2. The method is not told which joints: a
-    /// plain method is given variance 0 and assumes a noise of its own, one with outlier detection finds the joints.
+    /// Noise N(0, 1 asf) on the coordinates of each joint with probability 0.2. The method is not
+    /// told which joints: a plain method is given variance 0 and assumes a noise of its own,
+    /// one with outlier detection finds the joints.
     Sparse,
     /// Only the observed joints (the paper's six by default) are given, without noise.
     Complete,
@@ -53,7 +55,8 @@ impl Task {
     }
 }
 
-/// The mean noise variance of a coordinate in [`Task::Sparse`], cm². Added for a method that assumes no noise of its own.
+/// The mean noise variance of a coordinate in [`Task::Sparse`], cm². Added for a method that
+/// assumes no noise of its own.
 pub const SPARSE_MEAN_VARIANCE: f64 = SPARSE_SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
 
 /// Parameters of the damage to a set of poses.
@@ -63,9 +66,11 @@ pub struct PoseDamage<'a> {
     pub task: Task,
     /// The points that [`Task::Complete`] keeps.
     pub observe: &'a [String],
-    /// Standard deviation of the base noise on coordinates that the task leaves clean, cm; 0 is none.
+    /// Standard deviation of the base noise on coordinates that the task leaves clean, cm; 0 is
+    /// none.
     pub base: f64,
-    /// The seed. Noise depends on seed, split, task and the row of the pose, not on the other rows.
+    /// The seed. Noise depends on seed, split, task and the row of the pose, not on the other
+    /// rows.
     pub seed: u64,
     /// The split.
     pub split: Split,

@@ -1,14 +1,16 @@
-//! Rules that label pairs of poses in the place of people. Every report names the rule that it used.
+//! Rules that label pairs of poses in the place of people. Every report names the rule that it
+//! used.
 
 use super::takes::TakeSet;
 use crate::metric::blend::Blend;
 use crate::metric::blend_test::BlendQuality;
-use crate::metric::{FrameRef, LabelledPair};
+use crate::metric::{FrameRef, LabeledPair};
 use crate::numeric::parallel;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// The mean distance of joints, (35), up to which poses of different actions are hard to tell apart, body heights: 15 cm.
+/// The mean distance of joints, (35), up to which poses of different actions are hard to tell
+/// apart, body heights: 15 cm.
 const NEAR: f64 = 0.09;
 /// Draws for one pair, at most.
 const TRIES: usize = 2000;
@@ -18,13 +20,15 @@ const FADE: f64 = 0.3;
 /// A rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelRule {
-    /// Alike: one action by two people, at the same share of its time. Not alike: different actions.
+    /// Alike: one action by two people, at the same share of its time. Not alike: different
+    /// actions.
     Class,
-    /// Alike: one action in two takes at the same share of its time. Not alike: near poses of different actions, or of one
-    /// action while it moves the other way.
+    /// Alike: one action in two takes at the same share of its time. Not alike: near poses of
+    /// different actions, or of one action while it moves the other way.
     Phase,
-    /// Alike: going over from one clip to the other there keeps bone lengths, planted feet and accelerations within the clips' own
-    /// ranges. Not alike: it does not, though the poses are near.
+    /// Alike: going over from one clip to the other there keeps bone lengths, planted feet and
+    /// accelerations within the clips' own ranges. Not alike: it does not, though the poses are
+    /// near.
     Blend,
 }
 
@@ -45,18 +49,22 @@ impl LabelRule {
     pub fn describe(self) -> &'static str {
         match self {
             LabelRule::Class => {
-                "alike: one action by two people at the same share of its time; not alike: different actions"
+                "alike: one action by two people at the same share of its time; not alike: \
+                 different actions"
             }
             LabelRule::Phase => {
-                "alike: one action in two takes at the same share of its time; not alike: near poses of different actions, or of one action moving the other way"
+                "alike: one action in two takes at the same share of its time; not alike: near \
+                 poses of different actions, or of one action moving the other way"
             }
             LabelRule::Blend => {
-                "alike: a cross-fade of .3 s there keeps bone lengths, planted feet and accelerations within the clips' own ranges; not alike: near poses where it does not"
+                "alike: a cross-fade of .3 s there keeps bone lengths, planted feet and \
+                 accelerations within the clips' own ranges; not alike: near poses where it does \
+                 not"
             }
         }
     }
 
-    /// Seconds about a labelled frame for which the label holds.
+    /// Seconds about a labeled frame for which the label holds.
     pub fn reach(self) -> f64 {
         match self {
             LabelRule::Class => 1.0,
@@ -66,18 +74,18 @@ impl LabelRule {
     }
 
     /// Up to `count` pairs of each label among different takes, and the same number of both.
-    pub fn label(self, set: &TakeSet, count: usize, seed: u64) -> Vec<LabelledPair> {
+    pub fn label(self, set: &TakeSet, count: usize, seed: u64) -> Vec<LabeledPair> {
         let mut rng = parallel::rng(seed, self as u64);
-        let mut labelled: [Vec<LabelledPair>; 2] = Default::default();
+        let mut labeled: [Vec<LabeledPair>; 2] = Default::default();
         for is_alike in [true, false] {
             for _ in 0..count {
                 if let Some(ends) = self.draw(set, is_alike, &mut rng) {
-                    labelled[usize::from(is_alike)].push(LabelledPair { ends, is_alike });
+                    labeled[usize::from(is_alike)].push(LabeledPair { ends, is_alike });
                 }
             }
         }
-        let each = labelled[0].len().min(labelled[1].len());
-        labelled.iter().flat_map(|l| &l[..each]).copied().collect()
+        let each = labeled[0].len().min(labeled[1].len());
+        labeled.iter().flat_map(|l| &l[..each]).copied().collect()
     }
 
     fn draw(self, set: &TakeSet, is_alike: bool, rng: &mut ChaCha8Rng) -> Option<[FrameRef; 2]> {
@@ -151,7 +159,8 @@ fn moves_the_other_way(set: &TakeSet, ends: [FrameRef; 2]) -> bool {
     a.iter().zip(&b).map(|(a, b)| a.dot(*b)).sum::<f64>() < 0.0
 }
 
-/// Whether a cross-fade there stays within the clips' own ranges; `None` where there is no room for one.
+/// Whether a cross-fade there stays within the clips' own ranges; `None` where there is no room for
+/// one.
 fn blends_well(set: &TakeSet, [a, b]: [FrameRef; 2]) -> Option<bool> {
     let clips = [&set.clips[a.take], &set.clips[b.take]];
     if clips[0].rate != clips[1].rate {

@@ -3,8 +3,7 @@
 use crate::Result;
 use crate::metric::train::Learner;
 use crate::metric::{
-    Baseline, BodyFramePoses, JointMap, LabelledPair, PoseFeatures, PoseMetric, TrainSettings,
-    train,
+    Baseline, BodyFramePoses, JointMap, LabeledPair, PoseFeatures, PoseMetric, TrainSettings, train,
 };
 
 /// Frames of one window, seconds.
@@ -31,12 +30,12 @@ impl Method {
     /// Learns the distance; also the seconds of its steps.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: labels that it needs are missing, or nothing can be learnt.
+    /// [`crate::Error::Unfit`]: labels that it needs are missing, or nothing can be learned.
     pub fn fit(
         &self,
         map: &JointMap,
         takes: &[BodyFramePoses],
-        pairs: &[LabelledPair],
+        pairs: &[LabeledPair],
     ) -> Result<(PoseMetric, StepSeconds)> {
         match &self.kind {
             Kind::Baseline(baseline) => Ok((baseline.metric(map, takes, pairs)?, Vec::new())),
@@ -80,7 +79,8 @@ impl Methods {
         Method::trained("gpd+rdsr", self.default.clone())
     }
 
-    /// Published distances, coordinates at the default's window, and the default (the paper's figure 5).
+    /// Published distances, coordinates at the default's window, and the default (the paper's
+    /// figure 5).
     pub fn distances(&self) -> Vec<Method> {
         let baselines = Baseline::ALL.into_iter().map(|b| Method {
             name: b.name().into(),
@@ -152,14 +152,14 @@ impl Methods {
         [5, 10, 20, 30, 50, 80, 120, 200].map(with).into()
     }
 
-    /// Numbers of unlabelled poses (figure 7).
-    pub fn unlabelled(&self) -> Vec<Method> {
-        let with = |unlabelled: usize| {
+    /// Numbers of unlabeled poses (figure 7).
+    pub fn unlabeled(&self) -> Vec<Method> {
+        let with = |unlabeled: usize| {
             let settings = TrainSettings {
-                unlabelled,
+                unlabeled,
                 ..self.default.clone()
             };
-            Method::trained(&format!("{unlabelled} poses"), settings)
+            Method::trained(&format!("{unlabeled} poses"), settings)
         };
         [0, 500, 1000, 2000, 5000, 10_000].map(with).into()
     }

@@ -1,8 +1,10 @@
-//! How often distances of poses are right, on people that they have not learnt from: the paper's figures 4 to 8 and its Table 2.
+//! How often distances of poses are right, on people that they have not learned from: the paper's
+//! figures 4 to 8 and its Table 2.
 //!
-//! Takes have classes (what is done) and subjects. Distances learn from the takes of some subjects and are tested on the others.
-//! Labels come from rules in the place of people ([`LabelRule`]). With the rule `class` poses are retrieved across people, and a
-//! pose found is right when it is of the query's class; with the others, pairs are decided by the best threshold.
+//! Takes have classes (what is done) and subjects. Distances learn from the takes of some subjects
+//! and are tested on the others. Labels come from rules in the place of people ([`LabelRule`]).
+//! With the rule `class` poses are retrieved across people, and a pose found is right when it is of
+//! the query's class; with the others, pairs are decided by the best threshold.
 
 mod labels;
 mod methods;
@@ -19,7 +21,7 @@ pub use score::{Precision, SCOPES};
 pub use takes::{ClassifiedTake, TakeSet};
 
 use crate::Result;
-use crate::metric::{JointMap, LabelledPair, PoseMetric};
+use crate::metric::{JointMap, LabeledPair, PoseMetric};
 use methods::{Method, Methods};
 
 /// What is tested.
@@ -33,14 +35,16 @@ pub struct MetricSettings {
     pub pairs: usize,
     /// The seed of all draws.
     pub seed: u64,
-    /// Whether only the published distances are compared, not ranks, numbers of poses, and learners.
+    /// Whether only the published distances are compared, not ranks, numbers of poses, and
+    /// learners.
     pub is_short: bool,
 }
 
 /// Poses found by two distances, drawn.
 const PICTURED: [&str; 2] = ["wjod", "gpd+rdsr"];
 
-/// Tests distances of poses. `progress` is called with what is being done, and how much of the whole is done, 0 to 1.
+/// Tests distances of poses. `progress` is called with what is being done, and how much of the
+/// whole is done, 0 to 1.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no subject is left to learn from or to test on, or no rule finds pairs.
@@ -50,21 +54,23 @@ pub fn test(
     settings: &MetricSettings,
     progress: &mut dyn FnMut(&str, f64),
 ) -> Result<MetricReport> {
-    let [learnt, tested] = set.split(&settings.tested);
-    if learnt.takes.is_empty() || tested.takes.is_empty() {
+    let [learned, tested] = set.split(&settings.tested);
+    if learned.takes.is_empty() || tested.takes.is_empty() {
         return Err(format!(
-            "has takes of {}; distances learn from some subjects and are tested on others (the option `test` names them)",
+            "has takes of {}; distances learn from some subjects and are tested on others (the \
+             option `test` names them)",
             set.subjects().join(", ")
-        ).into());
+        )
+        .into());
     }
     let mut report = MetricReport {
-        learnt: learnt.subjects(),
+        learned: learned.subjects(),
         tested: tested.subjects(),
-        takes: [learnt.takes.len(), tested.takes.len()],
+        takes: [learned.takes.len(), tested.takes.len()],
         ..MetricReport::default()
     };
     for (k, rule) in settings.rules.iter().enumerate() {
-        let mut trial = match Trial::new(*rule, [&learnt, &tested], map, settings) {
+        let mut trial = match Trial::new(*rule, [&learned, &tested], map, settings) {
             Ok(trial) => trial,
             Err(why) => {
                 report.left_out.push(why.to_string());
@@ -88,11 +94,11 @@ pub fn test(
 /// The tests of one rule.
 struct Trial<'a> {
     rule: LabelRule,
-    learnt: &'a TakeSet,
+    learned: &'a TakeSet,
     tested: &'a TakeSet,
     map: &'a JointMap,
     /// Pairs to learn from, and to test on.
-    pairs: [Vec<LabelledPair>; 2],
+    pairs: [Vec<LabeledPair>; 2],
     sheets: Vec<Sheet>,
     seconds: StepSeconds,
     pictures: Option<String>,
@@ -101,11 +107,11 @@ struct Trial<'a> {
 impl<'a> Trial<'a> {
     fn new(
         rule: LabelRule,
-        [learnt, tested]: [&'a TakeSet; 2],
+        [learned, tested]: [&'a TakeSet; 2],
         map: &'a JointMap,
         settings: &MetricSettings,
     ) -> Result<Trial<'a>> {
-        let pairs = [(learnt, 1), (tested, 2)].map(|(set, stream)| {
+        let pairs = [(learned, 1), (tested, 2)].map(|(set, stream)| {
             rule.label(set, settings.pairs, settings.seed.wrapping_mul(8) + stream)
         });
         if pairs.iter().any(Vec::is_empty) {
@@ -118,7 +124,7 @@ impl<'a> Trial<'a> {
         }
         Ok(Trial {
             rule,
-            learnt,
+            learned,
             tested,
             map,
             pairs,
@@ -141,7 +147,7 @@ impl<'a> Trial<'a> {
                 methods.features_by_learners(),
             ));
             tables.push(("rank (figure 4)", methods.ranks()));
-            tables.push(("unlabelled poses (figure 7)", methods.unlabelled()));
+            tables.push(("unlabeled poses (figure 7)", methods.unlabeled()));
         }
         let all = tables.iter().map(|(_, m)| m.len()).sum::<usize>() as f64;
         let mut done = 0.0;
@@ -174,14 +180,14 @@ impl<'a> Trial<'a> {
             self.sheets.push(sheet);
             // Of the first table: a later one has the default again.
             if self.rule == LabelRule::Class && self.pictures.is_none() {
-                self.pictures = Some(pictures::draw(&pictured, self.learnt, self.tested));
+                self.pictures = Some(pictures::draw(&pictured, self.learned, self.tested));
             }
         }
         Ok(())
     }
 
     fn fit(&mut self, method: &Method) -> Result<PoseMetric> {
-        let (metric, seconds) = method.fit(self.map, &self.learnt.takes, &self.pairs[0])?;
+        let (metric, seconds) = method.fit(self.map, &self.learned.takes, &self.pairs[0])?;
         if method.name == "gpd+rdsr" && self.seconds.is_empty() {
             self.seconds = seconds;
         }
@@ -199,7 +205,7 @@ impl<'a> Trial<'a> {
         let none = || "nothing to judge".to_string();
         match self.rule {
             LabelRule::Class => {
-                let found = score::retrieval(metric, self.learnt, self.tested);
+                let found = score::retrieval(metric, self.learned, self.tested);
                 found.into_iter().map(|p| p.ok_or_else(none)).collect()
             }
             _ => vec![score::decisions(metric, self.tested, &self.pairs[1]).ok_or_else(none)],

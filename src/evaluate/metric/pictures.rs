@@ -10,7 +10,8 @@ use crate::metric::{FrameRef, PoseDatabase, PoseMetric};
 const QUERIES: usize = 4;
 const FOUND: usize = 8;
 
-/// For each distance, the poses of `searched` found for poses amid takes of `queries`, as SVG with headings.
+/// For each distance, the poses of `searched` found for poses amid takes of `queries`, as SVG with
+/// headings.
 pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &TakeSet) -> String {
     let step = (queries.takes.len() / QUERIES).max(1);
     let asked: Vec<FrameRef> = (0..queries.takes.len())

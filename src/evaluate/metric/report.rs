@@ -18,7 +18,7 @@ pub type Cell = Result<Precision, String>;
 pub struct Sheet {
     /// Its heading.
     pub title: String,
-    /// The rule that labelled the pairs.
+    /// The rule that labeled the pairs.
     pub rule: LabelRule,
     /// The columns.
     pub head: Vec<String>,
@@ -29,8 +29,8 @@ pub struct Sheet {
 /// The results of a test.
 #[derive(Debug, Clone, Default)]
 pub struct MetricReport {
-    /// Subjects that distances learnt from.
-    pub learnt: Vec<String>,
+    /// Subjects that distances learned from.
+    pub learned: Vec<String>,
     /// Subjects that they were tested on.
     pub tested: Vec<String>,
     /// Takes of both.
@@ -127,8 +127,9 @@ impl MetricReport {
             .map(|(step, s)| (step.to_string(), json!(s)))
             .collect();
         let value = json!({
-            "learnt": self.learnt, "tested": self.tested, "takes": self.takes,
-            "left_out": self.left_out, "tables": self.sheets.iter().map(sheet).collect::<Vec<_>>(), "seconds": seconds,
+            "learned": self.learned, "tested": self.tested, "takes": self.takes,
+            "left_out": self.left_out, "seconds": seconds,
+            "tables": self.sheets.iter().map(sheet).collect::<Vec<_>>(),
         });
         format!("{value:#}\n")
     }
@@ -164,7 +165,8 @@ impl MetricReport {
         let pictures: String = match self.pictures.is_empty() {
             true => String::new(),
             false => format!(
-                "<section><h2>Poses found</h2><p>The pose asked for, then the eight nearest poses of other people, nearest first; dashed: of another class.</p>{}</section>",
+                "<section><h2>Poses found</h2><p>The pose asked for, then the eight nearest poses \
+                 of other people, nearest first; dashed: of another class.</p>{}</section>",
                 self.pictures.concat()
             ),
         };
@@ -176,9 +178,11 @@ impl MetricReport {
             ),
         };
         let lead = format!(
-            "Learnt from {} takes of {}, tested on {} takes of {}. Labels come from rules in the place of people. Intervals: 95%, bootstrap over the tested takes; the highest precision of a column is marked.",
+            "Learned from {} takes of {}, tested on {} takes of {}. Labels come from rules in the \
+             place of people. Intervals: 95%, bootstrap over the tested takes; the highest \
+             precision of a column is marked.",
             self.takes[0],
-            escape(&self.learnt.join(", ")),
+            escape(&self.learned.join(", ")),
             self.takes[1],
             escape(&self.tested.join(", "))
         );

@@ -1,8 +1,8 @@
-//! How often a distance is right, on people that it has not learnt from.
+//! How often a distance is right, on people that it has not learned from.
 
 use super::takes::TakeSet;
 use crate::metric::pairs::best_threshold;
-use crate::metric::{BodyFramePoses, FrameRef, LabelledPair, PoseDatabase, PoseMetric};
+use crate::metric::{BodyFramePoses, FrameRef, LabeledPair, PoseDatabase, PoseMetric};
 use crate::numeric::parallel;
 use ndarray::Array2;
 use rand::Rng;
@@ -60,8 +60,8 @@ pub(super) fn step(take: &BodyFramePoses) -> usize {
     (take.rate.unwrap_or(RATE) / RATE).round().max(1.0) as usize
 }
 
-/// The share of the poses found in `searched`, takes of other people than those of `queries`, that are of the query's class, at each of [`SCOPES`]: each take counts
-/// once.
+/// The share of the poses found in `searched`, takes of other people than those of `queries`, that
+/// are of the query's class, at each of [`SCOPES`]: each take counts once.
 pub fn retrieval(
     metric: &PoseMetric,
     searched: &TakeSet,
@@ -90,8 +90,8 @@ pub fn retrieval(
 }
 
 /// The share of pairs that the best threshold decides right, (36) and (37).
-pub fn decisions(metric: &PoseMetric, set: &TakeSet, pairs: &[LabelledPair]) -> Option<Precision> {
-    let distance = |pair: &LabelledPair| {
+pub fn decisions(metric: &PoseMetric, set: &TakeSet, pairs: &[LabeledPair]) -> Option<Precision> {
+    let distance = |pair: &LabeledPair| {
         let [a, b] = pair
             .ends
             .map(|end| metric.embed_frames(&set.takes[end.take], &[end.frame]));

@@ -1,4 +1,5 @@
-//! Takes with classes and subjects, divided into those that metrics learn from and those that they are tested on.
+//! Takes with classes and subjects, divided into those that metrics learn from and those that they
+//! are tested on.
 
 use crate::metric::BodyFramePoses;
 use crate::metric::blend_test::ClipRange;

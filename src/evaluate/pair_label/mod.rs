@@ -1,7 +1,8 @@
 //! One self-contained HTML page on which a person labels pairs of poses as alike or not.
 //!
-//! Each pair is shown in motion: the two takes around the labelled frames, one over the other, and the cut from one to the
-//! other. The page carries the motion as JSON, keeps the answers in the browser, and saves them as CSV.
+//! Each pair is shown in motion: the two takes around the labeled frames, one over the other, and
+//! the cut from one to the other. The page carries the motion as JSON, keeps the answers in the
+//! browser, and saves them as CSV.
 
 mod motion;
 
@@ -27,14 +28,16 @@ static SCRIPT: LazyLock<String> = LazyLock::new(|| {
     let view = parts(&[Part::View]);
     let (show, label) = (include_str!("show.js"), include_str!("label.js"));
     format!(
-        "{PAPER}\nfunction view(scene) {{{view}return {{ camera, path, readInk, drawPanel }};\n}}\n{show}{label}"
+        "{PAPER}\n\
+        function view(scene) {{{view}return {{ camera, path, readInk, drawPanel }};\n\
+        }}\n{show}{label}"
     )
 });
 /// What stands for a missing coordinate.
 const MISSING: i16 = i16::MIN;
 
-/// The page that shows `pairs` of `takes`, each through `seconds` before and after its frames; bodies are `height` cm high
-/// from the ankles to the head. The same bytes for the same pairs.
+/// The page that shows `pairs` of `takes`, each through `seconds` before and after its frames;
+/// bodies are `height` cm high from the ankles to the head. The same bytes for the same pairs.
 pub fn page(
     title: &str,
     takes: &[Motion],

@@ -1,4 +1,5 @@
-//! The motion around a pair of poses: both takes in the body's frame of the labelled pose, and the cut from one to the other.
+//! The motion around a pair of poses: both takes in the body's frame of the labeled pose, and the
+//! cut from one to the other.
 
 use crate::Result;
 use crate::metric::joint_map::{JointMap, PARENTS, joint};
@@ -8,7 +9,7 @@ use ndarray::Array2;
 
 /// Poses a second that a page shows.
 pub const RATE: f64 = 60.0;
-/// Length of the cross-fade of a cut, seconds; its middle is the labelled instant.
+/// Length of the cross-fade of a cut, seconds; its middle is the labeled instant.
 pub const FADE: f64 = 0.3;
 /// The share of frames whose lowest joint is below the ground.
 const BELOW_GROUND: f64 = 0.01;
@@ -32,7 +33,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// The joints of a take at `rate` frames a second, whose bodies are `scale` times as high on the page.
+    /// The joints of a take at `rate` frames a second, whose bodies are `scale` times as high on
+    /// the page.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: the joints whose points are missing.
@@ -67,7 +69,8 @@ impl Motion {
         std::array::from_fn(|j| DVec3::from_array([0, 1, 2].map(|a| self.joints[[t, 3 * j + a]])))
     }
 
-    /// The pose at a time in frames, between two frames on the straight line; missing beyond the take.
+    /// The pose at a time in frames, between two frames on the straight line; missing beyond the
+    /// take.
     fn at(&self, time: f64) -> Frame {
         let last = self.joints.nrows() as f64 - 1.0;
         if !(-1e-6..=last + 1e-6).contains(&time) {
@@ -83,8 +86,8 @@ impl Motion {
         std::array::from_fn(|j| a[j].lerp(b[j], share))
     }
 
-    /// The poses around `frame`, as many before as after it, 60 a second. In that frame the hip is above the
-    /// origin and the body has no yaw.
+    /// The poses around `frame`, as many before as after it, 60 a second. In that frame the hip is
+    /// above the origin and the body has no yaw.
     pub fn around(&self, frame: usize, seconds: f64) -> Vec<Frame> {
         let middle = self.frame(frame);
         let turn = without_yaw(middle[joint::LHIP] - middle[joint::RHIP]);
@@ -112,7 +115,8 @@ fn without_yaw(across: DVec3) -> DMat3 {
     }
 }
 
-/// The cut from `a` to `b`: `a`, faded into `b` over [`FADE`] seconds, then `b`. Bones keep their lengths in the fade.
+/// The cut from `a` to `b`: `a`, faded into `b` over [`FADE`] seconds, then `b`. Bones keep their
+/// lengths in the fade.
 pub fn cut(a: &[Frame], b: &[Frame]) -> Vec<Frame> {
     let half = a.len() as f64 / 2.0;
     let pairs = a.iter().zip(b).enumerate();
@@ -124,7 +128,8 @@ pub fn cut(a: &[Frame], b: &[Frame]) -> Vec<Frame> {
     faded.collect()
 }
 
-/// The pose between two: the hip on the straight line, the bones from it outwards turned and lengthened in proportion.
+/// The pose between two: the hip on the straight line, the bones from it outwards turned and
+/// lengthened in proportion.
 fn blend(a: &Frame, b: &Frame, share: f64) -> Frame {
     match share {
         0.0 => return *a,
@@ -177,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn place_and_yaw_of_the_labelled_frame_are_removed() {
+    fn place_and_yaw_of_the_labeled_frame_are_removed() {
         let (a, b) = (walking(240, 120.0, 0.3), walking(120, 60.0, 2.0));
         // The same motion at two rates and two headings looks the same.
         let (a, b) = (a.around(100, 0.5), b.around(50, 0.5));

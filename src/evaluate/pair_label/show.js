@@ -15,7 +15,7 @@ function make(tag, className, text) {
   return node;
 }
 
-/** Centimetres of a figure, from integers in millimetres; the smallest one is a missing point. */
+/** Centimeters of a figure, from integers in millimeters; the smallest one is a missing point. */
 function decode(text) {
   const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0)), read = new DataView(bytes.buffer);
   return Float32Array.from({ length: bytes.length / 2 }, (_, i) => {

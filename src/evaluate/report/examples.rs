@@ -1,5 +1,6 @@
-//! Figures of restored poses: one pose under all models (the paper's figure 3), poses from two dimensions (figure 5), and
-//! a take completed frame by frame (figure 6). Each figure can be turned; the take plays.
+//! Figures of restored poses: one pose under all models (the paper's figure 3), poses from two
+//! dimensions (figure 5), and a take completed frame by frame (figure 6). Each figure can be
+//! turned; the take plays.
 
 use super::BenchmarkReport;
 use super::tables::short;
@@ -50,8 +51,8 @@ pub fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<Str
     }
     if kinds.contains(&ExampleKind::Planar) {
         out.push_str(
-            "<h3>From two dimensions to a pose</h3><p>The models are given x and y of each joint, as in a picture from the \
-             front, and no depth: the paper's figure 5.</p>",
+            "<h3>From two dimensions to a pose</h3><p>The models are given x and y of each joint, \
+             as in a picture from the front, and no depth: the paper's figure 5.</p>",
         );
         let restored = Restored::new(report, poses, ExampleKind::Planar)?;
         for (i, &row) in poses.pose_rows.iter().enumerate() {
@@ -63,8 +64,9 @@ pub fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<Str
         let frames = poses.take_rows.len();
         let _ = write!(
             out,
-            "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: the paper's figure 6. Each frame is \
-             completed by itself from {}. The take is the longest of the test takes.</p>",
+            "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: the \
+             paper's figure 6. Each frame is completed by itself from {}. The take is the longest \
+             of the test takes.</p>",
             frame_name(dataset, row),
             frames as f64 / poses.rate,
             escape(&settings.observe.join(", ")),
@@ -90,7 +92,8 @@ fn damage_text(kind: ExampleKind) -> &'static str {
     match kind {
         ExampleKind::Pose(Task::Dense) => "Noise of 1 asf on every coordinate. ",
         ExampleKind::Pose(Task::Sparse) => {
-            "Noise of 1 asf on a fifth of the joints (marked as changed; the models are not told which). "
+            "Noise of 1 asf on a fifth of the joints (marked as changed; the models are not told \
+             which). "
         }
         _ => "The models are given the observed joints alone, without noise. ",
     }
@@ -189,9 +192,9 @@ impl Restored {
         };
         let _ = write!(
             out,
-            "<figure class=\"poses\">{}<figcaption>{caption}The truth is drawn faintly behind each estimate; the number is the RMS \
-             error of a coordinate here. The model with the lowest error on all test poses comes first.{play} Drag to turn.\
-             </figcaption></figure>",
+            "<figure class=\"poses\">{}<figcaption>{caption}The truth is drawn faintly behind \
+             each estimate; the number is the RMS error of a coordinate here. The model with the \
+             lowest error on all test poses comes first.{play} Drag to turn.</figcaption></figure>",
             player::part(&scene)?
         );
         Ok(())

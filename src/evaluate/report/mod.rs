@@ -1,7 +1,7 @@
 //! Results of a benchmark as text, CSV, JSON, and one HTML page that needs no other file.
 //!
-//! The page carries the summary as JSON; its script draws the tables and charts. Equal results give equal bytes. Run
-//! times differ between runs and stand in a file of their own.
+//! The page carries the summary as JSON; its script draws the tables and charts. Equal results give
+//! equal bytes. Run times differ between runs and stand in a file of their own.
 
 mod examples;
 pub mod paper;
@@ -74,7 +74,8 @@ impl<'a> BenchmarkReport<'a> {
         Ok(fill(PAGE, &values))
     }
 
-    /// What the page's script draws: the size of the run, the summary, and the tuning curves of the first seed.
+    /// What the page's script draws: the size of the run, the summary, and the tuning curves of the
+    /// first seed.
     fn page_data(&self) -> serde_json::Value {
         let (data, settings) = (self.dataset(), &self.benchmark.settings);
         let tuning: Vec<serde_json::Value> = self
@@ -92,8 +93,10 @@ impl<'a> BenchmarkReport<'a> {
         let describe = |twin: &DuplicateTake| twin.describe(data).trim_end_matches(',').to_string();
         let duplicates = self.benchmark.duplicates.iter().map(describe);
         json!({
-            "takes": data.takes.len(), "subjects": data.subjects().len(), "frames": data.xyz.nrows(),
-            "seeds": settings.seeds, "test_frames": settings.frames, "duplicates": duplicates.collect::<Vec<_>>(),
+            "takes": data.takes.len(), "subjects": data.subjects().len(),
+            "frames": data.xyz.nrows(),
+            "seeds": settings.seeds, "test_frames": settings.frames,
+            "duplicates": duplicates.collect::<Vec<_>>(),
             "asf_cm": ASF_UNIT_CM, "points": data.points, "gaussian_within": SD_LEVELS,
             "summary": self.summary, "tuning": tuning,
         })
@@ -110,7 +113,8 @@ impl<'a> BenchmarkReport<'a> {
             Split::Takes | Split::Subjects => "The models were not trained on these takes.",
         };
         Ok(format!(
-            "<section id=\"examples\"><h2>Restored poses</h2><p>Split {}, seed {}. {trained}</p>{figures}</section>",
+            "<section id=\"examples\"><h2>Restored poses</h2><p>Split {}, seed {}. \
+             {trained}</p>{figures}</section>",
             poses.split.name(),
             poses.seed
         ))
@@ -127,7 +131,8 @@ mod tests {
     use crate::evaluate::benchmark::summary::tests::cell;
     use crate::evaluate::benchmark::task::Task;
 
-    /// Calls `check` with a report of models with falling errors, two seeds each; the first seed has examples.
+    /// Calls `check` with a report of models with falling errors, two seeds each; the first seed
+    /// has examples.
     pub fn with_report(models: &[&str], check: impl Fn(&BenchmarkReport<'_>)) {
         let dataset = takes(&[("01_01", 40), ("01_02", 40)]);
         let settings = Settings {

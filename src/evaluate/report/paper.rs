@@ -1,7 +1,8 @@
 //! The paper's Tables 1 to 4 beside what finished runs have measured, as a page and as CSV.
 //!
-//! The printed errors are in `paper.toml`. The run of most subjects is compared with Table 1, each run of one subject
-//! with Tables 2 to 4. The page carries the numbers as JSON; its script draws the tables.
+//! The printed errors are in `paper.toml`. The run of most subjects is compared with Table 1, each
+//! run of one subject with Tables 2 to 4. The page carries the numbers as JSON; its script draws
+//! the tables.
 
 use super::tables::quoted;
 use super::{HELPERS, STYLE};
@@ -79,7 +80,8 @@ struct Column {
     table: usize,
     task: Task,
     subject: String,
-    /// The printed errors, one a model of the paper; empty for a subject that the paper does not have.
+    /// The printed errors, one a model of the paper; empty for a subject that the paper does not
+    /// have.
     errors: Vec<String>,
     /// The measured errors of each split and method, without base noise.
     #[serde(skip_deserializing)]
@@ -262,7 +264,8 @@ mod tests {
         // A lost digit is not a number.
         assert_eq!(column(2, "102").printed(6), None);
         let parsed = |c: &Column| (0..7).filter_map(|m| c.printed(m)).count();
-        // 15 columns of 7; Table 1 lacks SIK three times and PCA once, and four errors have lost a digit.
+        // 15 columns of 7; Table 1 lacks SIK three times and PCA once, and four errors have lost a
+        // digit.
         assert_eq!(
             paper.columns.iter().map(parsed).sum::<usize>(),
             15 * 7 - 4 - 4

@@ -1,7 +1,7 @@
 // Draws the report's tables and charts from the JSON in the page. Nothing is fetched.
 
 const SPLITS = {
-  frames: ["Random frames", "The paper's split: a test frame has its neighbours in time in the training half. Frames are alike, so these intervals are too narrow."],
+  frames: ["Random frames", "The paper's split: a test frame has its neighbors in time in the training half. Frames are alike, so these intervals are too narrow."],
   takes: ["Takes held out", "No model was trained on a tested take."],
   subjects: ["Subjects held out", "No model was trained on a tested subject."],
 };
@@ -74,7 +74,7 @@ class Chart {
 const legend = entries => html("p", { class: "legend" },
   ...entries.flatMap(([style, text]) => [html("span", {}, html("i", { class: style }), text), " "]));
 
-// ---- models: colours and names of dictionaries ----
+// ---- models: colors and names of dictionaries ----
 
 /** What a name such as `ksvd:n=500:k=7+treated` says; null for another model. */
 function dictionary(name) {
@@ -86,8 +86,8 @@ function dictionary(name) {
   return { kind: match[1] + (match[3] || ""), atoms: setting("n"), sparsity };
 }
 
-/** The six models with the lowest geometric mean error have colours, the same in all charts. */
-const colours = (() => {
+/** The six models with the lowest geometric mean error have colors, the same in all charts. */
+const colors = (() => {
   const logs = new Map();
   for (const row of results.summary) logs.set(row.model, [...(logs.get(row.model) || []), Math.log(Math.max(row.mse, 1e-12))]);
   const mean = list => list.reduce((a, b) => a + b) / list.length;
@@ -95,8 +95,8 @@ const colours = (() => {
   if (models.some(m => !m.includes(":"))) models = models.filter(m => !m.includes(":"));
   return models.sort((a, b) => mean(logs.get(a)) - mean(logs.get(b))).slice(0, 6);
 })();
-const colour = model => colours.includes(model) ? "k" + colours.indexOf(model) : "kx";
-const coloured = rows => colours.map(m => rows.find(r => r.model === m)).filter(Boolean);
+const color = model => colors.includes(model) ? "k" + colors.indexOf(model) : "kx";
+const colored = rows => colors.map(m => rows.find(r => r.model === m)).filter(Boolean);
 
 // ---- charts of one task ----
 
@@ -108,12 +108,12 @@ function errorChart(task, rows) {
   const chart = new Chart(TASKS[task], "errors on test poses and on training poses", 420, height);
   chart.gridX(axis, 14, height);
   rows.forEach((row, i) => {
-    const y = top + step * (i + .5), x = axis.at(row.mse), style = colour(row.model);
+    const y = top + step * (i + .5), x = axis.at(row.mse), style = color(row.model);
     chart.name(left - 8, y, row.model);
     if (row.training_mse !== null) {
-      const learnt = axis.at(row.training_mse);
-      chart.line("between", learnt, y, x, y);
-      chart.dot("hollow " + style, learnt, y, 3.4);
+      const learned = axis.at(row.training_mse);
+      chart.line("between", learned, y, x, y);
+      chart.dot("hollow " + style, learned, y, 3.4);
     }
     chart.line("spread " + style, axis.at(row.interval[0]), y, axis.at(row.interval[1]), y);
     chart.dot(style, x, y, 4, `${row.model}: ${short(row.mse)} (${range(row.interval)})`);
@@ -122,7 +122,7 @@ function errorChart(task, rows) {
 }
 
 function jointChart(task, rows) {
-  rows = coloured(rows);
+  rows = colored(rows);
   const rms = mse => Math.sqrt(Math.max(mse, 0)) * results.asf_cm, left = 112, step = 15;
   const most = Math.max(.1, ...rows.flatMap(r => r.by_joint.filter(Number.isFinite).map(rms)));
   const axis = linearAxis(most, left, 410), height = 20 + step * results.points.length;
@@ -133,13 +133,13 @@ function jointChart(task, rows) {
     chart.name(left - 8, y, point);
     // The best model is drawn last, on top.
     for (const row of [...rows].reverse())
-      if (Number.isFinite(row.by_joint[j])) chart.dot(colour(row.model), axis.at(rms(row.by_joint[j])), y, 3.2, `${row.model}: ${short(rms(row.by_joint[j]))} cm`);
+      if (Number.isFinite(row.by_joint[j])) chart.dot(color(row.model), axis.at(rms(row.by_joint[j])), y, 3.2, `${row.model}: ${short(rms(row.by_joint[j]))} cm`);
   });
-  return chart.figure(legend(rows.map(r => [colour(r.model), r.model])));
+  return chart.figure(legend(rows.map(r => [color(r.model), r.model])));
 }
 
 function calibrationChart(task, rows) {
-  rows = coloured(rows).filter(r => r.within.length);
+  rows = colored(rows).filter(r => r.within.length);
   if (!rows.length) return null;
   const x = { at: v => 48 + 300 * v, ticks: [0, .25, .5, .75, 1] }, y = { at: v => 310 - 300 * v, ticks: x.ticks };
   const percent = v => `${Math.round(100 * v)}%`, levels = results.gaussian_within;
@@ -148,9 +148,9 @@ function calibrationChart(task, rows) {
   chart.gridY(y, 48, 348, percent);
   chart.line("ideal", x.at(0), y.at(0), x.at(1), y.at(1));
   for (const row of [...rows].reverse())
-    chart.path(colour(row.model), [[0, 0], ...levels.map(([, share], i) => [share, row.within[i]])].map(([a, b]) => [x.at(a), y.at(b)]));
+    chart.path(color(row.model), [[0, 0], ...levels.map(([, share], i) => [share, row.within[i]])].map(([a, b]) => [x.at(a), y.at(b)]));
   const shares = row => [1, 2].map(sd => percent(row.within[levels.findIndex(l => l[0] === sd)])).join(" / ");
-  return chart.figure(legend(rows.map(r => [colour(r.model), `${r.model} ${shares(r)}`])),
+  return chart.figure(legend(rows.map(r => [color(r.model), `${r.model} ${shares(r)}`])),
     html("p", { class: "legend" }, "Within one and two standard deviations; expected: 68% and 95%."));
 }
 

@@ -1,4 +1,5 @@
-//! Results as text, CSV and JSON. Run times have a CSV file of their own, since no two runs have the same.
+//! Results as text, CSV and JSON. Run times have a CSV file of their own, since no two runs have
+//! the same.
 
 use super::BenchmarkReport;
 use crate::draw::text_table::aligned;
@@ -24,7 +25,8 @@ impl BenchmarkReport<'_> {
         let name = |take: usize| &data.takes[take].name;
         let takes = data.takes.iter().map(|t| {
             json!({
-                "take": t.name, "subject": t.subject, "frames": t.rows.len(), "rate": t.rate, "digest": t.digest,
+                "take": t.name, "subject": t.subject, "frames": t.rows.len(),
+                "rate": t.rate, "digest": t.digest,
             })
         });
         let twins = self.benchmark.duplicates.iter().map(|t| {
@@ -56,7 +58,7 @@ impl BenchmarkReport<'_> {
                 "takes": takes.collect::<Vec<_>>(),
                 "twins": twins.collect::<Vec<_>>(),
             },
-            // Deviations and the share of a Gaussian within them, to be compared with each `within`.
+            // Deviations and the share of a Gaussian in them, beside each `within`.
             "gaussian_within": SD_LEVELS,
             "summary": self.summary,
             "cells": cells,
@@ -75,7 +77,8 @@ impl BenchmarkReport<'_> {
         });
         let training = cell.training.as_ref();
         json!({
-            "model": case.model, "split": case.split, "seed": case.seed, "task": case.task, "base_asf": case.base_asf,
+            "model": case.model, "split": case.split, "seed": case.seed, "task": case.task,
+            "base_asf": case.base_asf,
             "learnt_from": cell.training_frames,
             "frames": test.frames,
             "mse": test.mse,
@@ -93,7 +96,8 @@ impl BenchmarkReport<'_> {
     /// A line a cell, and one for all seeds together (its `seed` is `all`).
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "split,base_asf,task,model,seed,frames,units,mse,low,high,rms_cm,training_mse,within_1sd,within_2sd,best\n",
+            "split,base_asf,task,model,seed,frames,units,mse,low,high,rms_cm,training_mse,\
+             within_1sd,within_2sd,best\n",
         );
         for row in &self.summary {
             let head = format!(
@@ -151,7 +155,8 @@ impl BenchmarkReport<'_> {
         out
     }
 
-    /// Tables to read: a table a split and base noise, a row a model, a column a task; the best is marked `*`.
+    /// Tables to read: a table a split and base noise, a row a model, a column a task; the best is
+    /// marked `*`.
     pub fn text(&self) -> String {
         let mut out = String::new();
         let table = |r: &SummaryRow| (r.split, r.base_asf.to_bits());
@@ -168,7 +173,8 @@ impl BenchmarkReport<'_> {
             let plural = if seeds == 1 { "" } else { "s" };
             let _ = writeln!(
                 out,
-                "split {}{base}: MSE, asf^2 a coordinate, {seeds} seed{plural}, {} frames, 95% intervals",
+                "split {}{base}: MSE, asf^2 a coordinate, {seeds} seed{plural}, {} frames, 95% \
+                 intervals",
                 first.split.name(),
                 first.frames,
             );
@@ -178,7 +184,8 @@ impl BenchmarkReport<'_> {
     }
 }
 
-/// Cells of a CSV line: error, interval, RMS, training error, shares within one and two standard deviations.
+/// Cells of a CSV line: error, interval, RMS, training error, shares within one and two standard
+/// deviations.
 fn error_cells(mse: f64, [low, high]: Interval, training: Option<f64>, within: &[f64]) -> String {
     let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
     let [one, two] = ONE_AND_TWO_SD.map(|i| number(within.get(i).copied()));
@@ -199,7 +206,7 @@ fn grid(rows: &[SummaryRow]) -> Vec<Vec<String>> {
     }
     let mut head = vec!["  model".to_string()];
     for task in &tasks {
-        head.extend([task.name().into(), "between".into(), "learnt".into()]);
+        head.extend([task.name().into(), "between".into(), "learned".into()]);
     }
     let mut grid = vec![head];
     for model in models {

@@ -55,7 +55,8 @@ pub struct GapCell {
     pub mse: ByMethod,
     /// Distances of points from where they were, cm, a point and frame.
     pub distances: ByMethod,
-    /// Coordinates that were filled, and how many of them are within each of the standard deviations [`SD_LEVELS`].
+    /// Coordinates that were filled, and how many of them are within each of the standard
+    /// deviations [`SD_LEVELS`].
     pub filled: usize,
     /// See `filled`.
     pub within: [usize; SD_LEVELS.len()],
@@ -90,7 +91,8 @@ impl GapCell {
         }
     }
 
-    /// Fills the gaps in the takes of a subject; `others` are the moments of other subjects' poses in the pelvis's frame.
+    /// Fills the gaps in the takes of a subject; `others` are the moments of other subjects' poses
+    /// in the pelvis's frame.
     pub(super) fn test(
         &mut self,
         takes: &TestTakes,
@@ -139,7 +141,8 @@ impl GapCell {
         Ok(())
     }
 
-    /// Compares one filled gap, whose stretch starts at frame `start` of what was restored, and its rivals with the truth.
+    /// Compares one filled gap, whose stretch starts at frame `start` of what was restored, and its
+    /// rivals with the truth.
     fn compare(
         &mut self,
         gap: &StretchWithGap,
@@ -201,7 +204,8 @@ impl GapCell {
         Some(sorted[(share * last as f64).round() as usize])
     }
 
-    /// The RMS error divided by that of the best rival, with the 95% interval of a bootstrap over gaps; `None` without a gap.
+    /// The RMS error divided by that of the best rival, with the 95% interval of a bootstrap over
+    /// gaps; `None` without a gap.
     pub fn to_best_rival(&self) -> Option<(f64, [f64; 2])> {
         let rivals = self.mse.names().filter(|m| *m != RESTORED);
         let sum = |mse: &[f64]| mse.iter().sum::<f64>();

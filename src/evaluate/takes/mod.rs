@@ -1,8 +1,9 @@
 //! How well takes are restored: gaps and noise in a user's own takes, beside simple methods.
 //!
-//! Each gap is cut into a copy of a stretch of a take, is filled, and is compared with what was cut out; noise is added to other
-//! stretches and removed. Restored are they by a model that was trained on other subjects, by one given model, or by the takes
-//! alone; the rivals (`rivals`) are what everybody has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
+//! Each gap is cut into a copy of a stretch of a take, is filled, and is compared with what was cut
+//! out; noise is added to other stretches and removed. Restored are they by a model that was
+//! trained on other subjects, by one given model, or by the takes alone; the rivals (`rivals`) are
+//! what everybody has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
 
 mod gaps;
 mod noise;
@@ -84,7 +85,8 @@ impl TestTakes {
     /// The takes of tables, each with its name. A take's subject is its name up to the first `_`.
     ///
     /// # Errors
-    /// [`Error::Data`] for tables with different points, or where no take has a frame rate; [`Error::Usage`] without a table.
+    /// [`Error::Data`] for tables with different points, or where no take has a frame rate;
+    /// [`Error::Usage`] without a table.
     pub fn new(tables: &[(String, Poses)]) -> Result<TestTakes> {
         let Some((first, poses)) = tables.first() else {
             return Err(Error::usage("no table of poses given"));
@@ -111,7 +113,8 @@ impl TestTakes {
         }
         match out.takes.is_empty() {
             true => {
-                let what = "has no take with a frame rate; gaps have a length in time (the option `fps` gives it)";
+                let what = "has no take with a frame rate; gaps have a length in time (the option \
+                            `fps` gives it)";
                 Err(Error::data(Place::file(first), what))
             }
             false => Ok(out),
@@ -132,11 +135,13 @@ impl TestTakes {
         });
     }
 
-    /// Tests restoring; `progress` is called with what is being done, and how much of the whole is done, 0 to 1.
+    /// Tests restoring; `progress` is called with what is being done, and how much of the whole is
+    /// done, 0 to 1.
     ///
     /// # Errors
-    /// [`Error::Usage`] for settings out of range, or where there is but one subject and models of the others are asked for;
-    /// [`Error::Data`] if no model can be trained, or a take cannot be restored with it.
+    /// [`Error::Usage`] for settings out of range, or where there is but one subject and models of
+    /// the others are asked for; [`Error::Data`] if no model can be trained, or a take cannot
+    /// be restored with it.
     pub fn test(
         &self,
         model: TestedModel<'_>,
@@ -146,7 +151,9 @@ impl TestTakes {
         settings.check(self.takes[0].poses.points.len())?;
         if matches!(model, TestedModel::OthersOnly) && self.subjects.len() < 2 {
             let what = format!(
-                "all takes are of subject \"{}\", and no other is left to learn from; give takes of more subjects (a take's subject is its name up to the first _), a model that does not know these with -m, or the option `self`",
+                "all takes are of subject \"{}\", and no other is left to learn from; give takes \
+                 of more subjects (a take's subject is its name up to the first _), a model that \
+                 does not know these with -m, or the option `self`",
                 self.subjects[0]
             );
             return Err(Error::usage(what));
@@ -233,7 +240,8 @@ impl TakesSettings {
         }
         if let Some(count) = self.points.iter().find(|p| **p == 0 || **p >= points) {
             return Err(Error::usage(format!(
-                "the option `points {count}`: expected 1 to {} (one of the table's {points} points is to stay)",
+                "the option `points {count}`: expected 1 to {} (one of the table's {points} \
+                 points is to stay)",
                 points - 1
             )));
         }

@@ -149,7 +149,8 @@ fn filter(xyz: ArrayView2<'_, f64>, cutoff: f64, rate: f64) -> Array2<f64> {
     out
 }
 
-/// Mean squared error of second differences, both sides without what is faster than [`FASTEST`], (m/s²)².
+/// Mean squared error of second differences, both sides without what is faster than [`FASTEST`],
+/// (m/s²)².
 fn acceleration_error(truth: ArrayView2<'_, f64>, found: ArrayView2<'_, f64>, rate: f64) -> f64 {
     let slow = |xyz| filter(xyz, FASTEST.min(0.45 * rate), rate);
     let error = slow(found) - slow(truth);

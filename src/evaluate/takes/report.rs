@@ -42,11 +42,13 @@ impl TakesReport {
 
     fn sheets(&self) -> Vec<Sheet> {
         let gaps = Sheet {
-            title: "Gaps: RMS error of a coordinate, cm; beside the best rival, with a 95% interval",
+            title: "Gaps: RMS error of a coordinate, cm; beside the best rival, with a 95% \
+                    interval",
             rows: self.gap_rows(),
         };
         let calibration = Sheet {
-            title: "Share of the filled coordinates within one and two standard deviations (a Gaussian: 68% and 95%)",
+            title: "Share of the filled coordinates within one and two standard deviations (a \
+                    Gaussian: 68% and 95%)",
             rows: self.calibration_rows(),
         };
         let noise = Sheet {
@@ -144,7 +146,8 @@ impl TakesReport {
     /// A line a cell and method; errors in cm, of accelerations in m/s².
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "task,seconds,points,sd,share,method,count,left_empty,rms,median,p99,acceleration,within_1sd,within_2sd\n",
+            "task,seconds,points,sd,share,method,count,left_empty,rms,median,p99,acceleration,\
+             within_1sd,within_2sd\n",
         );
         let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
         for cell in &self.gaps {
@@ -183,7 +186,8 @@ impl TakesReport {
         out
     }
 
-    /// A page of the tables and of a plot of the calibration, which needs no other file; `model` says what restored the takes.
+    /// A page of the tables and of a plot of the calibration, which needs no other file; `model`
+    /// says what restored the takes.
     pub fn html(&self, model: &str) -> String {
         let mut tables = String::new();
         for sheet in self.sheets() {
@@ -196,13 +200,20 @@ impl TakesReport {
         }
         let subjects = self.subjects.join(", ");
         let lead = format!(
-            "{} takes of {}, restored by {}. Gaps are cut into copies of the takes and compared with what was cut out; the lowest error of a row is marked. Gaussian: the conditional mean under the covariance of the take's own poses and, where a model was trained here, of its training poses, joined to both ends of the gap. Butterworth: of second order, without lag, its cutoff chosen for each take with the truth at hand.",
+            "{} takes of {}, restored by {}. Gaps are cut into copies of the takes and compared \
+             with what was cut out; the lowest error of a row is marked. Gaussian: the \
+             conditional mean under the covariance of the take's own poses and, where a model was \
+             trained here, of its training poses, joined to both ends of the gap. Butterworth: of \
+             second order, without lag, its cutoff chosen for each take with the truth at hand.",
             self.takes,
             escape(&subjects),
             escape(model)
         );
         let calibration = format!(
-            "<section><h2>Calibration</h2><p>The share of the filled coordinates within as many standard deviations as should hold the expected share: above the diagonal the stated deviations are too large, below it too small. A line for each length of gaps.</p><div class=\"charts\"><figure>{}</figure></div></section>",
+            "<section><h2>Calibration</h2><p>The share of the filled coordinates within as many \
+             standard deviations as should hold the expected share: above the diagonal the stated \
+             deviations are too large, below it too small. A line for each length of \
+             gaps.</p><div class=\"charts\"><figure>{}</figure></div></section>",
             self.calibration_plot()
         );
         PlainPage {
@@ -230,7 +241,9 @@ impl TakesReport {
             let at = SIDE * f64::from(percent) / 100.0;
             let _ = write!(
                 out,
-                "<line class=\"grid\" x1=\"0\" y1=\"{0}\" x2=\"{SIDE}\" y2=\"{0}\"/><text x=\"-6\" y=\"{1}\" text-anchor=\"end\">{percent}%</text><text x=\"{at}\" y=\"{2}\" text-anchor=\"middle\">{percent}%</text>",
+                "<line class=\"grid\" x1=\"0\" y1=\"{0}\" x2=\"{SIDE}\" y2=\"{0}\"/><text \
+                 x=\"-6\" y=\"{1}\" text-anchor=\"end\">{percent}%</text><text x=\"{at}\" \
+                 y=\"{2}\" text-anchor=\"middle\">{percent}%</text>",
                 SIDE - at,
                 SIDE - at + 4.0,
                 SIDE + 16.0
@@ -238,7 +251,8 @@ impl TakesReport {
         }
         let _ = write!(
             out,
-            "<line class=\"ideal\" x1=\"0\" y1=\"{SIDE}\" x2=\"{SIDE}\" y2=\"0\"/><text x=\"{}\" y=\"{}\" text-anchor=\"middle\">expected</text>",
+            "<line class=\"ideal\" x1=\"0\" y1=\"{SIDE}\" x2=\"{SIDE}\" y2=\"0\"/><text x=\"{}\" \
+             y=\"{}\" text-anchor=\"middle\">expected</text>",
             SIDE / 2.0,
             SIDE + 32.0
         );
@@ -266,7 +280,9 @@ impl TakesReport {
             let (color, y) = (k % 6, 14.0 + 16.0 * k as f64);
             let _ = write!(
                 out,
-                "<polyline points=\"{points}\" stroke=\"var(--k{color})\"/><line x1=\"{0}\" x2=\"{1}\" y1=\"{y}\" y2=\"{y}\" stroke=\"var(--k{color})\" stroke-width=\"2\"/><text x=\"{2}\" y=\"{3}\">{4}</text>",
+                "<polyline points=\"{points}\" stroke=\"var(--k{color})\"/><line x1=\"{0}\" \
+                 x2=\"{1}\" y1=\"{y}\" y2=\"{y}\" stroke=\"var(--k{color})\" \
+                 stroke-width=\"2\"/><text x=\"{2}\" y=\"{3}\">{4}</text>",
                 SIDE + 12.0,
                 SIDE + 30.0,
                 SIDE + 36.0,

@@ -69,8 +69,9 @@ impl Hole<'_> {
         out
     }
 
-    /// The conditional mean under one Gaussian of the take's own frames and, half and half, of `others` (of poses in the
-    /// pelvis's frame), joined to both ends by a ramp. `None` where fewer than two frames are complete.
+    /// The conditional mean under one Gaussian of the take's own frames and, half and half, of
+    /// `others` (of poses in the pelvis's frame), joined to both ends by a ramp. `None` where
+    /// fewer than two frames are complete.
     pub fn gaussian(&self, others: Option<&Moments>) -> Option<Array2<f64>> {
         let is_seen = |t: usize, p: usize| self.xyz[[t, 3 * p]].is_finite();
         let predictors: Vec<usize> = (0..self.names.len())
@@ -147,8 +148,8 @@ impl Moments {
     /// Those of the rows (n, coordinates); `None` without rows.
     pub fn of(rows: &Array2<f64>) -> Option<Moments> {
         let mean = rows.mean_axis(Axis(0))?;
-        let centred = rows - &mean;
-        let covariance = centred.t().dot(&centred) / (rows.nrows() as f64 - 1.0).max(1.0);
+        let centered = rows - &mean;
+        let covariance = centered.t().dot(&centered) / (rows.nrows() as f64 - 1.0).max(1.0);
         Some(Moments { mean, covariance })
     }
 
@@ -164,8 +165,8 @@ impl Moments {
     }
 }
 
-/// A Butterworth low-pass filter of second order, run forwards and backwards over each stretch of known values, so that it has
-/// no lag. `cutoff` and `rate` in Hz, `cutoff` below half the rate.
+/// A Butterworth low-pass filter of second order, run forwards and backwards over each stretch of
+/// known values, so that it has no lag. `cutoff` and `rate` in Hz, `cutoff` below half the rate.
 pub(super) fn butterworth(values: &[f64], cutoff: f64, rate: f64) -> Vec<f64> {
     let mut out = values.to_vec();
     let mut t = 0;
@@ -264,7 +265,8 @@ mod tests {
                 .iter()
                 .fold(0.0_f64, |m, e| m.max(e.abs()))
         };
-        // The frame of reference is fitted to all predictors, so that the relation is not quite linear.
+        // The frame of reference is fitted to all predictors, so that the relation is not quite
+        // linear.
         assert!(worst(hole.gaussian(None).unwrap()) < 0.1 * worst(hole.pchip()));
         assert!(worst(hole.linear()) > 1.0 && worst(hole.pchip()) < worst(hole.linear()));
     }

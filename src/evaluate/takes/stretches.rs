@@ -32,8 +32,8 @@ pub(super) struct StretchWithGap {
     pub points: Vec<usize>,
 }
 
-/// Draws a stretch in which `points` random points are seen during a gap of `seconds` and right beside it, or, `to_the_end`,
-/// until the stretch ends. `None` where none is found.
+/// Draws a stretch in which `points` random points are seen during a gap of `seconds` and right
+/// beside it, or, `to_the_end`, until the stretch ends. `None` where none is found.
 pub(super) fn draw(
     takes: &TestTakes,
     seconds: f64,

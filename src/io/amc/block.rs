@@ -1,4 +1,5 @@
-//! The regular frames of a take: lines of a bone and its values, every bone once, frames numbered without a gap.
+//! The regular frames of a take: lines of a bone and its values, every bone once, frames numbered
+//! without a gap.
 
 use crate::io::asf::Asf;
 use crate::io::block_reader::{BlockFormat, Parsed};
@@ -33,14 +34,14 @@ pub(super) struct Frames {
     /// The number of the first frame.
     pub(super) first: u64,
     pub(super) count: u64,
-    /// (frames, degrees of freedom), radians and centimetres.
+    /// (frames, degrees of freedom), radians and centimeters.
     pub(super) values: Vec<f64>,
     /// The number on the last number line.
     pub(super) next: u64,
     /// The frame that named each bone last, counted from 1 in the piece.
     seen: Vec<u64>,
-    /// The bone that followed each bone last time, because takes keep their order. The last entry stands for the
-    /// start of a frame.
+    /// The bone that followed each bone last time, because takes keep their order. The last entry
+    /// stands for the start of a frame.
     follower: Vec<usize>,
 }
 

@@ -1,7 +1,8 @@
 //! Acclaim motion (AMC): read frame by frame or as many as are there, and written.
 //!
-//! A frame is its number on a line of its own, then a line a bone: its name and one value for each of its degrees of
-//! freedom, in the ASF's order. Bones without degrees of freedom may be left out or stand there without values.
+//! A frame is its number on a line of its own, then a line a bone: its name and one value for each
+//! of its degrees of freedom, in the ASF's order. Bones without degrees of freedom may be left out
+//! or stand there without values.
 
 mod block;
 mod write;
@@ -29,7 +30,7 @@ use std::sync::Arc;
 pub struct AmcFrame {
     /// The number that the file gives it; the first of a take need not be 1.
     pub number: u64,
-    /// One value for each degree of freedom of the skeleton, radians and centimetres.
+    /// One value for each degree of freedom of the skeleton, radians and centimeters.
     pub values: Vec<f64>,
 }
 
@@ -46,8 +47,8 @@ pub struct AmcFrames {
 const CHUNK: usize = 64;
 
 impl AmcFrames {
-    /// The positions of `joints` (bones of `skeleton`, whose ends they are): three numbers a joint, centimetres, frame
-    /// after frame.
+    /// The positions of `joints` (bones of `skeleton`, whose ends they are): three numbers a joint,
+    /// centimeters, frame after frame.
     pub fn positions(&self, skeleton: &Skeleton, joints: &[usize], space: Space) -> Vec<f64> {
         let (dofs, width) = (skeleton.dof_count(), 3 * joints.len());
         let needed = skeleton.ancestors(joints);
@@ -94,7 +95,8 @@ impl<'a> Amc<'a> {
     /// Opens a take of the skeleton `asf`.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound AMC file, or one of another skeleton; the
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound AMC file, or one of
+    /// another skeleton; the
     /// place has the line.
     pub fn open(path: impl AsRef<Path>, asf: &'a Asf) -> Result<Amc<'a>> {
         let path = path.as_ref();
@@ -112,8 +114,8 @@ impl<'a> Amc<'a> {
         })
     }
 
-    /// A take of the skeleton `asf` from `values` (frames, degrees of freedom; radians and centimetres), whose first
-    /// frame has the number `first`.
+    /// A take of the skeleton `asf` from `values` (frames, degrees of freedom; radians and
+    /// centimeters), whose first frame has the number `first`.
     pub fn from_values(asf: &'a Asf, first: u64, values: ArrayView2<'_, f64>) -> Amc<'a> {
         Amc {
             asf,
@@ -125,8 +127,8 @@ impl<'a> Amc<'a> {
         }
     }
 
-    /// The positions of all joints of the skeleton, as captured. A frame's time is its number less one, over `rate`
-    /// frames a second: an AMC file does not state its rate.
+    /// The positions of all joints of the skeleton, as captured. A frame's time is its number less
+    /// one, over `rate` frames a second: an AMC file does not state its rate.
     ///
     /// # Errors
     /// [`Error::Usage`]: a rate that is not above zero.
@@ -203,7 +205,8 @@ enum Fault {
 }
 
 impl<'a> AmcReader<'a> {
-    /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that frame.
+    /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that
+    /// frame.
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no frame, or none with a number.
@@ -268,7 +271,8 @@ impl<'a> AmcReader<'a> {
         Err(Error::data(Place::file(&self.lines.name), "has no frames"))
     }
 
-    /// The next frames into `frames`: those that are there, at least one; `false` at the end of the take.
+    /// The next frames into `frames`: those that are there, at least one; `false` at the end of the
+    /// take.
     ///
     /// # Errors
     /// Those of [`AmcReader::read`].
@@ -319,7 +323,8 @@ impl<'a> AmcReader<'a> {
     /// The next frame into `frame`; `false` at the end of the take.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bone or a value is missing, unknown or doubled, frames are not numbered
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bone or a value is missing, unknown or
+    /// doubled, frames are not numbered
     /// without a gap, or the take is cut off; the place has the line.
     pub fn read(&mut self, frame: &mut AmcFrame) -> Result<bool> {
         let Some(number) = self.next.take() else {
@@ -403,7 +408,8 @@ impl<'a> AmcReader<'a> {
         }
         let what = if self.whole > 0 {
             format!(
-                "the take is cut off in frame {number} ({why}) after {} complete frames; use the option `keep_whole` to keep them",
+                "the take is cut off in frame {number} ({why}) after {} complete frames; use the \
+                 option `keep_whole` to keep them",
                 self.whole
             )
         } else {
@@ -474,7 +480,25 @@ impl<'a> AmcReader<'a> {
 mod tests {
     use super::*;
 
-    const ASF: &str = "\u{feff}# made for tests\r\n:version 1.10\r\n:units\r\n  length 0.45\r\n  angle deg\r\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name hip\n direction 1 0 0\n length 2\n axis 0 0 0 XYZ\n end\n begin\n name leg\n direction 0 -1 0\n length 4.5\n axis 10 20 30 ZYX\n dof rx rz\n limits (-10 20)\n (-inf inf)\n end\n:hierarchy\n begin\n root hip\n hip leg\n end\n";
+    const ASF: &str = "\u{feff}# made for tests\r\
+        \n:version 1.10\r\n:units\r\
+        \n  length 0.45\r\n  angle deg\r\
+        \n:root\
+        \n order TX TY TZ RX RY RZ\
+        \n axis XYZ\n position 0 0 0\
+        \n orientation 0 0 0\
+        \n:bonedata\n begin\
+        \n id 1\n name hip\n direction 1 0 0\
+        \n length 2\n axis 0 0 0 XYZ\
+        \n end\n begin\n name leg\
+        \n direction 0 -1 0\
+        \n length 4.5\
+        \n axis 10 20 30 ZYX\
+        \n dof rx rz\n limits (-10 20)\
+        \n (-inf inf)\n end\
+        \n:hierarchy\n begin\
+        \n root hip\n hip leg\
+        \n end\n";
 
     pub(super) fn asf() -> Asf {
         Asf::read(Input::new("t.asf", ASF.as_bytes()).unwrap(), None).unwrap()
@@ -494,10 +518,16 @@ mod tests {
         Ok(frames)
     }
 
-    const TWO: &str = "#!OML\r\n:FULLY-SPECIFIED\r\n:DEGREES\r\n7\r\nroot 1 2 3 4 5 6\r\n\r\nhip\r\nleg 90 -45\r\n# between\r\n8\r\nleg 1 2\r\nroot 1 2 3 4 5 6";
+    const TWO: &str = "#!OML\r\n\
+        :FULLY-SPECIFIED\r\n\
+        :DEGREES\r\n7\r\n\
+        root 1 2 3 4 5 6\r\n\
+        \r\nhip\r\nleg 90 -45\r\n\
+        # between\r\n8\r\nleg 1 2\r\n\
+        root 1 2 3 4 5 6";
 
     #[test]
-    fn a_take_is_read_in_centimetres_and_radians() {
+    fn a_take_is_read_in_centimeters_and_radians() {
         let frames = take(TWO, false).unwrap();
         assert_eq!(frames.iter().map(|f| f.number).collect::<Vec<_>>(), [7, 8]);
         assert!((frames[0].values[0] - 2.54 / 0.45).abs() <= 1e-12);

@@ -8,7 +8,8 @@ pub(super) fn write_header(out: &mut Vec<u8>) {
     out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
 }
 
-/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
+/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimeter at arm's
+/// length.
 pub(super) fn write_frame(out: &mut Vec<u8>, asf: &Asf, number: u64, values: &[f64]) {
     use std::io::Write;
     // Writing to memory cannot fail.

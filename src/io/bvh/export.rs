@@ -1,9 +1,10 @@
-//! Any skeleton as a BVH hierarchy: the bone convention that Blender, MotionBuilder and retargeters expect.
+//! Any skeleton as a BVH hierarchy: the bone convention that Blender, MotionBuilder and retargeters
+//! expect.
 //!
-//! JOINT NAME stands at the start of bone NAME and turns it; what hangs on the bone stands at its end; the last bone
-//! ends in an End Site. Bones that start together become joints with one OFFSET, each turning its own bone. A bone of
-//! an ASF turns by `L = C M C⁻¹` in the rest pose's axes, `G = G_parent L`, so the joint's rotation is L, the OFFSETs
-//! are the ASF's and the poses are equal.
+//! JOINT NAME stands at the start of bone NAME and turns it; what hangs on the bone stands at its
+//! end; the last bone ends in an End Site. Bones that start together become joints with one OFFSET,
+//! each turning its own bone. A bone of an ASF turns by `L = C M C⁻¹` in the rest pose's axes, `G =
+//! G_parent L`, so the joint's rotation is L, the OFFSETs are the ASF's and the poses are equal.
 
 use super::{Bvh, EndSite, Joint};
 use crate::pose::kinematics::Posture;
@@ -27,7 +28,8 @@ pub struct BvhExporter<'a> {
 }
 
 impl<'a> BvhExporter<'a> {
-    /// `order` is that of the rotation channels, the last turning first; `turn` carries our axes to the file's.
+    /// `order` is that of the rotation channels, the last turning first; `turn` carries our axes to
+    /// the file's.
     pub fn new(skeleton: &'a Skeleton, order: [Axis; 3], turn: DMat3) -> BvhExporter<'a> {
         let all = skeleton.bones();
         let mut children = vec![Vec::new(); all.len()];
@@ -85,7 +87,8 @@ impl<'a> BvhExporter<'a> {
         &self.joints
     }
 
-    /// Appends the channels of the next frame, centimetres and radians. Angles follow those of the frame before.
+    /// Appends the channels of the next frame, centimeters and radians. Angles follow those of the
+    /// frame before.
     pub fn frame(&mut self, posture: &Posture, out: &mut Vec<f64>) {
         let back = self.turn.transpose();
         for ((joint, &bone), near) in self.joints.iter().zip(&self.bones).zip(&mut self.near) {
@@ -105,8 +108,9 @@ impl<'a> BvhExporter<'a> {
 }
 
 impl Bvh {
-    /// The motion of `skeleton` with the given `values` (frames, degrees of freedom; radians and centimetres). `order`
-    /// is that of the rotation channels, the last turning first; `turn` carries our axes (y up) to the file's.
+    /// The motion of `skeleton` with the given `values` (frames, degrees of freedom; radians and
+    /// centimeters). `order` is that of the rotation channels, the last turning first; `turn`
+    /// carries our axes (y up) to the file's.
     ///
     /// # Errors
     /// [`Error::Usage`]: not as many values a frame as the skeleton has degrees of freedom.

@@ -1,4 +1,5 @@
-//! BVH files with missing values: the word `nan` among the motion, which the format does not have, but which says what no number does.
+//! BVH files with missing values: the word `nan` among the motion, which the format does not have,
+//! but which says what no number does.
 
 use super::Bvh;
 use super::read::motion_start;
@@ -19,8 +20,9 @@ impl Bvh {
             .collect()
     }
 
-    /// The text of the file, `original`, with its missing values ([`Bvh::missing`]) from `motion` (frames, channels; radians and
-    /// centimetres); every other byte stays. Lengths in the file are in units of `unit` centimetres. What `motion` does not have either stays missing.
+    /// The text of the file, `original`, with its missing values ([`Bvh::missing`]) from `motion`
+    /// (frames, channels; radians and centimeters); every other byte stays. Lengths in the file
+    /// are in units of `unit` centimeters. What `motion` does not have either stays missing.
     ///
     /// # Errors
     /// [`Error::Data`]: `original` is no BVH file.
@@ -72,7 +74,14 @@ impl Bvh {
 mod tests {
     use crate::io::{Bvh, Input};
 
-    const FILE: &str = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 0 10 0\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.01\n1.50 0 0\t10 nan 0 \n 2 0 0  NaN 1e0 0";
+    const FILE: &str = "HIERARCHY\nROOT a\n{\
+        \n OFFSET 0 0 0\
+        \n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\
+        \n End Site\n {\n OFFSET 0 10 0\
+        \n }\n}\nMOTION\nFrames: 2\
+        \nFrame Time: 0.01\
+        \n1.50 0 0\t10 nan 0 \
+        \n 2 0 0  NaN 1e0 0";
 
     #[test]
     fn only_what_is_missing_changes() {

@@ -1,15 +1,17 @@
 //! Biovision hierarchies (BVH): read with whatever about ten exporters make of them, and written.
 //!
-//! A joint stands at OFFSET from its parent's joint, in its parent's frame, and turns what hangs on it: with channels
-//! `c₁ c₂ c₃` its rotation is `R = R_c₁ R_c₂ R_c₃`, the last named turning first. A position channel takes the place
-//! of its OFFSET component; it is not added to it. (Files with position channels below the root or a root OFFSET
-//! repeat the OFFSET in them, and MotionBuilder and Blender read them so.)
+//! A joint stands at OFFSET from its parent's joint, in its parent's frame, and turns what hangs on
+//! it: with channels `c₁ c₂ c₃` its rotation is `R = R_c₁ R_c₂ R_c₃`, the last named turning first.
+//! A position channel takes the place of its OFFSET component; it is not added to it. (Files with
+//! position channels below the root or a root OFFSET repeat the OFFSET in them, and MotionBuilder
+//! and Blender read them so.)
 //!
-//! The crate bvh_anim 0.4 serves here as an independent reader in the tests, not as the reader. Of thirteen real files
-//! of about ten exporters it reads eleven as we do; of one (Mixamo's) it cuts every name at its colon, and one with
-//! stray braces it refuses. By its source it also keeps values in single precision and Frame Time in whole
-//! nanoseconds, writing it without its whole seconds; loses a leaf without an End Site; and panics where a keyword is
-//! out of place, a name is missing or braces do not match, so that to make a text safe for it is to parse it all. It
+//! The crate bvh_anim 0.4 serves here as an independent reader in the tests, not as the reader. Of
+//! thirteen real files of about ten exporters it reads eleven as we do; of one (Mixamo's) it cuts
+//! every name at its colon, and one with stray braces it refuses. By its source it also keeps
+//! values in single precision and Frame Time in whole nanoseconds, writing it without its whole
+//! seconds; loses a leaf without an End Site; and panics where a keyword is out of place, a name is
+//! missing or braces do not match, so that to make a text safe for it is to parse it all. It
 //! can write only what it read: its builder drops the joints.
 
 mod export;
@@ -32,7 +34,8 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::path::Path;
 
-/// The Frame Times that motion has, seconds. What lies outside is a damaged file, or another unit of time.
+/// The Frame Times that motion has, seconds. What lies outside is a damaged file, or another unit
+/// of time.
 pub const FRAME_TIMES: std::ops::RangeInclusive<f64> = 0.0001..=10.0;
 
 /// The most joints and End Sites a file may have: no skeleton has them.
@@ -45,7 +48,7 @@ pub struct Joint {
     pub name: String,
     /// The index of the parent joint, which comes before this one; `None` for the first alone.
     pub parent: Option<usize>,
-    /// Vector from the parent joint to this one, in the parent's frame, centimetres.
+    /// Vector from the parent joint to this one, in the parent's frame, centimeters.
     pub offset: DVec3,
     /// The channels in the file's order.
     pub channels: Vec<Channel>,
@@ -56,35 +59,37 @@ pub struct Joint {
 /// Where a chain ends.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EndSite {
-    /// Vector from its joint, in the joint's frame, centimetres.
+    /// Vector from its joint, in the joint's frame, centimeters.
     pub offset: DVec3,
-    /// The number of child joints that stand before it in the file; most End Sites have none beside them.
+    /// The number of child joints that stand before it in the file; most End Sites have none
+    /// beside them.
     pub after: usize,
 }
 
-/// A hierarchy and its motion, in the file's axes; centimetres and radians.
+/// A hierarchy and its motion, in the file's axes; centimeters and radians.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bvh {
     /// The joints, depth first, as the file names them.
     pub joints: Vec<Joint>,
     /// The file's Frame Time: seconds from frame to frame.
     pub frame_time: f64,
-    /// (frames, channels), radians and centimetres.
+    /// (frames, channels), radians and centimeters.
     pub motion: Array2<f64>,
     /// Warnings of the reader, a line each.
     pub notes: Vec<String>,
 }
 
 impl Bvh {
-    /// Opens a BVH file in centimetres.
+    /// Opens a BVH file in centimeters.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound BVH file; the place has the line.
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound BVH file; the place has
+    /// the line.
     pub fn open(path: impl AsRef<Path>) -> Result<Bvh> {
         Bvh::read(Input::open(path)?, 1.0, false)
     }
 
-    /// Writes a BVH file in centimetres, complete or not at all.
+    /// Writes a BVH file in centimeters, complete or not at all.
     ///
     /// # Errors
     /// [`Error::Io`]: the file cannot be written.
@@ -97,8 +102,9 @@ impl Bvh {
         joints.iter().map(|j| j.channels.len()).sum()
     }
 
-    /// Frames a second, rounded to the exact rate that the Frame Time stands for (files often cut it to six decimals);
-    /// `None` where the Frame Time is none of a motion: outside [`FRAME_TIMES`].
+    /// Frames a second, rounded to the exact rate that the Frame Time stands for (files often cut
+    /// it to six decimals); `None` where the Frame Time is none of a motion: outside
+    /// [`FRAME_TIMES`].
     pub fn rate(&self) -> Option<f64> {
         let is_one = FRAME_TIMES.contains(&self.frame_time);
         is_one.then(|| round_rate(1.0 / self.frame_time))
@@ -107,14 +113,16 @@ impl Bvh {
     /// [`Bvh::rate`], else the rate given.
     ///
     /// # Errors
-    /// [`Error::Unfit`]: neither is there. The Frame Time 0 of a single frame is no fault; its rate is 1.
+    /// [`Error::Unfit`]: neither is there. The Frame Time 0 of a single frame is no fault; its rate
+    /// is 1.
     pub fn rate_or(&self, given: Option<f64>) -> Result<f64> {
         let is_still = self.motion.nrows() <= 1 && self.frame_time == 0.0;
         let rate = self.rate().or(given).or(is_still.then_some(1.0));
         let (least, most) = (FRAME_TIMES.start(), FRAME_TIMES.end());
         rate.ok_or_else(|| {
             Error::unfit(format!(
-                "its Frame Time is {} s, outside {least} to {most} s; give the frames per second with the option `fps`",
+                "its Frame Time is {} s, outside {least} to {most} s; \
+                 give the frames per second with the option `fps`",
                 self.frame_time
             ))
         })
@@ -123,14 +131,16 @@ impl Bvh {
     /// The positions of the joints and End Sites (`NAME_end`), for a file whose y axis points up.
     ///
     /// # Errors
-    /// [`Error::Usage`]: the Frame Time gives no rate ([`Bvh::rate_or`]), or the joints are no tree.
+    /// [`Error::Usage`]: the Frame Time gives no rate ([`Bvh::rate_or`]), or the joints are no
+    /// tree.
     pub fn to_poses(&self) -> Result<Poses> {
         let skeleton = BvhSkeleton::new(&self.joints, DMat3::IDENTITY, true)?;
         let rate = self.rate_or(None).map_err(Error::into_usage)?;
         Ok(self.positions(&skeleton, BvhPoints::Origins, rate))
     }
 
-    /// The positions of `which` points of `skeleton`, which is that of [`Bvh::joints`], at `rate` frames a second.
+    /// The positions of `which` points of `skeleton`, which is that of [`Bvh::joints`], at `rate`
+    /// frames a second.
     pub fn positions(&self, skeleton: &BvhSkeleton, which: BvhPoints, rate: f64) -> Poses {
         let points = skeleton.points(which);
         let mut xyz = Array2::zeros((self.motion.nrows(), 3 * points.len()));
@@ -158,11 +168,23 @@ mod tests {
     use rand::Rng;
     use std::io::Cursor;
 
-    /// Leaves with and without End Sites, two joints on one place, orders of all kinds, odd spellings.
-    const ODD: &str = "\u{feff}Hierarchy\r\nROOT Left Hip:x\r\n{\r\n OFFSET 1 2 3\r\n CHANNELS 6 Zrotation Xrotation Yrotation \
-        Xposition Yposition Zposition\r\n JOINT a {\n OFFSET 0 10. .5\n CHANNELS 3 xROTATION YRotation Zrotation\n \
-        End site\n {\n OFFSET 0 1e0 0\n }\n }\n JOINT b\n {\n OFFSET 0 10 .5\n CHANNELS 1 Yrotation\n EndSite {\n }\n \
-        }\n JOINT a\n {\n OFFSET -3 0 0\n }\n}\nMOTION\nFrames : 2\nFrame Time:.0083333\n";
+    /// Leaves with and without End Sites, two joints on one place, orders of all kinds, odd
+    /// spellings.
+    const ODD: &str = "\u{feff}Hierarchy\r\
+        \nROOT Left Hip:x\r\
+        \n{\r\n OFFSET 1 2 3\r\
+        \n CHANNELS 6 Zrotation Xrotation Yrotation Xposition Yposition Zposition\r\
+        \n JOINT a {\n OFFSET 0 10. .5\
+        \n CHANNELS 3 xROTATION YRotation Zrotation\
+        \n End site\n {\n OFFSET 0 1e0 0\
+        \n }\n }\n JOINT b\n {\
+        \n OFFSET 0 10 .5\
+        \n CHANNELS 1 Yrotation\
+        \n EndSite {\n }\n }\
+        \n JOINT a\n {\n OFFSET -3 0 0\
+        \n }\n}\nMOTION\nFrames : 2\
+        \nFrame Time:.0083333\
+        \n";
 
     fn load(text: impl Into<Vec<u8>>, whole: bool) -> Result<Bvh> {
         Bvh::read(Input::new("t.bvh", Cursor::new(text.into()))?, 1.0, whole)
@@ -193,7 +215,8 @@ mod tests {
             ends[points.iter().find(|p| p.0 == name).unwrap().1]
         };
         let close = |a: DVec3, b: [f64; 3]| (a - DVec3::from_array(b)).length() <= 1e-12;
-        // The root's position takes the place of its OFFSET, and a quarter turn about z carries y to -x.
+        // The root's position takes the place of its OFFSET, and a quarter turn about z carries y
+        // to -x.
         assert!(close(at("Left Hip:x", BvhPoints::Origins), [5., 6., 7.]));
         assert!(close(at("a", BvhPoints::Origins), [-5., 6., 7.5]));
         assert!(close(at("a_end", BvhPoints::Origins), [-6., 6., 7.5]));
@@ -271,9 +294,12 @@ mod tests {
 
     #[test]
     fn a_root_called_joint_and_end_sites_after_children_keep_their_places() {
-        let text = "HIERARCHY\nJOINT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nEnd Site\n{\nOFFSET 1 0 0\n}\n\
-            JOINT b\n{\nOFFSET 0 1 0\nCHANNELS 0\nEnd Site\n{\nOFFSET 2 0 0\n}\n}\nEnd Site\n{\nOFFSET 3 0 0\n}\n\
-            JOINT c\n{\nOFFSET 0 2 0\nCHANNELS 0\n}\nEnd Site\n{\nOFFSET 4 0 0\n}\n}\nMOTION\nFrames: 1\nFrame Time: 0.01\n0 0 0\n";
+        let text = "HIERARCHY\nJOINT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n\
+            End Site\n{\nOFFSET 1 0 0\n}\n\
+            JOINT b\n{\nOFFSET 0 1 0\nCHANNELS 0\nEnd Site\n{\nOFFSET 2 0 0\n}\n}\n\
+            End Site\n{\nOFFSET 3 0 0\n}\n\
+            JOINT c\n{\nOFFSET 0 2 0\nCHANNELS 0\n}\nEnd Site\n{\nOFFSET 4 0 0\n}\n}\n\
+            MOTION\nFrames: 1\nFrame Time: 0.01\n0 0 0\n";
         let bvh = load(text, false).unwrap();
         let after: Vec<usize> = bvh.joints[0].ends.iter().map(|e| e.after).collect();
         assert_eq!(after, [0, 1, 2]);

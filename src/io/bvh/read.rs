@@ -1,8 +1,8 @@
 //! The reader of BVH files.
 //!
-//! It reads words, not lines: some files have all their frames on one line. What can be understood in one way only is
-//! read with a note (stray words and braces, a wrong count of frames, names that stand twice); everything else is an
-//! error with its line.
+//! It reads words, not lines: some files have all their frames on one line. What can be understood
+//! in one way only is read with a note (stray words and braces, a wrong count of frames, names that
+//! stand twice); everything else is an error with its line.
 
 use super::{Bvh, EndSite, Joint, MOST_JOINTS};
 use crate::io::Input;
@@ -18,8 +18,8 @@ use std::collections::{HashMap, HashSet};
 pub const LARGEST_FILE: u64 = 2 << 30;
 
 impl Bvh {
-    /// Reads a BVH file from an open input. Lengths in the file are in units of `unit` centimetres. With `keep_whole`,
-    /// a file that is cut off in its last frame ends before that frame.
+    /// Reads a BVH file from an open input. Lengths in the file are in units of `unit` centimeters.
+    /// With `keep_whole`, a file that is cut off in its last frame ends before that frame.
     ///
     /// # Errors
     /// Those of [`Bvh::open`].
@@ -61,7 +61,8 @@ impl Bvh {
         let whole = values.len().checked_div(width).unwrap_or(0);
         if whole * width != values.len() && !keep_whole {
             let what = format!(
-                "ends in frame {} ({} of {width} values) after {whole} complete frames; use the option `keep_whole` to keep them",
+                "ends in frame {} ({} of {width} values) after {whole} complete frames; use the \
+                 option `keep_whole` to keep them",
                 whole + 1,
                 values.len() - whole * width
             );
@@ -388,7 +389,8 @@ fn unique_names(joints: &mut [Joint]) -> Vec<String> {
     renamed
 }
 
-/// Where the values of the motion start in the bytes of a file; `None` where it has no head that can be read.
+/// Where the values of the motion start in the bytes of a file; `None` where it has no head that
+/// can be read.
 pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
     let text = String::from_utf8_lossy(bytes);
     let mut parser = Parser::new(&text);
@@ -401,13 +403,13 @@ pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
 
 /// The count of frames, the Frame Time, and where the count stands.
 fn motion_head(words: &mut Tokens) -> std::result::Result<(f64, f64, usize), BvhFault> {
-    let (frames, start) = labelled(words, &["frames"], "Frames:")?;
-    let (time, _) = labelled(words, &["frame", "time"], "Frame Time:")?;
+    let (frames, start) = labeled(words, &["frames"], "Frames:")?;
+    let (time, _) = labeled(words, &["frame", "time"], "Frame Time:")?;
     Ok((frames, time, start))
 }
 
 /// A number after a label, however the colon is spaced.
-fn labelled(
+fn labeled(
     words: &mut Tokens,
     label: &[&str],
     shown: &str,
@@ -457,7 +459,8 @@ fn labelled(
     Ok((value, start.unwrap_or(at)))
 }
 
-/// Everything after the head, which says that there are so many `frames`, in radians and centimetres.
+/// Everything after the head, which says that there are so many `frames`, in radians and
+/// centimeters.
 fn values(
     words: &mut Tokens,
     joints: &[Joint],
@@ -497,8 +500,9 @@ fn values(
     Ok(out)
 }
 
-/// Where frames have lines of their own, as many as the file says or most of the lines, one with too few or too many values
-/// would shift all after it. (The last may be cut off, and frames may be laid out otherwise: then values count alone.)
+/// Where frames have lines of their own, as many as the file says or most of the lines, one with
+/// too few or too many values would shift all after it. (The last may be cut off, and frames may be
+/// laid out otherwise: then values count alone.)
 fn check_lines(
     text: &str,
     start: usize,

@@ -1,8 +1,9 @@
 //! A BVH hierarchy as a [`Skeleton`], whose kinematics and solver then serve.
 //!
-//! A skeleton's bone carries its children at its end; a BVH joint carries each of its children at an OFFSET of its own.
-//! So each place on a joint where something stands becomes a bone without freedom, and each joint a bone without length
-//! that turns. Joints that start at one place share it, so that it is the end of the bone above them.
+//! A skeleton's bone carries its children at its end; a BVH joint carries each of its children at
+//! an OFFSET of its own. So each place on a joint where something stands becomes a bone without
+//! freedom, and each joint a bone without length that turns. Joints that start at one place share
+//! it, so that it is the end of the bone above them.
 
 use super::{Bvh, Joint};
 use crate::Result;
@@ -27,7 +28,8 @@ pub struct BvhSkeleton {
     pub skeleton: Skeleton,
     /// The skeleton's value of each channel of a frame; `None` for one that does not move here.
     pub channels: Vec<Option<usize>>,
-    /// What is added to the value of each channel; of one without a value, all that it holds: its OFFSET.
+    /// What is added to the value of each channel; of one without a value, all that it holds: its
+    /// OFFSET.
     pub still: Vec<f64>,
     origins: Vec<(String, usize)>,
     ends: Vec<(String, usize)>,
@@ -36,9 +38,10 @@ pub struct BvhSkeleton {
 impl BvhSkeleton {
     /// The skeleton of `joints`; `turn` carries the file's axes to ours (y up).
     ///
-    /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their lengths, as when a
-    /// posture is solved for, and only those move the body as a whole: the root's, and its only child's, and so on
-    /// until the first fork (some rigs have a root that stays where it is and hips that walk).
+    /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their
+    /// lengths, as when a posture is solved for, and only those move the body as a whole: the
+    /// root's, and its only child's, and so on until the first fork (some rigs have a root that
+    /// stays where it is and hips that walk).
     ///
     /// # Errors
     /// [`crate::Error::Usage`]: the joints are no tree.
@@ -50,7 +53,8 @@ impl BvhSkeleton {
         })
     }
 
-    /// The skeleton in which each position channel (its joint and its number there) moves as `moving` says.
+    /// The skeleton in which each position channel (its joint and its number there) moves as
+    /// `moving` says.
     fn with_moving(
         joints: &[Joint],
         turn: DMat3,
@@ -60,7 +64,8 @@ impl BvhSkeleton {
         // By joint: the bone that turns with it; by place: the bone that ends there.
         let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
         let mut places: HashMap<(usize, [u64; 3]), usize> = HashMap::new();
-        // By joint: the first and second place that something stands on it, and the sum and count of all of them.
+        // By joint: the first and second place that something stands on it, and the sum and count
+        // of all of them.
         let mut carried: Vec<(Vec<usize>, DVec3, f64)> =
             vec![(Vec::new(), DVec3::ZERO, 0.0); joints.len()];
         let (mut channels, mut still) = (Vec::new(), Vec::new());
@@ -168,9 +173,9 @@ impl BvhSkeleton {
 
     /// The points of a table and the bone at whose end each is.
     ///
-    /// The end of a bone is where the joints on it start and its End Sites are; where those are apart, their mean, as
-    /// Blender draws it. A joint that carries nothing ends where it is, and so does the root, so that a table of ends
-    /// tells where the body stands.
+    /// The end of a bone is where the joints on it start and its End Sites are; where those are
+    /// apart, their mean, as Blender draws it. A joint that carries nothing ends where it is,
+    /// and so does the root, so that a table of ends tells where the body stands.
     pub fn points(&self, which: BvhPoints) -> &[(String, usize)] {
         match which {
             BvhPoints::Origins => &self.origins,
@@ -213,7 +218,8 @@ enum Moving {
     FromOffset,
 }
 
-/// The first joint that carries no single other: position channels down to it move the body as a whole.
+/// The first joint that carries no single other: position channels down to it move the body as a
+/// whole.
 fn trunk(joints: &[Joint]) -> usize {
     let fork = (0..joints.len()).find(|&i| {
         let on = joints.iter().filter(|j| j.parent == Some(i)).count();
@@ -224,9 +230,10 @@ fn trunk(joints: &[Joint]) -> usize {
 
 /// A BVH file whose hierarchy, offsets and channels another motion takes over.
 ///
-/// Position channels take the place of OFFSETs: where those below the trunk hold one value in the file's own motion, that is the bone;
-/// where they vary, as stretched bones do, they are values of the skeleton too, about their mean. (Many files have OFFSETs of zero and
-/// all bones in position channels.)
+/// Position channels take the place of OFFSETs: where those below the trunk hold one value in the
+/// file's own motion, that is the bone; where they vary, as stretched bones do, they are values of
+/// the skeleton too, about their mean. (Many files have OFFSETs of zero and all bones in position
+/// channels.)
 #[derive(Debug, Clone)]
 pub struct BvhTemplate {
     joints: Vec<Joint>,
@@ -235,7 +242,8 @@ pub struct BvhTemplate {
     /// Frames a second of the file's motion.
     rate: Option<f64>,
     turn: DMat3,
-    /// The kinematics of the joints; bones keep their lengths, those apart whose position channels vary.
+    /// The kinematics of the joints; bones keep their lengths, those apart whose position channels
+    /// vary.
     pub skeleton: BvhSkeleton,
 }
 
@@ -322,8 +330,8 @@ impl BvhTemplate {
         sites.iter().any(|(site, _)| names.contains(site))
     }
 
-    /// The template with another motion: `values` (frames, degrees of freedom of the skeleton; radians and
-    /// centimetres).
+    /// The template with another motion: `values` (frames, degrees of freedom of the skeleton;
+    /// radians and centimeters).
     pub fn with_values(&self, values: ArrayView2<'_, f64>, frame_time: f64) -> Bvh {
         let mut motion = Array2::zeros((values.nrows(), Bvh::channels(&self.joints)));
         for (q, mut frame) in values.rows().into_iter().zip(motion.rows_mut()) {
@@ -389,11 +397,14 @@ mod tests {
     use super::*;
     use crate::io::Input;
 
-    /// A root, a spine and two arms whose bones are in position channels: OFFSETs are zero. `stretch` varies the right arm's.
+    /// A root, a spine and two arms whose bones are in position channels: OFFSETs are zero.
+    /// `stretch` varies the right arm's.
     fn template(stretch: f64) -> BvhTemplate {
         let joint = |name: &str, inner: &str| {
             format!(
-                "JOINT {name}\n{{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n{inner}}}\n"
+                "JOINT {name}\n{{\nOFFSET 0 0 0\n\
+                CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n\
+                {inner}}}\n"
             )
         };
         let end = "End Site\n{\nOFFSET 0 9 0\n}\n";

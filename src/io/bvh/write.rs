@@ -5,12 +5,12 @@ use crate::pose::Channel;
 use glam::DVec3;
 use std::io::Write;
 
-/// Digits after the point of angles, offsets and positions: a millionth of a degree moves the end of a limb of a metre
-/// by 2e-6 cm.
+/// Digits after the point of angles, offsets and positions: a millionth of a degree moves the end
+/// of a limb of a meter by 2e-6 cm.
 const DECIMALS: usize = 6;
 
 impl Bvh {
-    /// The file's text: lengths in units of `unit` centimetres, angles in degrees.
+    /// The file's text: lengths in units of `unit` centimeters, angles in degrees.
     pub fn to_bytes(&self, unit: f64) -> Vec<u8> {
         let mut out = b"HIERARCHY\n".to_vec();
         self.put_hierarchy(&mut out, unit);
@@ -48,7 +48,8 @@ impl Bvh {
 impl Bvh {
     /// The joints, each with its End Sites where they stood among its children.
     fn put_hierarchy(&self, out: &mut Vec<u8>, unit: f64) {
-        // The joints whose braces are open, and how many children and End Sites of each are written.
+        // The joints whose braces are open, and how many children and End Sites of each are
+        // written.
         let mut open: Vec<(usize, usize, usize)> = Vec::new();
         for (j, joint) in self.joints.iter().enumerate() {
             while let Some(&(above, ..)) = open.last().filter(|o| Some(o.0) != joint.parent) {

@@ -1,4 +1,5 @@
-//! Which axis of a C3D file points up: what POINT:Y_SCREEN says, or, where that is not to be understood, what the points tell.
+//! Which axis of a C3D file points up: what POINT:Y_SCREEN says, or, where that is not to be
+//! understood, what the points tell.
 
 use super::parameters::Parameters;
 use crate::pose::NameMap;
@@ -11,7 +12,8 @@ const LEAST_FRAMES: f64 = 0.8;
 /// The share of their distance by which they must be.
 const LEAST_SHARE: f64 = 1.0 / 3.0;
 
-/// The axis that points up, as `+Z`, else what the file says of it; and whether it was inferred, which is noted.
+/// The axis that points up, as `+Z`, else what the file says of it; and whether it was inferred,
+/// which is noted.
 pub fn up(
     parameters: &Parameters,
     points: &[String],
@@ -43,7 +45,8 @@ pub fn up(
             false => ", the file names no maker and its points tell no axis",
         };
         notes.push(format!(
-            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken for up (the option `up` changes it)"
+            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken \
+             for up (the option `up` changes it)"
         ));
         return (Some("+Z".into()), true);
     }
@@ -54,7 +57,8 @@ pub fn up(
     match told {
         Some((axis, true, share)) => {
             notes.push(format!(
-                "{says}: {axis} is taken for up, since the head is above the feet along it in {share:.0}% of the frames (the option `up` changes it)"
+                "{says}: {axis} is taken for up, since the head is above the feet along it in \
+                 {share:.0}% of the frames (the option `up` changes it)"
             ));
             (Some(format!("+{}", axis.to_uppercase())), true)
         }
@@ -69,8 +73,9 @@ pub fn up(
     }
 }
 
-/// The axis, y or z, along which heads are above feet in most frames, or below them (`false`), and the share of these frames in percent.
-/// (x is up in no file: where heads and feet are apart along it, somebody lies.)
+/// The axis, y or z, along which heads are above feet in most frames, or below them (`false`), and
+/// the share of these frames in percent. (x is up in no file: where heads and feet are apart along
+/// it, somebody lies.)
 fn told_by_points(
     points: &[String],
     xyz: ArrayView2<'_, f64>,

@@ -1,5 +1,5 @@
-//! How many values a frame has, and how many frames there are. Headers and parameters of some makers contradict each other: then the
-//! length of the file tells which is right.
+//! How many values a frame has, and how many frames there are. Headers and parameters of some
+//! makers contradict each other: then the length of the file tells which is right.
 
 use super::BLOCK;
 use super::parameters::Parameters;
@@ -36,7 +36,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// What header and parameters say, of `data`, the bytes from the first frame to the end of the frames' section, in numbers of `width` bytes.
+    /// What header and parameters say, of `data`, the bytes from the first frame to the end of the
+    /// frames' section, in numbers of `width` bytes.
     pub fn read(
         words: Words,
         parameters: &Parameters,
@@ -75,16 +76,20 @@ impl Extent {
         let counted = count.frames;
         match (by_more(&shape), larger.first()) {
             _ if frames != counted && last < first => notes.push(format!(
-                "its last frame's number is below its first: {last}, {first}; by its length it has {frames} frames, which are taken"
+                "its last frame's number is below its first: {last}, {first}; by its length it \
+                 has {frames} frames, which are taken"
             )),
             (Some((name, _)), _) => notes.push(format!(
-                "its header counts {counted} frames, {name} {frames}, which fit the file's length and are taken"
+                "its header counts {counted} frames, {name} {frames}, which fit the file's length \
+                 and are taken"
             )),
             _ if frames != counted => notes.push(format!(
-                "counts {counted} frames, since 16 bits count no further; by its length it has {frames}, which are taken"
+                "counts {counted} frames, since 16 bits count no further; by its length it has \
+                 {frames}, which are taken"
             )),
             (None, Some((name, more))) if is_more => notes.push(format!(
-                "its header counts {counted} frames, which are taken, and {name} {more}; the file's length fits neither"
+                "its header counts {counted} frames, which are taken, and {name} {more}; the \
+                 file's length fits neither"
             )),
             _ => {}
         }
@@ -113,8 +118,8 @@ fn larger(count: Count, parameters: &Parameters) -> Vec<(&'static str, usize)> {
     counts.collect()
 }
 
-/// Whether so many frames, more than are counted, fill the data to within a block. (What is zero and shorter than a block is no frame but
-/// fills the last block.)
+/// Whether so many frames, more than are counted, fill the data to within a block. (What is zero
+/// and shorter than a block is no frame but fills the last block.)
 fn fills(count: Count, frames: usize, data: &[u8], bytes: usize) -> bool {
     let end = frames * bytes;
     let more = data.get(count.frames * bytes..end);
@@ -122,7 +127,8 @@ fn fills(count: Count, frames: usize, data: &[u8], bytes: usize) -> bool {
     !count.is_open && more.is_some_and(is_frames) && data.len() - end < BLOCK
 }
 
-/// The numbers of the first and the last frame in TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, of two words each.
+/// The numbers of the first and the last frame in TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, of
+/// two words each.
 fn trial(parameters: &Parameters) -> Option<(u32, u32)> {
     let field = |name: &str| match parameters.numbers(name) {
         [low, high, ..] => Some(u32::from(*low as u16) | u32::from(*high as u16) << 16),
@@ -137,11 +143,13 @@ fn contradiction(said: [usize; 2], taken: [usize; 2]) -> String {
         false => ("points", said[0], taken[0]),
     };
     format!(
-        "its header says {said} {what}, its parameters {taken}, which fits the file's length and is taken"
+        "its header says {said} {what}, its parameters {taken}, which fits the file's length and \
+         is taken"
     )
 }
 
-/// The numbers of points and of analog values a frame that header and parameters allow, the header's first.
+/// The numbers of points and of analog values a frame that header and parameters allow, the
+/// header's first.
 fn shapes(words: Words, parameters: &Parameters) -> Vec<[usize; 2]> {
     let number = |name: &str| parameters.number(name).filter(|n| *n >= 0.0 && *n < 1e6);
     let used = number("ANALOG:USED").unwrap_or(0.0);
@@ -184,7 +192,8 @@ struct Count {
     is_open: bool,
 }
 
-/// What header and parameters count. The header counts to 65,535 only; the fields of TRIAL, POINT:LONG_FRAMES and a real POINT:FRAMES go on.
+/// What header and parameters count. The header counts to 65,535 only; the fields of TRIAL,
+/// POINT:LONG_FRAMES and a real POINT:FRAMES go on.
 fn frames([first, last]: [u16; 2], parameters: &Parameters) -> Count {
     let is_full = last == u16::MAX;
     if let Some((start, end)) = trial(parameters) {
@@ -216,8 +225,9 @@ fn frames([first, last]: [u16; 2], parameters: &Parameters) -> Count {
     }
 }
 
-/// The number of frames of so many bytes by the length of their section: where the count stops at what 16 bits hold, all but the zero frames
-/// in the last block, which fill it; where it was cut to 16 bits, the number with these bits that fills the section.
+/// The number of frames of so many bytes by the length of their section: where the count stops at
+/// what 16 bits hold, all but the zero frames in the last block, which fill it; where it was cut to
+/// 16 bits, the number with these bits that fills the section.
 fn longer(count: Count, data: &[u8], bytes: usize, [first, last]: [u16; 2]) -> usize {
     let there = data.len() / bytes.max(1);
     if count.is_open && there > count.frames {

@@ -29,7 +29,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout that the header and the parameters give; the section of these begins at the byte `parameters_at`.
+    /// The layout that the header and the parameters give; the section of these begins at the byte
+    /// `parameters_at`.
     pub fn read(
         bytes: &[u8],
         processor: Processor,
@@ -121,7 +122,8 @@ impl Layout {
     }
 }
 
-/// The bytes from the first frame to the next section of the file: the parameters, which may stand behind, or rotations.
+/// The bytes from the first frame to the next section of the file: the parameters, which may stand
+/// behind, or rotations.
 fn section<'a>(
     bytes: &'a [u8],
     start: usize,
@@ -152,7 +154,8 @@ fn without_points(analog: u16, parameters: &Parameters) -> String {
     match has.is_empty() {
         true => "has no points".into(),
         false => format!(
-            "has no points, only {}, which posing does not read: export the file with markers or joint positions",
+            "has no points, only {}, which posing does not read: export the file with markers or \
+             joint positions",
             has.join(" and ")
         ),
     }

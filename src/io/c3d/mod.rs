@@ -1,8 +1,9 @@
-//! C3D files: the trajectories of markers, as motion capture systems and biomechanists exchange them.
+//! C3D files: the trajectories of markers, as motion capture systems and biomechanists exchange
+//! them.
 //!
-//! A file is blocks of 512 bytes: a header, a section of parameters, and frames of points, each followed by that frame's samples of
-//! analog channels. Written as the C3D Format User Guide (Motion Lab Systems, 2008) has it; what is known to be written otherwise is
-//! read with a note.
+//! A file is blocks of 512 bytes: a header, a section of parameters, and frames of points, each
+//! followed by that frame's samples of analog channels. Written as the C3D Format User Guide
+//! (Motion Lab Systems, 2008) has it; what is known to be written otherwise is read with a note.
 
 mod axes;
 mod extent;
@@ -57,7 +58,8 @@ impl C3d {
     /// Reads a file. With `keep_whole`, one that ends early gives the frames that it has.
     ///
     /// # Errors
-    /// [`Error::Data`]: it is no C3D file, has no points or frames, or ends early. [`Error::Io`]: reading fails.
+    /// [`Error::Data`]: it is no C3D file, has no points or frames, or ends early. [`Error::Io`]:
+    /// reading fails.
     pub fn read(input: Input, keep_whole: bool) -> Result<C3d> {
         let name = input.name.clone();
         let bad = |what: String| Error::data(Place::file(&name), what);
@@ -146,7 +148,8 @@ fn parameter_section<'a>(
     Ok((processor, section))
 }
 
-/// Frames a second: the header's, else POINT:RATE. Where they differ, the one of which ANALOG:RATE is a whole multiple, else POINT:RATE.
+/// Frames a second: the header's, else POINT:RATE. Where they differ, the one of which ANALOG:RATE
+/// is a whole multiple, else POINT:RATE.
 fn rate(header: f64, parameters: &Parameters, notes: &mut Vec<String>) -> Option<f64> {
     let is_rate = |rate: &f64| rate.is_finite() && *rate > 0.0;
     let own = parameters.number("POINT:RATE").filter(is_rate);
@@ -192,7 +195,8 @@ fn texts(parameters: &Parameters, name: String) -> impl Iterator<Item = &str> {
         .map(String::as_str)
 }
 
-/// What each point is: the parameters list angles and so on, as Vicon writes what its models compute.
+/// What each point is: the parameters list angles and so on, as Vicon writes what its models
+/// compute.
 fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
     let groups = [
         ("ANGLES", Quantity::Angles),
@@ -216,7 +220,8 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
 mod tests {
     use super::*;
 
-    /// The rate that is taken of a header's, POINT:RATE and ANALOG:RATE, and how many notes there are.
+    /// The rate that is taken of a header's, POINT:RATE and ANALOG:RATE, and how many notes there
+    /// are.
     fn rate_of(header: f64, own: f32, analog: f32) -> (Option<f64>, usize) {
         let mut section = vec![1, 0x50, 1, 84];
         section.extend(b"\x05\xffPOINT\x03\0\0\x06\xfeANALOG\x03\0\0");

@@ -179,7 +179,8 @@ fn value(bytes: &[u8], processor: Processor, name: &str) -> Result<Value, String
     })
 }
 
-/// Text without control characters, and without blanks at its ends; bytes that are no UTF-8 are taken for Latin-1.
+/// Text without control characters, and without blanks at its ends; bytes that are no UTF-8 are
+/// taken for Latin-1.
 fn text(bytes: &[u8]) -> String {
     let whole: String = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_string(),

@@ -17,8 +17,9 @@ pub fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
     xyz
 }
 
-/// A point; `None` where its fourth word is below zero, whatever its value, or it or a coordinate is no number. (Makers write -1, -32768, or set
-/// the sign bit beside cameras and residual. A real of -0 is not below zero: it is a residual of 0.)
+/// A point; `None` where its fourth word is below zero, whatever its value, or it or a coordinate
+/// is no number. (Makers write -1, -32768, or set the sign bit beside cameras and residual. A real
+/// of -0 is not below zero: it is a residual of 0.)
 pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     let width = layout.number_bytes();
     let number = |i: usize| {
@@ -34,7 +35,8 @@ pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     (!is_hidden && point.iter().all(|v| v.is_finite())).then_some(point)
 }
 
-/// The bytes of a point with a residual of 0, as is written for points that were not measured, or of an invalid one (`None`).
+/// The bytes of a point with a residual of 0, as is written for points that were not measured, or
+/// of an invalid one (`None`).
 ///
 /// # Errors
 /// The coordinate that 16 bits do not hold at the file's scale.
@@ -87,7 +89,8 @@ mod tests {
                 false => (numbers.iter().flat_map(|v| (*v as i16).to_le_bytes())).collect(),
             };
             let point = decode(&bytes, layout);
-            // What stays as it was is written with all of its bytes elsewhere; a missing one is written as -1.
+            // What stays as it was is written with all of its bytes elsewhere; a missing one is
+            // written as -1.
             let encoded = encode(point, layout).unwrap();
             assert_eq!(decode(&encoded, layout), point);
             point.is_some()

@@ -20,8 +20,9 @@ const LABELS: usize = 255;
 const MOST_POINTS: usize = u16::MAX as usize;
 
 impl C3d {
-    /// The bytes of the file with its points at `xyz` (frames, 3 P, in the file's units and axes; NaN: invalid). A point that stays as it
-    /// is keeps its residual and cameras, one that changes gets a residual of 0; all other bytes stay.
+    /// The bytes of the file with its points at `xyz` (frames, 3 P, in the file's units and axes;
+    /// NaN: invalid). A point that stays as it is keeps its residual and cameras, one that
+    /// changes gets a residual of 0; all other bytes stay.
     ///
     /// # Errors
     /// [`Error::Data`]: another shape, or a coordinate that the file's integers do not hold.
@@ -61,11 +62,13 @@ impl C3d {
         Ok(bytes)
     }
 
-    /// The bytes of the file with the points of `poses` (centimeters, y up), by their names, in the file's `units`; points that
-    /// `poses` does not have stay. An empty position becomes an invalid one. `name` is that of the poses in messages.
+    /// The bytes of the file with the points of `poses` (centimeters, y up), by their names, in the
+    /// file's `units`; points that `poses` does not have stay. An empty position becomes an
+    /// invalid one. `name` is that of the poses in messages.
     ///
     /// # Errors
-    /// [`Error::Data`]: the frames differ, or the file has no such point; those of [`C3d::with_points`].
+    /// [`Error::Data`]: the frames differ, or the file has no such point; those of
+    /// [`C3d::with_points`].
     pub fn with_poses(&self, poses: &Poses, units: Units, name: &str) -> Result<Vec<u8>> {
         let mut xyz = self.take.xyz.clone();
         let bad = |what: String| Error::data(Place::file(name), what);
@@ -118,7 +121,8 @@ pub struct NewC3d<'a> {
 }
 
 impl NewC3d<'_> {
-    /// The bytes of a file of reals for Intel processors with these points (frames, 3 P; NaN: invalid).
+    /// The bytes of a file of reals for Intel processors with these points (frames, 3 P; NaN:
+    /// invalid).
     ///
     /// # Errors
     /// [`Error::Usage`]: no points or frames, or more than the format counts.
@@ -126,7 +130,8 @@ impl NewC3d<'_> {
         let frames = xyz.nrows();
         if self.points.is_empty() || self.points.len() > MOST_POINTS || frames == 0 {
             let what = format!(
-                "C3D files hold 1 to {MOST_POINTS} points and at least one frame, not {} and {frames}",
+                "C3D files hold 1 to {MOST_POINTS} points and at least one frame, not {} and \
+                 {frames}",
                 self.points.len()
             );
             return Err(Error::usage(what));

@@ -1,4 +1,5 @@
-//! The regular rows of a table: the right number of cells, none quoted, numbers where numbers belong.
+//! The regular rows of a table: the right number of cells, none quoted, numbers where numbers
+//! belong.
 
 use crate::io::block_reader::{BlockFormat, Parsed};
 use crate::io::columns::Columns;

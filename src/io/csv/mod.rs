@@ -1,4 +1,5 @@
-//! Pose tables as CSV (RFC 4180). Cells that did not change are written with the text that was read.
+//! Pose tables as CSV (RFC 4180). Cells that did not change are written with the text that was
+//! read.
 
 mod block;
 mod records;
@@ -19,8 +20,8 @@ use std::sync::Arc;
 
 /// Reads a table row by row.
 ///
-/// Regular rows that have arrived are parsed ahead, on all threads. The reader never waits for input while a row that
-/// has arrived was not returned.
+/// Regular rows that have arrived are parsed ahead, on all threads. The reader never waits for
+/// input while a row that has arrived was not returned.
 pub struct CsvReader {
     /// The name that messages use.
     pub name: String,
@@ -85,7 +86,8 @@ impl CsvReader {
     /// Reads the next frame; `false` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the column.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the
+    /// column.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         loop {
             if self.hand_out(row)? {
@@ -223,8 +225,8 @@ pub fn csv_fault(name: &str, e: &::csv::Error) -> Error {
 const NO_TEXT: &str =
     "its name is not UTF-8: convert the table (iconv -f latin1 -t utf-8, if it is Latin-1)";
 
-/// The take with this name: `last` where the name is the same, so that the name is stored once. Bytes that are no UTF-8
-/// are not replaced, because two takes could then get one name.
+/// The take with this name: `last` where the name is the same, so that the name is stored once.
+/// Bytes that are no UTF-8 are not replaced, because two takes could then get one name.
 fn known(last: &mut Arc<str>, name: &[u8], (file, line): (&str, u64)) -> Result<Arc<str>> {
     if last.as_bytes() != name {
         let name = std::str::from_utf8(name)
@@ -284,7 +286,8 @@ mod tests {
         String::from_utf8(out).unwrap()
     }
 
-    const TABLE: &str = "take,time,a.x,a.y,note,a.z,b.z,b.x,b.y\n\"x, y\",0.0,1.50,,\"say \"\"hi\"\"\",NaN,3,1e0,2\n";
+    const TABLE: &str = "take,time,a.x,a.y,note,a.z,b.z,b.x,b.y\n\
+        \"x, y\",0.0,1.50,,\"say \"\"hi\"\"\",NaN,3,1e0,2\n";
 
     #[test]
     fn unchanged_cells_keep_their_text() {
@@ -418,7 +421,13 @@ mod tests {
         (rows, end)
     }
 
-    const PLAIN: &str = "note,a.z,a.x,time,a.y,take,b.y,b.x,b.z\nn,1.5,-2e-3,0,,w,3,nan,5\n,1,2,0.1,3,w,.5,5.,+6\n\nx,1,2,0.2,3,v,4,5,6\n\n\ny,-0,1e12,0.3,3,v,4,5,123456789.123456789\n";
+    const PLAIN: &str = "note,a.z,a.x,time,a.y,take,b.y,b.x,b.z\n\
+        n,1.5,-2e-3,0,,w,3,nan,5\n\
+        ,1,2,0.1,3,w,.5,5.,+6\n\
+        \n\
+        x,1,2,0.2,3,v,4,5,6\n\
+        \n\n\
+        y,-0,1e12,0.3,3,v,4,5,123456789.123456789\n";
 
     #[test]
     fn rows_parsed_ahead_equal_rows_read_one_at_a_time() {
@@ -457,6 +466,8 @@ mod tests {
         }
     }
 
+    const ODD: [&str; 7] = ["inf", "NaN", "-nan", "1e13", "\u{e9}", "\"1\"", "0x1"];
+
     proptest::proptest! {
         #[test]
         fn the_first_bad_row_is_reported(
@@ -465,7 +476,7 @@ mod tests {
                     20 => "-?[0-9]{1,3}(\\.[0-9]{1,17})?",
                     4 => "[0-9]?(e[+-]?[0-9]{1,3})?",
                     1 => "[,\"\r\n a-z+.-]{0,3}",
-                    1 => proptest::sample::select(vec!["inf", "NaN", "-nan", "1e13", "\u{e9}", "\"1\"", "0x1"]).prop_map(String::from),
+                    1 => proptest::sample::select(ODD.to_vec()).prop_map(String::from),
                 ],
                 0..150,
             ),

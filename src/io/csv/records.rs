@@ -1,4 +1,5 @@
-//! Any CSV record (RFC 4180), one at a time: quoted cells, line ends inside cells, lines that end in CR alone.
+//! Any CSV record (RFC 4180), one at a time: quoted cells, line ends inside cells, lines that end
+//! in CR alone.
 
 use super::super::text::wait_for_data;
 use crate::io::row::Cells;
@@ -23,14 +24,16 @@ pub(super) fn fault(name: &str, e: io::Error) -> Error {
     }
 }
 
-/// Longer records are refused, bytes, and such with more cells: a quote that is not closed, or no table at all.
+/// Longer records are refused, bytes, and such with more cells: a quote that is not closed, or no
+/// table at all.
 const MOST_BYTES: usize = 1 << 24;
 const MOST_CELLS: usize = 1 << 20;
 
 /// A record that is too long, and the line that it begins in.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "a row has more than {MOST_BYTES} bytes or {MOST_CELLS} cells: is it a table, and are its quotes closed?"
+    "a row has more than {MOST_BYTES} bytes or {MOST_CELLS} cells: is it a table, and are its \
+     quotes closed?"
 )]
 struct TooLong(u64);
 
@@ -112,7 +115,8 @@ impl Records {
         }
     }
 
-    /// Ends of lines before the next record: of the one that the record before ended with, its LF may be left.
+    /// Ends of lines before the next record: of the one that the record before ended with, its LF
+    /// may be left.
     fn pass_blank_lines(&mut self) -> io::Result<()> {
         loop {
             wait_for_data(&mut self.reader)?;
@@ -129,8 +133,8 @@ impl Records {
         }
     }
 
-    /// The buffered bytes behind the last record, and the line that they begin in. Waits only if there are none. `None`
-    /// at the end.
+    /// The buffered bytes behind the last record, and the line that they begin in. Waits only if
+    /// there are none. `None` at the end.
     pub(super) fn waiting(&mut self) -> io::Result<Option<(&[u8], u64)>> {
         if self.ended {
             return Ok(None);

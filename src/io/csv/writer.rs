@@ -56,7 +56,8 @@ pub struct CsvFormat {
 }
 
 impl CsvFormat {
-    /// The layout of tables with the columns `columns` and `added`. An added column replaces one of the same name.
+    /// The layout of tables with the columns `columns` and `added`. An added column replaces one of
+    /// the same name.
     pub fn new(columns: &Columns, added: &[AddedColumn]) -> CsvFormat {
         let mut writer = CsvFormat {
             header: Vec::new(),
@@ -147,8 +148,8 @@ impl CsvFormat {
         out.push(b'\n');
     }
 
-    /// Appends a frame. `row` is what was read (its cells are kept where the numbers are unchanged), `xyz` the numbers
-    /// to write, `added` the added columns' cells.
+    /// Appends a frame. `row` is what was read (its cells are kept where the numbers are
+    /// unchanged), `xyz` the numbers to write, `added` the added columns' cells.
     pub fn push_row(&self, out: &mut Vec<u8>, row: &Row, xyz: &[f64], added: &[String]) {
         let kept = !row.cells.is_empty();
         let unchanged = |n: usize| !row.converted && same(xyz[n], row.xyz[n]);

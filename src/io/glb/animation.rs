@@ -3,30 +3,33 @@
 use super::Bone;
 use glam::{DMat3, DQuat, DVec3};
 
-/// Keys of bones and morph targets, between which software interpolates: rotations along the shortest arc, all else linearly.
+/// Keys of bones and morph targets, between which software interpolates: rotations along the
+/// shortest arc, all else linearly.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Animation {
     /// The name that animation software shows.
     pub name: String,
     /// The time of each key (T), seconds, rising, from 0 or later.
     pub times: Vec<f32>,
-    /// For each bone, at each key, the rotation relative to the parent as a quaternion x, y, z, w (B, T). Empty: bones keep the
-    /// rest pose's.
+    /// For each bone, at each key, the rotation relative to the parent as a quaternion x, y, z, w
+    /// (B, T). Empty: bones keep the rest pose's.
     pub rotations: Vec<Vec<[f32; 4]>>,
-    /// For each bone, at each key, its place in the axes of its parent, metres (B, T). Empty: bones keep the rest pose's.
+    /// For each bone, at each key, its place in the axes of its parent, meters (B, T). Empty:
+    /// bones keep the rest pose's.
     pub translations: Vec<Vec<[f32; 3]>>,
     /// At each key the weights of the morph targets (T, K). Empty: all are 0.
     pub weights: Vec<Vec<f32>>,
 }
 
 impl Animation {
-    /// An animation from the rotation and the place (metres) of each bone in the world at each key, both (T, B). Morph targets
-    /// are left at 0.
+    /// An animation from the rotation and the place (meters) of each bone in the world at each key,
+    /// both (T, B). Morph targets are left at 0.
     ///
     /// Relative to its parent p, bone b has the rotation R_pᵀ R_b and the place R_pᵀ (x_b - x_p).
     ///
     /// # Panics
-    /// A key has fewer rotations or places than there are bones, or a bone names a parent that is not there.
+    /// A key has fewer rotations or places than there are bones, or a bone names a parent that is
+    /// not there.
     pub fn from_world(
         name: impl Into<String>,
         bones: &[Bone],

@@ -1,7 +1,8 @@
 //! The JSON of a file: one scene of a mesh and its skeleton.
 //!
-//! Node b is bone b. Then comes the node that all bones without a parent hang on, and the mesh's node. The mesh's node stands at the
-//! scene's root, as its own place does not count: bones carry its vertices.
+//! Node b is bone b. Then comes the node that all bones without a parent hang on, and the mesh's
+//! node. The mesh's node stands at the scene's root, as its own place does not count: bones carry
+//! its vertices.
 
 use super::buffer::{Buffer, container};
 use super::{Animation, SkinnedMesh, normals};
@@ -137,7 +138,8 @@ fn scaled(weights: &[(u16, f32); 4]) -> ([u16; 4], [f32; 4]) {
     (bones, scaled)
 }
 
-/// The corners of the triangles, in two bytes where that is enough (the largest number is kept free).
+/// The corners of the triangles, in two bytes where that is enough (the largest number is kept
+/// free).
 fn corners(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Index<Accessor> {
     let corners = mesh.faces.iter().flatten().copied();
     match mesh.vertices.len() <= usize::from(u16::MAX) {
@@ -237,7 +239,8 @@ fn animate(from: &Animation, mesh: Index<Node>, root: &mut Root, buffer: &mut Bu
     root.push(animation);
 }
 
-/// Unit quaternions; of q and -q, one rotation, the one nearer to the key before, for software that interpolates as they stand.
+/// Unit quaternions; of q and -q, one rotation, the one nearer to the key before, for software that
+/// interpolates as they stand.
 fn continuous(keys: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let mut before = DQuat::IDENTITY;
     let next = |key: &[f32; 4]| {

@@ -1,11 +1,14 @@
-//! Binary glTF 2.0 (`.glb`): a mesh with its skeleton, morph targets and animations, for animation software and viewers.
+//! Binary glTF 2.0 (`.glb`): a mesh with its skeleton, morph targets and animations, for animation
+//! software and viewers.
 //!
-//! Written after the Khronos glTF 2.0 specification (ISO/IEC 12113). Lengths are metres, y points up, and a body faces +z. Equal
-//! meshes give equal bytes. Only what is written here is supported: nothing is read.
+//! Written after the Khronos glTF 2.0 specification (ISO/IEC 12113). Lengths are meters, y points
+//! up, and a body faces +z. Equal meshes give equal bytes. Only what is written here is supported:
+//! nothing is read.
 //!
-//! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to R_b (x - q_b) + p_b, with q_b the bone's
-//! place in the rest pose, p_b its place in the animation and R_b its rotation in the world; [`Animation::from_world`] turns these
-//! into the rotations and translations relative to the parent that the file holds.
+//! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to R_b (x
+//! - q_b) + p_b, with q_b the bone's place in the rest pose, p_b its place in the animation and R_b
+//! its rotation in the world; [`Animation::from_world`] turns these into the rotations and
+//! translations relative to the parent that the file holds.
 
 mod animation;
 mod buffer;
@@ -47,13 +50,14 @@ pub use animation::Animation;
 pub struct SkinnedMesh {
     /// The name that animation software shows.
     pub name: String,
-    /// The positions of the vertices (V) in the rest pose, metres.
+    /// The positions of the vertices (V) in the rest pose, meters.
     pub vertices: Vec<[f32; 3]>,
     /// The corners of the triangles: vertices counted from 0, anticlockwise as seen from outside.
     pub faces: Vec<[u32; 3]>,
     /// The skeleton (B), in any order; empty for a mesh without one.
     pub bones: Vec<Bone>,
-    /// The bones that each vertex follows (V), with weights of at least 0. Weights are scaled to sum 1. Empty without bones.
+    /// The bones that each vertex follows (V), with weights of at least 0. Weights are scaled to
+    /// sum 1. Empty without bones.
     pub weights: Vec<[(u16, f32); 4]>,
     /// Morph targets (K).
     pub shapes: Vec<Shape>,
@@ -68,7 +72,7 @@ pub struct Bone {
     pub name: String,
     /// The bone that this bone hangs on, counted from 0.
     pub parent: Option<usize>,
-    /// The place of its joint in the rest pose, metres.
+    /// The place of its joint in the rest pose, meters.
     pub at: [f32; 3],
 }
 
@@ -77,16 +81,18 @@ pub struct Bone {
 pub struct Shape {
     /// The name that animation software shows.
     pub name: String,
-    /// The offset of each vertex (V), metres.
+    /// The offset of each vertex (V), meters.
     pub offsets: Vec<[f32; 3]>,
 }
 
 impl SkinnedMesh {
-    /// The bytes of a GLB file. Normals are the mean of the triangles' at each vertex, by area; the material is a plain skin tone.
+    /// The bytes of a GLB file. Normals are the mean of the triangles' at each vertex, by area; the
+    /// material is a plain skin tone.
     ///
     /// # Errors
-    /// [`Error::Data`](crate::Error::Data): sizes that do not fit, indices of what is not there, numbers that are not finite, bones in a
-    /// circle, times that do not rise, or more than 4 GiB.
+    /// [`Error::Data`](crate::Error::Data): sizes that do not fit, indices of what is not there,
+    /// numbers that are not finite, bones in a circle, times that do not rise, or more than 4
+    /// GiB.
     pub fn to_glb(&self) -> Result<Vec<u8>> {
         check::check(self)?;
         document::write(self)
@@ -95,7 +101,8 @@ impl SkinnedMesh {
     /// Writes a GLB file, complete or not at all.
     ///
     /// # Errors
-    /// Those of [`SkinnedMesh::to_glb`], and [`Error::Io`](crate::Error::Io): the file cannot be written.
+    /// Those of [`SkinnedMesh::to_glb`], and [`Error::Io`](crate::Error::Io): the file cannot be
+    /// written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         write_file(path, &self.to_glb()?)
     }

@@ -1,4 +1,5 @@
-//! A skeleton in motion as a mesh that viewers show: an octahedron a bone, as animation software draws bones.
+//! A skeleton in motion as a mesh that viewers show: an octahedron a bone, as animation software
+//! draws bones.
 
 use super::{Animation, Bone, SkinnedMesh};
 use crate::io::bvh::{BvhPoints, BvhTemplate, Joint};
@@ -13,7 +14,8 @@ const THICKNESS: f64 = 0.09;
 /// Bones shorter than this, cm, have no octahedron.
 const SHORTEST: f64 = 0.5;
 
-/// A skeleton as glTF has it: nodes that stand and turn in the world, and the straight pieces between them.
+/// A skeleton as glTF has it: nodes that stand and turn in the world, and the straight pieces
+/// between them.
 struct Nodes {
     bones: Vec<Bone>,
     /// By piece: the node that it turns with, and where it starts and ends in the rest pose, cm.
@@ -25,8 +27,9 @@ struct Nodes {
 }
 
 impl SkinnedMesh {
-    /// The motion `values` (frames, degrees of freedom; radians and cm) of a skeleton as an animation with these `times` (frames;
-    /// seconds, rising). The end of a chain is a bone NAME_end of its own, since glTF knows only where bones begin.
+    /// The motion `values` (frames, degrees of freedom; radians and cm) of a skeleton as an
+    /// animation with these `times` (frames; seconds, rising). The end of a chain is a bone
+    /// NAME_end of its own, since glTF knows only where bones begin.
     ///
     /// # Panics
     /// The numbers of frames or values do not fit.
@@ -41,14 +44,14 @@ impl SkinnedMesh {
         let own = own.map(|(b, bone)| Bone {
             name: bone.name.clone(),
             parent: bone.parent,
-            at: metres(rest.starts[b]),
+            at: meters(rest.starts[b]),
         });
         let count = skeleton.bones().len();
         let last = chain_ends(skeleton, &rest);
         let ends = last.iter().map(|&b| Bone {
             name: format!("{}_end", skeleton.bones()[b].name),
             parent: Some(b),
-            at: metres(rest.ends[b]),
+            at: meters(rest.ends[b]),
         });
         // An end turns as its bone does.
         let starts = (0..count).map(|b| (b, true));
@@ -63,8 +66,9 @@ impl SkinnedMesh {
         nodes.animated(name, skeleton, values, times)
     }
 
-    /// The motion `values` (frames, degrees of freedom; radians and cm) of the hierarchy of a BVH file as an animation with these
-    /// `times` (frames; seconds, rising): a bone for each joint, and NAME_end for each End Site.
+    /// The motion `values` (frames, degrees of freedom; radians and cm) of the hierarchy of a BVH
+    /// file as an animation with these `times` (frames; seconds, rising): a bone for each
+    /// joint, and NAME_end for each End Site.
     ///
     /// # Panics
     /// The numbers of frames or values do not fit.
@@ -94,7 +98,7 @@ impl SkinnedMesh {
                 .map(|(n, ((name, _), parent))| Bone {
                     name: name.clone(),
                     parent: *parent,
-                    at: metres(at(n)),
+                    at: meters(at(n)),
                 })
                 .collect(),
             pieces: pieces
@@ -176,7 +180,7 @@ fn push_octahedron(mesh: &mut SkinnedMesh, bone: u16, start: DVec3, end: DVec3) 
     let corners = [side, across, -side, -across].map(|d| middle + THICKNESS * length * d);
     let first = mesh.vertices.len() as u32;
     let all = [start, end].into_iter().chain(corners);
-    mesh.vertices.extend(all.map(metres));
+    mesh.vertices.extend(all.map(meters));
     for i in 0..4 {
         let (a, b) = (first + 2 + i, first + 2 + (i + 1) % 4);
         mesh.faces.push([first, b, a]);
@@ -186,7 +190,7 @@ fn push_octahedron(mesh: &mut SkinnedMesh, bone: u16, start: DVec3, end: DVec3) 
         .extend([[(bone, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 6]);
 }
 
-fn metres(v: DVec3) -> [f32; 3] {
+fn meters(v: DVec3) -> [f32; 3] {
     (v / 100.0).as_vec3().to_array()
 }
 
@@ -252,7 +256,17 @@ mod tests {
 
     #[test]
     fn a_bvh_skeleton_stands_where_its_joints_are() {
-        let text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\nJOINT b\n{\nOFFSET 0 30 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 0 20\n}\n}\nJOINT c\n{\nOFFSET 9 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n}\n}\nMOTION\nFrames: 1\nFrame Time: 0.1\n1 2 3 40 0 0 0 50 0 0 0 0\n";
+        let text = "HIERARCHY\nROOT a\n\
+            {\nOFFSET 0 0 0\n\
+            CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n\
+            JOINT b\n{\nOFFSET 0 30 0\n\
+            CHANNELS 3 Zrotation Xrotation Yrotation\n\
+            End Site\n{\nOFFSET 0 0 20\n\
+            }\n}\nJOINT c\n{\nOFFSET 9 0 0\n\
+            CHANNELS 3 Zrotation Xrotation Yrotation\n\
+            }\n}\nMOTION\nFrames: 1\n\
+            Frame Time: 0.1\n\
+            1 2 3 40 0 0 0 50 0 0 0 0\n";
         let input = crate::io::Input::new("t", std::io::Cursor::new(text.as_bytes())).unwrap();
         let bvh = crate::io::Bvh::read(input, 1.0, false).unwrap();
         let poses = bvh.to_poses().unwrap();

@@ -6,7 +6,8 @@
 //! c s = a s + (c - a) / (b - a) · (b - a) s
 //! ```
 //!
-//! so the target becomes (b - a) s, and one more target, which all animations hold at 1, carries the sum of all a s.
+//! so the target becomes (b - a) s, and one more target, which all animations hold at 1, carries
+//! the sum of all a s.
 
 use super::{Shape, SkinnedMesh};
 use glam::DVec3;
@@ -15,11 +16,13 @@ use glam::DVec3;
 const OFFSET: &str = "offset";
 
 impl SkinnedMesh {
-    /// Scales and shifts morph targets so that all animations keep weights from 0 to 1 and look as before; the rest pose stays.
-    /// Where weights fall below 0, one target with the name `offset` is added.
+    /// Scales and shifts morph targets so that all animations keep weights from 0 to 1 and look as
+    /// before; the rest pose stays. Where weights fall below 0, one target with the name
+    /// `offset` is added.
     ///
-    /// Blender's importer clamps weights that are negative or above 1 (glTF-Blender-IO, issue 1364), Unity may. Targets whose weights
-    /// lie from 0 to 1 are left as they are, so a second call changes nothing.
+    /// Blender's importer clamps weights that are negative or above 1 (glTF-Blender-IO, issue
+    /// 1364), Unity may. Targets whose weights lie from 0 to 1 are left as they are, so a
+    /// second call changes nothing.
     pub fn unit_weights(&mut self) {
         let ranges: Vec<(f64, f64)> = (0..self.shapes.len()).map(|k| self.range(k)).collect();
         let mut offset = vec![DVec3::ZERO; self.vertices.len()];
@@ -46,7 +49,8 @@ impl SkinnedMesh {
         }
     }
 
-    /// The least weight of a target in all animations, or 0, and the largest; (0, 1) where that range holds them all.
+    /// The least weight of a target in all animations, or 0, and the largest; (0, 1) where that
+    /// range holds them all.
     fn range(&self, k: usize) -> (f64, f64) {
         let weights = self.animations.iter().flat_map(|a| &a.weights);
         let (least, largest) = (weights.filter_map(|w| w.get(k))).fold((0.0, 0.0), |(a, b), w| {

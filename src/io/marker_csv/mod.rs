@@ -1,5 +1,5 @@
-//! Tables of markers of other programs, known by their first lines: Motive's CSV, Qualisys' TSV, Vicon Nexus' CSV, and tables whose
-//! titles are NAME_x, NAME_y, NAME_z or names above x, y, z.
+//! Tables of markers of other programs, known by their first lines: Motive's CSV, Qualisys' TSV,
+//! Vicon Nexus' CSV, and tables whose titles are NAME_x, NAME_y, NAME_z or names above x, y, z.
 
 mod motive;
 mod nexus;
@@ -17,11 +17,12 @@ use super::text::Lines;
 use super::text_start::{TextStart, of_lines, too_long};
 use crate::{Error, Place, Result};
 
-/// Reads a file. `points` are what a Motive file's points shall be, instead of the first kind that it has. With `keep_whole`, a file
-/// that ends early gives the frames that it has.
+/// Reads a file. `points` are what a Motive file's points shall be, instead of the first kind that
+/// it has. With `keep_whole`, a file that ends early gives the frames that it has.
 ///
 /// # Errors
-/// [`Error::Data`]: it is of no known format, has no points or frames, ends early, or a cell is no number. [`Error::Io`]: reading
+/// [`Error::Data`]: it is of no known format, has no points or frames, ends early, or a cell is no
+/// number. [`Error::Io`]: reading
 /// fails.
 pub fn read(
     mut input: Input,
@@ -58,7 +59,10 @@ pub fn read(
             "is empty, expected a table of markers",
         )),
         MotionFormat::Csv => {
-            let known = "is neither a Motive CSV file (it begins with Format Version), a Qualisys TSV file (NO_OF_FRAMES or FILE_VERSION), a Vicon Nexus CSV file (Trajectories), an OpenSim file (a line endheader), an NPY array nor an NPZ archive, and has no columns of positions NAME_x, NAME_y, NAME_z";
+            let known = "is neither a Motive CSV file (it begins with Format Version), a Qualisys \
+                         TSV file (NO_OF_FRAMES or FILE_VERSION), a Vicon Nexus CSV file \
+                         (Trajectories), an OpenSim file (a line endheader), an NPY array nor an \
+                         NPZ archive, and has no columns of positions NAME_x, NAME_y, NAME_z";
             let what = other.map(str::to_string).or(too_long);
             Err(Error::data(
                 Place::file(name),

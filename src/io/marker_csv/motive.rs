@@ -1,4 +1,5 @@
-//! Motive's CSV files, by OptiTrack: a line of names and values, lines that tell what each column is, and a frame a row.
+//! Motive's CSV files, by OptiTrack: a line of names and values, lines that tell what each column
+//! is, and a frame a row.
 
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::MarkerTake;
@@ -15,8 +16,9 @@ const MOST_TITLES: usize = 16;
 pub enum MotivePoints {
     /// Measured markers (type Marker); empty where one is hidden.
     Markers,
-    /// Where Motive expects the markers of its rigid bodies and skeletons (types Rigid Body Marker and Bone Marker). By OptiTrack's page
-    /// "Data Export: CSV" a hidden one stays where it is expected, so that these are no measurements.
+    /// Where Motive expects the markers of its rigid bodies and skeletons (types Rigid Body Marker
+    /// and Bone Marker). By OptiTrack's page "Data Export: CSV" a hidden one stays where it is
+    /// expected, so that these are no measurements.
     Expected,
     /// Origins of rigid bodies and bones.
     Bones,
@@ -169,7 +171,8 @@ impl Columns {
         Err(Error::data(lines.here(), what))
     }
 
-    /// The second cell names a line in newer versions. In older ones the line of types is known by its words; names follow it.
+    /// The second cell names a line in newer versions. In older ones the line of types is known by
+    /// its words; names follow it.
     fn of_titles(titles: &[Vec<String>], axes: Vec<String>) -> Columns {
         let titled = |word: &str| {
             titles
@@ -225,7 +228,19 @@ mod tests {
     use super::*;
     use crate::io::{Input, marker_csv};
 
-    const NEW: &str = "Format Version,1.25,Take Name,x,Capture Frame Rate,120,Export Frame Rate,60,Total Exported Frames,2,Length Units,Meters,Coordinate Space,Global,\n\n,Type,Bone,Bone,Bone,Bone,Bone,Bone,Bone,Bone Marker,Bone Marker,Bone Marker,Marker,Marker,Marker\n,Name,Hip,Hip,Hip,Hip,Hip,Hip,Hip,\"A,1\",\"A,1\",\"A,1\",\"A,1\",\"A,1\",\"A,1\"\n,ID,,,,,,,,,,,,,\n,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Position,Position,Position,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z,X,Y,Z\n0,0,0,0,0,1,7,8,9,4,5,6,1,2,3\n1,0.016667,0,0,0,1,7,8,9,4,5,6,,,\n";
+    const NEW: &str = "\
+        Format Version,1.25,Take Name,x,Capture Frame Rate,120,Export Frame Rate,60,\
+        Total Exported Frames,2,Length Units,Meters,Coordinate Space,Global,\n\
+        \n\
+        ,Type,Bone,Bone,Bone,Bone,Bone,Bone,Bone,Bone Marker,Bone Marker,Bone Marker,Marker,\
+        Marker,Marker\n\
+        ,Name,Hip,Hip,Hip,Hip,Hip,Hip,Hip,\"A,1\",\"A,1\",\"A,1\",\"A,1\",\"A,1\",\"A,1\"\n\
+        ,ID,,,,,,,,,,,,,\n\
+        ,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Position,Position,\
+        Position,Position,Position,Position\n\
+        Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z,X,Y,Z\n\
+        0,0,0,0,0,1,7,8,9,4,5,6,1,2,3\n\
+        1,0.016667,0,0,0,1,7,8,9,4,5,6,,,\n";
 
     fn take(text: &str, points: Option<MotivePoints>) -> Result<MarkerTake> {
         let bytes = text.as_bytes().to_vec();
@@ -241,7 +256,8 @@ mod tests {
         assert_eq!(measured.points, ["A,1"]);
         assert_eq!(measured.xyz.row(0).to_vec(), [1.0, 2.0, 3.0]);
         assert!(measured.xyz.row(1).iter().all(|v| v.is_nan()));
-        let said = "1 measured markers are converted; 1 expected markers, 1 bones and rigid bodies, rotations are not (see the option `points`)";
+        let said = "1 measured markers are converted; 1 expected markers, 1 bones and rigid \
+                    bodies, rotations are not (see the option `points`)";
         assert_eq!(measured.notes, [said]);
         let expected = take(NEW, Some(Expected)).unwrap();
         assert_eq!(expected.xyz.row(1).to_vec(), [4.0, 5.0, 6.0]);

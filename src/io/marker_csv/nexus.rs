@@ -1,7 +1,9 @@
-//! Vicon Nexus' files of text: sections such as Devices and Trajectories, each with its rate, its titles and its rows, and an empty line
-//! between two. Markers are those of Trajectories: `Subject:Marker` above X, Y, Z and their unit.
+//! Vicon Nexus' files of text: sections such as Devices and Trajectories, each with its rate, its
+//! titles and its rows, and an empty line between two. Markers are those of Trajectories:
+//! `Subject:Marker` above X, Y, Z and their unit.
 //!
-//! Older programs of Vicon write `TRAJECTORIES`, the rate with `Hz`, and no unit. Rows may be parted by tabs.
+//! Older programs of Vicon write `TRAJECTORIES`, the rate with `Hz`, and no unit. Rows may be
+//! parted by tabs.
 
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::MarkerTake;
@@ -49,7 +51,8 @@ pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTa
     Ok(take)
 }
 
-/// Reads the section of markers, up to the title of the next section, which is given too. Blank lines may stand between its rows.
+/// Reads the section of markers, up to the title of the next section, which is given too. Blank
+/// lines may stand between its rows.
 fn trajectories(
     lines: &mut Lines<impl BufRead>,
     keep_whole: bool,
@@ -131,7 +134,8 @@ fn trajectories(
     take.cells.move_points(|cell| at[cell]);
     if short > 0 {
         take.notes.push(format!(
-            "has {short} rows of fewer than {width} cells, first in line {first_short}: what they lack is missing"
+            "has {short} rows of fewer than {width} cells, first in line {first_short}: what they \
+             lack is missing"
         ));
     }
     Ok((take, next))
@@ -142,7 +146,20 @@ mod tests {
     use super::*;
     use crate::io::{Input, marker_csv};
 
-    const NEXUS: &str = "\u{feff}Devices\n1000\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n11,0,1,2,3\n11,1,1,2,3\n\nTrajectories\n100\n,,Ann:A,,,Bob:A,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n11,0,1,2,3,4,5,6\n12,0,1.5,2,3,,,\n\nModel Outputs\n100\n,,Ann:LKneeAngles,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n11,0,7,8,9\n";
+    const NEXUS: &str = "\u{feff}Devices\n1000\n\
+        ,,Plate - Force,,\n\
+        Frame,Sub Frame,Fx,Fy,Fz\n\
+        ,,N,N,N\n11,0,1,2,3\n\
+        11,1,1,2,3\n\nTrajectories\n\
+        100\n\
+        ,,Ann:A,,,Bob:A,,\n\
+        Frame,Sub Frame,X,Y,Z,X,Y,Z\n\
+        ,,mm,mm,mm,mm,mm,mm\n\
+        11,0,1,2,3,4,5,6\n12,0,1.5,2,3,,,\n\
+        \nModel Outputs\n100\n\
+        ,,Ann:LKneeAngles,,\n\
+        Frame,Sub Frame,X,Y,Z\n\
+        ,,deg,deg,deg\n11,0,7,8,9\n";
 
     fn take(text: &str) -> Result<MarkerTake> {
         let bytes = text.as_bytes().to_vec();

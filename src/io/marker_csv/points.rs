@@ -1,4 +1,5 @@
-//! Tables of points of other programs: their titles tell the points, other columns are carried along.
+//! Tables of points of other programs: their titles tell the points, other columns are carried
+//! along.
 
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::{CarriedColumns, MarkerTake};
@@ -73,7 +74,8 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// A table with these titles, whose first row is `first`: a column of times that are no numbers is carried along.
+    /// A table with these titles, whose first row is `first`: a column of times that are no numbers
+    /// is carried along.
     fn new<'a>(name: &'a str, titles: &'a PointTitles, first: Option<&Line>) -> Table<'a> {
         let separator = titles.separator.byte().unwrap_or(b',');
         let cells = first.map(|(_, line)| texts_of(line, separator));
@@ -181,12 +183,14 @@ impl Table<'_> {
         }
         if let (falls @ 1.., line) = self.falls {
             take.notes.push(format!(
-                "its time falls {falls} times, first in line {line}, but its rows are taken for one take: split a table of several trials"
+                "its time falls {falls} times, first in line {line}, but its rows are taken for \
+                 one take: split a table of several trials"
             ));
         }
         if times.is_none() && self.jumps > 0 {
             take.notes.push(format!(
-                "the numbers of its frames jump {} times, but it has no times: its rows are taken for frames in a row",
+                "the numbers of its frames jump {} times, but it has no times: its rows are taken \
+                 for frames in a row",
                 self.jumps
             ));
         }
@@ -205,7 +209,8 @@ pub fn rate_of_times(times: &[f64]) -> Option<f64> {
     Poses::without_points(rows).rate()
 }
 
-/// The seconds of the unit of a column of times, by its title. Timestamps without a unit may be of any: milliseconds, nanoseconds.
+/// The seconds of the unit of a column of times, by its title. Timestamps without a unit may be of
+/// any: milliseconds, nanoseconds.
 fn seconds_of(title: &str) -> Option<f64> {
     let plain: String = title.to_ascii_lowercase();
     let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
@@ -245,7 +250,9 @@ mod tests {
         marker_csv::read(input, None, false)
     }
 
-    const ANIPOSE: &str = "fnum,a_l_x,a_l_y,a_l_z,a_l_error,b_x,b_y,b_z,b_error\n0,1,2,3,.5,4,5,6,.5\n1,1.5,2,3,.25,,,,\n";
+    const ANIPOSE: &str = "fnum,a_l_x,a_l_y,a_l_z,a_l_error,b_x,b_y,b_z,b_error\n\
+        0,1,2,3,.5,4,5,6,.5\n\
+        1,1.5,2,3,.25,,,,\n";
 
     /// The carried cells of a row.
     fn carried(take: &MarkerTake, row: usize) -> Vec<String> {
@@ -307,7 +314,8 @@ mod tests {
         let falls = take(falls).unwrap();
         let what = "its time falls 2 times, first in line 4";
         assert!(falls.notes[0].starts_with(what), "{:?}", falls.notes);
-        let mixed = "a_x,a_y,a_z,q_x,q_y,q_z,q_w,LAngle_x,LAngle_y,LAngle_z,b_x,b_y\n1,2,3,4,5,6,7,8,9,10,11,12\n";
+        let mixed = "a_x,a_y,a_z,q_x,q_y,q_z,q_w,LAngle_x,LAngle_y,LAngle_z,b_x,b_y\n\
+            1,2,3,4,5,6,7,8,9,10,11,12\n";
         let mixed = take(mixed).unwrap();
         assert_eq!((mixed.points.len(), mixed.carried.names.len()), (1, 9));
         assert!(mixed.notes[0].contains("q, LAngle"), "{:?}", mixed.notes);

@@ -1,8 +1,9 @@
-//! Qualisys' TSV files of motion data (QTM, "Include TSV header"): lines of a name and its values, perhaps a line of titles, and a
-//! frame a row.
+//! Qualisys' TSV files of motion data (QTM, "Include TSV header"): lines of a name and its values,
+//! perhaps a line of titles, and a frame a row.
 //!
-//! Which text stands for a missing point depends on QTM's settings, and programs that read its files differ: MoCap Toolbox takes 0 for
-//! missing, others `null`. So empty cells and words for "none" are missing, and zeros stay.
+//! Which text stands for a missing point depends on QTM's settings, and programs that read its
+//! files differ: MoCap Toolbox takes 0 for missing, others `null`. So empty cells and words for
+//! "none" are missing, and zeros stay.
 
 use super::qualisys_6d;
 use super::qualisys_head::{Head, KEYS, value_of};
@@ -113,7 +114,8 @@ impl Layout {
         })
     }
 
-    /// Without titles, by the number of cells: QTM writes the frame's number and its time both or not at all.
+    /// Without titles, by the number of cells: QTM writes the frame's number and its time both or
+    /// not at all.
     fn of_row(cells: &[&str], points: usize) -> Layout {
         let numbered = cells.len() >= 3 * points + 2;
         Layout {
@@ -156,7 +158,11 @@ mod tests {
     use super::*;
     use crate::io::{Input, marker_csv};
 
-    const HEAD: &str = "NO_OF_FRAMES\t2\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDESCRIPTION\t--\nDATA_INCLUDED\t3D\nEVENT\tgo\t1\t0.0\nMARKER_NAMES\tNew 0000\tB\n";
+    const HEAD: &str = "NO_OF_FRAMES\t2\nNO_OF_MARKERS\t2\n\
+        FREQUENCY\t100\nDESCRIPTION\t--\n\
+        DATA_INCLUDED\t3D\n\
+        EVENT\tgo\t1\t0.0\n\
+        MARKER_NAMES\tNew 0000\tB\n";
     const TITLES: &str = "Frame\tTime\tNew 0000 X\tNew 0000 Y\tNew 0000 Z\tB X\tB Y\tB Z\t\n";
     const ROWS: &str = "3\t0.02\t1\t2\t3\t4\t5\t6\n4\t0.03\t0.000\t0.000\t0.000\t\t\t\n";
 

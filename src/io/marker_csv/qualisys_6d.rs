@@ -1,5 +1,6 @@
-//! Qualisys' TSV files of rigid bodies (DATA_INCLUDED 6D): of each body its position, three angles in degrees, the residual and the
-//! rotation matrix. The position is a point; the angles are carried along as NAME.rx, NAME.ry and NAME.rz, as they stand in the file.
+//! Qualisys' TSV files of rigid bodies (DATA_INCLUDED 6D): of each body its position, three angles
+//! in degrees, the residual and the rotation matrix. The position is a point; the angles are
+//! carried along as NAME.rx, NAME.ry and NAME.rz, as they stand in the file.
 //!
 //! A body that QTM could not compute has a residual of -1 and zeros.
 
@@ -97,8 +98,8 @@ fn bodies(head: &Head) -> Result<Vec<String>> {
     }
 }
 
-/// Which of x, y, z each of the three angles turns about. QTM calls them roll, pitch and yaw, in an order that its settings tell; angles
-/// of other names are those about x, y, z in this order.
+/// Which of x, y, z each of the three angles turns about. QTM calls them roll, pitch and yaw, in an
+/// order that its settings tell; angles of other names are those about x, y, z in this order.
 fn axes_of(titles: &[String]) -> [usize; 3] {
     let axis = |title: &String| {
         let title = title.to_ascii_lowercase();
@@ -115,7 +116,8 @@ fn axes_of(titles: &[String]) -> [usize; 3] {
     }
 }
 
-/// The columns of the frame's number and its time: by their titles, else the two before the first body.
+/// The columns of the frame's number and its time: by their titles, else the two before the first
+/// body.
 fn frame_and_time(titles: &[String], starts: &[usize]) -> [Option<usize>; 2] {
     let before = starts.first().copied().unwrap_or_default();
     let titles = titles.iter().take(before);
@@ -126,9 +128,9 @@ fn frame_and_time(titles: &[String], starts: &[usize]) -> [Option<usize>; 2] {
     }
 }
 
-/// Where each body begins in a row: by the titles, if they name all bodies, as far apart as bodies are, else by the number of cells. (The
-/// angles may have the titles of a position.) Between two bodies may stand an
-/// empty cell, and before the first the frame's number and time.
+/// Where each body begins in a row: by the titles, if they name all bodies, as far apart as bodies
+/// are, else by the number of cells. (The angles may have the titles of a position.) Between two
+/// bodies may stand an empty cell, and before the first the frame's number and time.
 fn starts_of(titles: &[String], cells: &[&str], bodies: usize) -> Option<Vec<usize>> {
     let titled = titles.iter().enumerate();
     let titled: Vec<usize> = titled
@@ -203,8 +205,12 @@ mod tests {
     use super::*;
     use crate::io::{Input, marker_csv};
 
-    const HEAD: &str = "NO_OF_FRAMES\t2\nNO_OF_BODIES\t2\nFREQUENCY\t100\nDATA_INCLUDED\t6D\nBODY_NAMES\tFoot Left\tHead\n";
-    const TITLES: &str = " X\t Y\t Z\t Roll\t Pitch\t Yaw\t Residual\t Rot[0]\t Rot[1]\t Rot[2]\t Rot[3]\t Rot[4]\t Rot[5]\t Rot[6]\t Rot[7]\t Rot[8]";
+    const HEAD: &str = "NO_OF_FRAMES\t2\nNO_OF_BODIES\t2\n\
+        FREQUENCY\t100\n\
+        DATA_INCLUDED\t6D\n\
+        BODY_NAMES\tFoot Left\tHead\n";
+    const TITLES: &str = " X\t Y\t Z\t Roll\t Pitch\t Yaw\t Residual\t Rot[0]\t Rot[1]\t Rot[2]\t \
+                          Rot[3]\t Rot[4]\t Rot[5]\t Rot[6]\t Rot[7]\t Rot[8]";
     const MATRIX: &str = "1\t0\t0\t0\t1\t0\t0\t0\t1";
 
     fn take(text: &str) -> Result<MarkerTake> {

@@ -1,5 +1,5 @@
-//! NPZ archives of meshes: vertices (n, V, 3) or (V, 3) of `<f4` or `<f8`, and `faces` (F, 3) of a whole type, both in
-//! C order. Other arrays are ignored.
+//! NPZ archives of meshes: vertices (n, V, 3) or (V, 3) of `<f4` or `<f8`, and `faces` (F, 3) of a
+//! whole type, both in C order. Other arrays are ignored.
 
 use super::super::Input;
 use super::super::npy::{Header, read_header};
@@ -17,7 +17,8 @@ pub(super) struct MeshArrays {
     pub(super) chosen: usize,
     /// The vertices of each mesh.
     pub(super) count: usize,
-    /// The coordinates of all meshes, one after the other; all of a mesh that is not there are NaN.
+    /// The coordinates of all meshes, one after the other; all of a mesh that is not there are
+    /// NaN.
     pub(super) xyz: Vec<f32>,
     pub(super) faces: Vec<[u32; 3]>,
 }
@@ -47,7 +48,8 @@ pub(super) fn read(input: Input, names: &[&str]) -> Result<MeshArrays> {
     })
 }
 
-/// The header and the values of an array, of which each takes the number of bytes that `size` finds.
+/// The header and the values of an array, of which each takes the number of bytes that `size`
+/// finds.
 fn array(
     archive: &mut Archive,
     place: &Place,

@@ -8,13 +8,14 @@ use std::fmt;
 /// A triangle whose height is less than this part of its longest edge has no area.
 const FLAT: f64 = 1e-9;
 
-/// The plausible largest extents of a body, metres: an infant to a tall adult, or the arms spread.
-const BODY_METRES: std::ops::RangeInclusive<f64> = 0.5..=2.6;
+/// The plausible largest extents of a body, meters: an infant to a tall adult, or the arms spread.
+const BODY_METERS: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
-/// Units that [`Mesh::plausible_height`] suggests: names and metres.
+/// Units that [`Mesh::plausible_height`] suggests: names and meters.
 const UNITS: [(&str, f64); 4] = [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("in", 0.0254)];
 
-/// Something that is wrong with a mesh, displayed as one phrase. Faces and vertices are counted from 0.
+/// Something that is wrong with a mesh, displayed as one phrase. Faces and vertices are counted
+/// from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Finding {
     /// The mesh has no vertices.
@@ -44,7 +45,8 @@ pub enum Finding {
         /// The first of them.
         first: usize,
     },
-    /// Faces have no area though their corners are three vertices: their height is less than 1e-9 of their longest edge.
+    /// Faces have no area though their corners are three vertices: their height is less than 1e-9
+    /// of their longest edge.
     ZeroArea {
         /// The number of such faces.
         count: usize,
@@ -82,7 +84,8 @@ impl fmt::Display for Finding {
             Finding::NoFaces => write!(f, "has no faces"),
             Finding::NotFinite { count, first } => write!(
                 f,
-                "vertices that are not finite: {count}, the first is vertex {first} (counted from 0)"
+                "vertices that are not finite: {count}, the first is vertex {first} (counted from \
+                 0)"
             ),
             Finding::MissingVertex {
                 face,
@@ -105,15 +108,16 @@ impl fmt::Display for Finding {
                 first: [a, b],
             } => write!(
                 f,
-                "edges of more than two faces: {count}, the first joins vertices {a} and {b} (counted from 0)"
+                "edges of more than two faces: {count}, the first joins vertices {a} and {b} \
+                 (counted from 0)"
             ),
             Finding::Flipped {
                 count,
                 first: [a, b],
             } => write!(
                 f,
-                "neighbouring faces with opposite orientation: {count}, the first pair shares vertices {a} and {b} \
-                 (counted from 0)"
+                "neighboring faces with opposite orientation: {count}, the first pair shares \
+                 vertices {a} and {b} (counted from 0)"
             ),
             Finding::Holes { count, open_edges } => {
                 write!(f, "holes: {count}, with {open_edges} open edges")
@@ -123,8 +127,9 @@ impl fmt::Display for Finding {
 }
 
 impl Mesh {
-    /// What is wrong with the mesh; nothing for a closed surface whose faces are all oriented alike. Each kind of finding
-    /// is named once, with its count. [`Finding::Holes`] is always last.
+    /// What is wrong with the mesh; nothing for a closed surface whose faces are all oriented
+    /// alike. Each kind of finding is named once, with its count. [`Finding::Holes`] is always
+    /// last.
     ///
     /// The time grows as f log f with the number f of faces.
     pub fn check(&self) -> Vec<Finding> {
@@ -190,23 +195,23 @@ impl Mesh {
         [many, flipped, holes].into_iter().flatten().collect()
     }
 
-    /// Whether the largest extent along an axis is that of a body, 0.5 to 2.6 m. `metres_per_unit` is the length of the
-    /// mesh's unit: 0.01 for centimetres.
+    /// Whether the largest extent along an axis is that of a body, 0.5 to 2.6 m. `meters_per_unit`
+    /// is the length of the mesh's unit: 0.01 for centimeters.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`] with the extent and the remedy, the option `units`.
-    pub fn plausible_height(&self, metres_per_unit: f64) -> Result<()> {
+    pub fn plausible_height(&self, meters_per_unit: f64) -> Result<()> {
         let extent = |axis: usize| {
             let values = || self.vertices.iter().map(move |v| v[axis]);
             values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
         };
         let extent = (0..3).map(extent).fold(0.0, f64::max);
-        let metres = extent * metres_per_unit;
-        if BODY_METRES.contains(&metres) {
+        let meters = extent * meters_per_unit;
+        if BODY_METERS.contains(&meters) {
             return Ok(());
         }
-        let (least, most) = BODY_METRES.into_inner();
-        let fits = |(_, unit): &&(&str, f64)| BODY_METRES.contains(&(extent * unit));
+        let (least, most) = BODY_METERS.into_inner();
+        let fits = |(_, unit): &&(&str, f64)| BODY_METERS.contains(&(extent * unit));
         let remedy = match UNITS.iter().find(fits) {
             Some((name, unit)) => format!(
                 "with the option `units {name}` it is {:.2} m",
@@ -214,10 +219,10 @@ impl Mesh {
             ),
             None => "give the unit of the file with the option `units`".into(),
         };
-        let size = if (0.01..1e5).contains(&metres) {
-            format!("{metres:.2}")
+        let size = if (0.01..1e5).contains(&meters) {
+            format!("{meters:.2}")
         } else {
-            format!("{metres:.2e}")
+            format!("{meters:.2e}")
         };
         Err(format!(
             "the largest extent is {size} m, expected {least} to {most} m for a body; {remedy}"

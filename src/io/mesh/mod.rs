@@ -1,8 +1,9 @@
 //! Triangle meshes: Wavefront OBJ, Stanford PLY, STL, and sets of meshes with one topology.
 //!
-//! Lengths are in the unit of the file: none of the formats names one. All readers refuse coordinates that are not
-//! finite and faces that name vertices the file does not have. Polygons are cut into triangles, as a fan around their
-//! first corner. Colours, normals and texture coordinates are not kept.
+//! Lengths are in the unit of the file: none of the formats names one. All readers refuse
+//! coordinates that are not finite and faces that name vertices the file does not have. Polygons
+//! are cut into triangles, as a fan around their first corner. Colors, normals and texture
+//! coordinates are not kept.
 
 mod arrays;
 mod check;
@@ -109,11 +110,12 @@ impl MeshFormat {
 impl Mesh {
     /// Opens a mesh file; gzip and zstd are decompressed.
     ///
-    /// A file that begins with `ply` is PLY. Other files are what their extension says. A file of another extension, or
-    /// of none, is STL where it has the form of one, otherwise OBJ.
+    /// A file that begins with `ply` is PLY. Other files are what their extension says. A file of
+    /// another extension, or of none, is STL where it has the form of one, otherwise OBJ.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound mesh, or one larger than 1 GiB or 20 million
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound mesh, or one larger than 1
+    /// GiB or 20 million
     /// triangles; the place has the line of a text file.
     pub fn open(path: impl AsRef<Path>) -> Result<Mesh> {
         Mesh::read(Input::open(path)?)
@@ -150,15 +152,16 @@ impl Mesh {
     /// Writes the mesh to a file, complete or not at all. The extension names the format.
     ///
     /// # Errors
-    /// [`Error::Usage`]: another extension than `.obj`, `.ply` or `.stl`. [`Error::Io`]: the file cannot be written.
+    /// [`Error::Usage`]: another extension than `.obj`, `.ply` or `.stl`. [`Error::Io`]: the file
+    /// cannot be written.
     /// [`Error::Data`]: a face names a vertex that is not there.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let format = MeshFormat::of(&path)?;
         write_file(path, &self.to_bytes(format)?)
     }
 
-    /// The bytes of a file: OBJ with six digits after the point, or binary PLY or STL in single precision. Equal meshes
-    /// give equal bytes.
+    /// The bytes of a file: OBJ with six digits after the point, or binary PLY or STL in single
+    /// precision. Equal meshes give equal bytes.
     ///
     /// # Errors
     /// [`Error::Data`]: a face names a vertex that is not there.

@@ -1,7 +1,8 @@
 //! Wavefront OBJ: the lines `v x y z` and `f a b c …`; all others are ignored.
 //!
-//! A corner of a face is `vertex`, `vertex/texture`, `vertex//normal` or `vertex/texture/normal`. Vertices count from 1,
-//! or back from -1, the vertex read last. Numbers behind `x y z` (a weight, a colour) are ignored.
+//! A corner of a face is `vertex`, `vertex/texture`, `vertex//normal` or `vertex/texture/normal`.
+//! Vertices count from 1, or back from -1, the vertex read last. Numbers behind `x y z` (a weight,
+//! a color) are ignored.
 
 use super::super::text::{Lines, excerpt, parse_number};
 use super::Mesh;
@@ -13,7 +14,8 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
     let mut lines = Lines::new(name, bytes);
     let mut mesh = Mesh::default();
     let mut corners = Vec::new();
-    // The largest vertex that a face names, and the line of the face: a face may stand before its vertices.
+    // The largest vertex that a face names, and the line of the face: a face may stand before its
+    // vertices.
     let mut largest = (0, 0);
     while let Some(line) = lines.next_line()? {
         let mut words = line.split_ascii_whitespace();

@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// Meshes of one topology: the same number of vertices and the same faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshSet {
-    /// Where each mesh was read: a path, or `bodies.npz[3]` for a mesh of an archive, counted from 0.
+    /// Where each mesh was read: a path, or `bodies.npz[3]` for a mesh of an archive, counted from
+    /// 0.
     pub names: Vec<String>,
     /// The vertices, meshes x vertices x 3, in the unit of the files, in single precision.
     pub vertices: Array3<f32>,
@@ -20,16 +21,19 @@ pub struct MeshSet {
 }
 
 impl MeshSet {
-    /// Opens meshes in the order of the paths. A path is a mesh file; a folder, of which all mesh files (`.obj`, `.ply`,
-    /// `.stl`, also with `.gz` or `.zst`) are read in the order of their names; or an `.npz` archive.
+    /// Opens meshes in the order of the paths. A path is a mesh file; a folder, of which all mesh
+    /// files (`.obj`, `.ply`, `.stl`, also with `.gz` or `.zst`) are read in the order of their
+    /// names; or an `.npz` archive.
     ///
-    /// An archive has the arrays `vertices`, (meshes, vertices, 3) or (vertices, 3) of float32 or float64, and `faces`,
-    /// (faces, 3) of a whole type, vertices counted from 0. A mesh that is NaN throughout, a frame in which nothing is known, is
-    /// left out.
+    /// An archive has the arrays `vertices`, (meshes, vertices, 3) or (vertices, 3) of float32 or
+    /// float64, and `faces`, (faces, 3) of a whole type, vertices counted from 0. A mesh that
+    /// is NaN throughout, a frame in which nothing is known, is left out.
     ///
     /// # Errors
-    /// [`Error::Usage`]: no paths. [`Error::Io`]: a file or folder cannot be read. [`Error::Data`]: no sound mesh or
-    /// archive, a folder without mesh files, or two files of different topology, both of which the message names.
+    /// [`Error::Usage`]: no paths. [`Error::Io`]: a file or folder cannot be read. [`Error::Data`]:
+    /// no sound mesh or
+    /// archive, a folder without mesh files, or two files of different topology, both of which the
+    /// message names.
     pub fn open<P: AsRef<Path>>(paths: &[P]) -> Result<MeshSet> {
         let mut builder = Builder::default();
         for path in paths {
@@ -45,8 +49,9 @@ impl MeshSet {
         builder.finish()
     }
 
-    /// Opens the meshes of an `.npz` archive whose vertices may be in an array of another name: the first of `names` that
-    /// the archive has. Returns the set and the position of that name in `names`.
+    /// Opens the meshes of an `.npz` archive whose vertices may be in an array of another name: the
+    /// first of `names` that the archive has. Returns the set and the position of that name in
+    /// `names`.
     ///
     /// # Errors
     /// Those of [`MeshSet::open`]; the archive has none of the arrays; the file is no archive.

@@ -1,8 +1,9 @@
 //! STL, text or binary.
 //!
-//! The format has no topology: each triangle has corners of its own. Corners that are equal to the bit (-0 counts as 0)
-//! become one vertex. The order of the vertices is that of their first appearance, so that a file written and read again
-//! has other vertex numbers. Normals and attributes are ignored.
+//! The format has no topology: each triangle has corners of its own. Corners that are equal to the
+//! bit (-0 counts as 0) become one vertex. The order of the vertices is that of their first
+//! appearance, so that a file written and read again has other vertex numbers. Normals and
+//! attributes are ignored.
 
 use super::super::text::{Lines, excerpt, parse_number};
 use super::Mesh;
@@ -14,7 +15,8 @@ const COMMENT: usize = 80;
 /// The bytes of a triangle: a normal, three corners, an attribute.
 const TRIANGLE: usize = 50;
 
-/// Whether bytes have the form of a file: the word `solid` and a facet or the end, or the exact size of a binary file.
+/// Whether bytes have the form of a file: the word `solid` and a facet or the end, or the exact
+/// size of a binary file.
 pub(super) fn is_stl(bytes: &[u8]) -> bool {
     if declared_size(bytes) == Some(bytes.len() as u64) {
         return true;

@@ -1,4 +1,5 @@
-//! A file of motion of any format: its points as a pose table, and the way back into its own format.
+//! A file of motion of any format: its points as a pose table, and the way back into its own
+//! format.
 
 mod read_as;
 mod read_rules;
@@ -37,8 +38,10 @@ use std::sync::Arc;
 ///
 /// let folder = tempfile::tempdir()?;
 /// let (path, copy) = (folder.path().join("walk.trc"), folder.path().join("new.trc"));
-/// # let text = "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n\
-/// #   100\t100\t2\t1\tmm\nFrame#\tTime\tknee\n\t\tX1\tY1\tZ1\n1\t0.00\t10\t20\t30\n2\t0.01\t\t\t\n";
+/// # let text = "PathFileType\t4\t(X/Y/Z)\twalk.trc\n\
+/// #   DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n\
+/// #   100\t100\t2\t1\tmm\nFrame#\tTime\tknee\n\t\tX1\tY1\tZ1\n\
+/// #   1\t0.00\t10\t20\t30\n2\t0.01\t\t\t\n";
 /// # std::fs::write(&path, text)?;
 /// // A TRC file says its unit, but not which axis points up.
 /// let options = ReadOptions { up: Some(posing::pose::UpAxis::Z), ..ReadOptions::default() };
@@ -179,13 +182,14 @@ impl MotionFile {
         }
     }
 
-    /// Whether the value of a BVH file's channel in a frame was taken for a missing one: see [`MotionFile::empty_channels`].
+    /// Whether the value of a BVH file's channel in a frame was taken for a missing one: see
+    /// [`MotionFile::empty_channels`].
     pub fn is_emptied(&self, frame: usize, channel: usize) -> bool {
         self.emptied.contains(&(frame, channel))
     }
 
-    /// Takes values of a BVH file's channels, (frame, channel), for missing ones, and so the positions that follow from them. Other
-    /// files stay.
+    /// Takes values of a BVH file's channels, (frame, channel), for missing ones, and so the
+    /// positions that follow from them. Other files stay.
     ///
     /// # Errors
     /// None for a file that was read.
@@ -204,7 +208,8 @@ impl MotionFile {
         Ok(())
     }
 
-    /// The pairs of points to join in a picture: those of the file's skeleton, else by the points' names.
+    /// The pairs of points to join in a picture: those of the file's skeleton, else by the points'
+    /// names.
     ///
     /// # Errors
     /// [`Error::Data`]: the joints are no tree.
@@ -350,7 +355,10 @@ fn of_bvh(
 fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Result<MotionFile> {
     let bad = |what: &str| Error::data(Place::file(path.display().to_string()), what);
     let rate = options.fps.ok_or_else(|| {
-        bad("an AMC file does not say its rate; give it with the option `fps F` (frames per second)")
+        bad(
+            "an AMC file does not say its rate; give it with the option `fps F` (frames per \
+             second)",
+        )
     })?;
     let asf = Asf::read(Input::open(skeleton_of(path, options)?)?, None)?;
     let mut reader = AmcReader::new(&asf, input, options.keep_whole)?;
@@ -401,7 +409,8 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
     })
 }
 
-/// The angles among the channels of joints, whose values follow one another in `values` (frames, channels).
+/// The angles among the channels of joints, whose values follow one another in `values` (frames,
+/// channels).
 fn joint_angles(
     joints: impl Iterator<Item = (String, Vec<Channel>)>,
     values: ArrayView2<'_, f64>,

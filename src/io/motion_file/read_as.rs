@@ -1,4 +1,5 @@
-//! What a file is taken for: by what it says itself, else by options, else by the custom of its format.
+//! What a file is taken for: by what it says itself, else by options, else by the custom of its
+//! format.
 
 use serde::Serialize;
 

@@ -1,4 +1,5 @@
-//! What is taken for many files that do not say it: values for all, for those of a format, or for those of a folder.
+//! What is taken for many files that do not say it: values for all, for those of a format, or for
+//! those of a folder.
 
 use super::ReadOptions;
 use crate::Result;
@@ -61,7 +62,8 @@ pub struct Scoped<T> {
 pub enum Scope {
     /// All files.
     All,
-    /// Those of a format, by the last word of its name or all of it, in small letters: `csv`, `motive-csv`.
+    /// Those of a format, by the last word of its name or all of it, in small letters: `csv`,
+    /// `motive-csv`.
     Format(String),
     /// Those in a folder and below it, without links.
     Folder(PathBuf),
@@ -108,8 +110,8 @@ impl Scope {
 }
 
 impl<T: Copy> Scoped<T> {
-    /// The value for a file: that of the deepest folder which holds it, else that of its format, else that of all files; of equals, the
-    /// last.
+    /// The value for a file: that of the deepest folder which holds it, else that of its format,
+    /// else that of all files; of equals, the last.
     pub fn of(all: &[Scoped<T>], path: &Path, format: MotionFormat) -> Option<T> {
         let ranked = all.iter().enumerate().filter_map(|(i, scoped)| {
             let rank = scoped.scope.rank(path, format)?;

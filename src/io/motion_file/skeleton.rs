@@ -5,7 +5,8 @@ use crate::io::input::take_name;
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
-/// The ASF file of an AMC take: the option's, else the one beside it whose name begins the take's, else the only one there.
+/// The ASF file of an AMC take: the option's, else the one beside it whose name begins the take's,
+/// else the only one there.
 pub fn skeleton_of(path: &Path, options: &ReadOptions) -> Result<PathBuf> {
     if let Some(asf) = &options.asf {
         return Ok(asf.clone());
@@ -26,7 +27,8 @@ pub fn skeleton_of(path: &Path, options: &ReadOptions) -> Result<PathBuf> {
         Some(own) => Ok(own.clone()),
         None => {
             let what = format!(
-                "no skeleton beside the take begins its name ({} others are there); give it with the option `asf SUBJECT.asf`",
+                "no skeleton beside the take begins its name ({} others are there); give it with \
+                 the option `asf SUBJECT.asf`",
                 all.len()
             );
             Err(Error::data(Place::file(path.display().to_string()), what))

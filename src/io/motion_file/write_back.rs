@@ -18,11 +18,13 @@ impl MotionFile {
     }
 
     /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
-    /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see [`MotionFile::write_channels`]. Returns how
-    /// many positions the numbers of the format do not hold, which stay as they were.
+    /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see
+    /// [`MotionFile::write_channels`]. Returns how many positions the numbers of the format do
+    /// not hold, which stay as they were.
     ///
     /// # Errors
-    /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold the new values.
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold
+    /// the new values.
     pub fn write_back(&self, path: impl AsRef<Path>, xyz: ArrayView2<'_, f64>) -> Result<usize> {
         let (path, mut left) = (path.as_ref(), 0);
         self.check_shape(xyz)?;
@@ -55,8 +57,8 @@ impl MotionFile {
         write_file(path, &bytes).map(|()| left)
     }
 
-    /// Writes a BVH file with the missing values of its channels at `motion` (frames, channels; centimeters, radians); NaN stays
-    /// missing, and every other byte of the file stays.
+    /// Writes a BVH file with the missing values of its channels at `motion` (frames, channels;
+    /// centimeters, radians); NaN stays missing, and every other byte of the file stays.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: it is no BVH file, or has no such values.
@@ -69,7 +71,8 @@ impl MotionFile {
         write_file(path, &bvh.fill_missing(bytes, motion, unit)?)
     }
 
-    /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in centimeters, y up.
+    /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in
+    /// centimeters, y up.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape.
@@ -109,8 +112,8 @@ impl MotionFile {
         Err(Error::data(Place::file(&self.table.name), what))
     }
 
-    /// The points of a take, in the file's unit and axes; those that did not move, or that the file does not hold, have the numbers that
-    /// they had.
+    /// The points of a take, in the file's unit and axes; those that did not move, or that the file
+    /// does not hold, have the numbers that they had.
     fn in_file(
         &self,
         take: &MarkerTake,

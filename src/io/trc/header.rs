@@ -1,4 +1,5 @@
-//! The first lines of a TRC file. Programs part their cells by tabs, blanks or commas, in any number.
+//! The first lines of a TRC file. Programs part their cells by tabs, blanks or commas, in any
+//! number.
 
 use crate::io::marker_rows::{Stated, is_missing};
 use crate::io::text::{Lines, excerpt};
@@ -89,7 +90,8 @@ fn value(keys: &str, values: &str, key: &str) -> Option<String> {
     Some(found.to_string())
 }
 
-/// The names of the markers behind Frame# and Time; `None` without these. Every third cell has a name, but in some files each.
+/// The names of the markers behind Frame# and Time; `None` without these. Every third cell has a
+/// name, but in some files each.
 fn labels(line: &str, has_commas: bool, markers: Option<f64>) -> Option<Vec<String>> {
     let begins = |word: &str, with: &str| {
         let start = word.trim().get(..with.len());

@@ -1,9 +1,12 @@
-//! TRC files: trajectories of markers as text, by Motion Analysis, which OpenSim and Pose2Sim read and write too.
+//! TRC files: trajectories of markers as text, by Motion Analysis, which OpenSim and Pose2Sim read
+//! and write too.
 //!
-//! Three lines say what the file is: `PathFileType`, names of values, and the values. The fourth names the markers, each above three
-//! columns, the fifth the columns; a frame a row follows, its number and time first. Cells are parted by tabs, in some files by
-//! blanks or commas. Written as seen in files of Cortex, EVaRT, Filmbox, BTK, OpenSim and Pose2Sim: rows may lack their last cells, and may
-//! have points without a name beyond the named ones; keys may be in any case, blank lines anywhere.
+//! Three lines say what the file is: `PathFileType`, names of values, and the values. The fourth
+//! names the markers, each above three columns, the fifth the columns; a frame a row follows, its
+//! number and time first. Cells are parted by tabs, in some files by blanks or commas. Written as
+//! seen in files of Cortex, EVaRT, Filmbox, BTK, OpenSim and Pose2Sim: rows may lack their last
+//! cells, and may have points without a name beyond the named ones; keys may be in any case, blank
+//! lines anywhere.
 
 mod header;
 mod write;
@@ -23,7 +26,8 @@ use std::io::BufRead;
 /// Reads a file. With `keep_whole`, one that ends within a row gives the frames before.
 ///
 /// # Errors
-/// [`Error::Data`]: it is no TRC file, has no points or frames, ends within a row, or a cell is no number. [`Error::Io`]: reading fails.
+/// [`Error::Data`]: it is no TRC file, has no points or frames, ends within a row, or a cell is no
+/// number. [`Error::Io`]: reading fails.
 pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let name = input.name.clone();
     let other = recognized(input.first_bytes());
@@ -82,7 +86,8 @@ fn cells(line: &str, separator: Separator) -> Vec<&str> {
     }
 }
 
-/// Checks the first line that is not blank: `PathFileType`, and the columns of a point as its third word.
+/// Checks the first line that is not blank: `PathFileType`, and the columns of a point as its third
+/// word.
 fn check_first(lines: &mut Lines<impl BufRead>, other: Option<&'static str>) -> Result<()> {
     let name = lines.name.clone();
     let bad = |what: String| Error::data(Place::file(&name), what);
@@ -114,7 +119,10 @@ fn check_first(lines: &mut Lines<impl BufRead>, other: Option<&'static str>) -> 
 mod tests {
     use super::*;
 
-    const HEAD: &str = "PathFileType\t4\t(X/Y/Z)\tx.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n100\t  2\t2\tmm\nFrame#\tTime\tA\t\t\tB\t\t\t\n";
+    const HEAD: &str = "PathFileType\t4\t(X/Y/Z)\tx.trc\n\
+        DataRate\tNumFrames\tNumMarkers\tUnits\n\
+        100\t  2\t2\tmm\n\
+        Frame#\tTime\tA\t\t\tB\t\t\t\n";
     const ROWS: &str =
         "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n5\t0.04\t1\t2\t3\t4\t5\t6\n6\t0.05\t\t\t\tnan\tNaN\tnan\n";
 
@@ -150,7 +158,13 @@ mod tests {
     fn headers_are_read_however_their_cells_are_parted() {
         let text = format!("{HEAD}{ROWS}");
         let tabs = take(&text).unwrap();
-        let commas = "PathFileType,4,(X/Y/Z),x.trc\nDataRate,NumFrames,NumMarkers,Units\n100,2,2,mm\nFrame#,Time,A,,,B,,\n,,X1,Y1,Z1,X2,Y2,Z2\n5,0.04,1,2,3,4,5,6\n6,0.05,,,,nan,NaN,nan\n";
+        let commas = "PathFileType,4,(X/Y/Z),x.trc\n\
+            DataRate,NumFrames,NumMarkers,Units\n\
+            100,2,2,mm\n\
+            Frame#,Time,A,,,B,,\n\
+            ,,X1,Y1,Z1,X2,Y2,Z2\n\
+            5,0.04,1,2,3,4,5,6\n\
+            6,0.05,,,,nan,NaN,nan\n";
         let others = [
             text.replace("100\t  2\t2\tmm", " 100\t\t 2 \t  \t2\t\tmm \t"),
             text.replace("\tNumFrames\t", "   NumFrames \t"),

@@ -15,15 +15,16 @@ pub struct NewTrc<'a> {
     pub rate: f64,
     /// The number of the first frame, from 1.
     pub first_frame: u32,
-    /// The times of the frames in seconds; `None`: they follow from the first frame's number and the rate.
+    /// The times of the frames in seconds; `None`: they follow from the first frame's number and
+    /// the rate.
     pub times: Option<&'a [f64]>,
     /// The unit of length, such as `mm`.
     pub units: &'a str,
 }
 
 impl NewTrc<'_> {
-    /// The bytes of a file with these points (frames, 3 P; NaN: an empty cell). A tab ends every row: OpenSim counts an empty last
-    /// cell only then.
+    /// The bytes of a file with these points (frames, 3 P; NaN: an empty cell). A tab ends every
+    /// row: OpenSim counts an empty last cell only then.
     ///
     /// # Errors
     /// [`Error::Usage`]: no points or frames, or a name that the format cannot hold.
@@ -62,7 +63,8 @@ impl NewTrc<'_> {
         let name = self.name.replace(char::is_control, " ");
         let mut head = format!(
             "PathFileType\t4\t(X/Y/Z)\t{name}\n\
-             DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
+             DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\t\
+             OrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
              {rate}\t{rate}\t{frames}\t{points}\t{units}\t{rate}\t{first}\t{frames}\n\
              Frame#\tTime\t"
         );

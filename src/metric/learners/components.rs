@@ -3,13 +3,15 @@
 /// The connected components of alike pairs, the "chunklets" of Bar-Hillel et al. 2005.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Components {
-    /// The members of each component of at least two poses, in rising order; components by their first member.
+    /// The members of each component of at least two poses, in rising order; components by their
+    /// first member.
     pub groups: Vec<Vec<usize>>,
     /// The representative of each pose, its own index where it is alike to none: (n).
     pub of: Vec<usize>,
 }
 
-/// The components of `n` poses under pairs of indices below `n`. O(n + pairs), up to a slowly growing factor.
+/// The components of `n` poses under pairs of indices below `n`. O(n + pairs), up to a slowly
+/// growing factor.
 pub(super) fn components(n: usize, alike: &[[usize; 2]]) -> Components {
     let mut of: Vec<usize> = (0..n).collect();
     for &[a, b] in alike {

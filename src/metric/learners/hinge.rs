@@ -1,4 +1,4 @@
-//! The objective of large margin nearest neighbours for given targets and impostors.
+//! The objective of large margin nearest neighbors for given targets and impostors.
 
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::{product, transposed_product};
@@ -20,8 +20,8 @@ pub(super) struct Anchor {
     pub impostors: Vec<usize>,
 }
 
-/// The mean over anchors' targets of (1 − μ) D_ij + μ Σ_l max(0, 1 + D_ij − D_il) and its gradient (d, r), for poses x (m, d)
-/// and W (d, r).
+/// The mean over anchors' targets of (1 − μ) D_ij + μ Σ_l max(0, 1 + D_ij − D_il) and its gradient
+/// (d, r), for poses x (m, d) and W (d, r).
 pub(super) fn objective(
     x: ArrayView2<'_, f64>,
     anchors: &[Anchor],

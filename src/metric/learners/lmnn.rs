@@ -1,30 +1,32 @@
-//! Large margin nearest neighbours (Weinberger, Saul: Distance Metric Learning for Large Margin Nearest Neighbor
-//! Classification. JMLR 10, 2009), for labels of pairs.
+//! Large margin nearest neighbors (Weinberger, Saul: Distance Metric Learning for Large Margin
+//! Nearest Neighbor Classification. JMLR 10, 2009), for labels of pairs.
 //!
-//! With z = Wᵀ x and the squared distances D_ij = |z_i − z_j|², W (d, r) minimises the mean over (i, j) of
+//! With z = Wᵀ x and the squared distances D_ij = |z_i − z_j|², W (d, r) minimizes the mean over
+//! (i, j) of
 //!
 //! (1 − μ) D_ij + μ Σ_l max(0, 1 + D_ij − D_il), μ = ½
 //!
 //! (the paper's equation 13), where
 //! - (i, j) are alike pairs, in both orders: j is a target of i;
-//! - l are the impostors of i: the labelled poses that no chain of alike pairs links to i, and those of unlike pairs with i.
-//!   The 100 nearest count;
-//! - a pose in unlike pairs only is its own target, at distance 0, and its impostors are those of its pairs. So these pairs
-//!   are kept a unit apart.
+//! - l are the impostors of i: the labeled poses that no chain of alike pairs links to i, and those
+//!   of unlike pairs with i. The 100 nearest count;
+//! - a pose in unlike pairs only is its own target, at distance 0, and its impostors are those of
+//!   its pairs. So these pairs are kept a unit apart.
 //!
-//! The paper projects gradients of M = W Wᵀ; it names the factor W as the way to low ranks. W is used here, as a projection
-//! costs O(d³) each step. The start is the first r principal directions, in which alike poses are 1 apart: that sets the
-//! scale of the margin. Impostors are looked for in rounds, as are the paper's active constraints; L-BFGS falls in each round.
-//! The objective is not convex in W, so the result depends on the start. Cost: O(m² r) a round for m labelled poses and
+//! The paper projects gradients of M = W Wᵀ; it names the factor W as the way to low ranks. W is
+//! used here, as a projection costs O(d³) each step. The start is the first r principal directions,
+//! in which alike poses are 1 apart: that sets the scale of the margin. Impostors are looked for in
+//! rounds, as are the paper's active constraints; L-BFGS falls in each round. The objective is not
+//! convex in W, so the result depends on the start. Cost: O(m² r) a round for m labeled poses and
 //! O(100 m r + m d r) a step.
 
 use super::components::components;
 use super::hinge::{Anchor, objective};
-use super::scatter::centred;
+use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learnt, Needs, RANK, TrainingPairs};
+use super::{Learned, Needs, RANK, TrainingPairs};
 use crate::Result;
-use crate::numeric::lbfgs::minimise;
+use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::product;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
@@ -56,22 +58,23 @@ impl Default for Settings {
     }
 }
 
-/// Learns W (d, at most rank). It converged when a round gained too little, before the largest number of rounds.
+/// Learns W (d, at most rank). It converged when a round gained too little, before the largest
+/// number of rounds.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("lmnn", Needs::Both, settings.rank)?;
     let start = principal_start(pairs, settings.rank)?;
-    let labelled = Labelled::new(pairs);
-    let x = centred(pairs.x.select(Axis(0), &labelled.rows).view()) * start.scale;
+    let labeled = Labeled::new(pairs);
+    let x = centered(pairs.x.select(Axis(0), &labeled.rows).view()) * start.scale;
     let (d, r) = start.directions.dim();
     let (mut w, mut converged) = (start.directions, false);
     for _ in 0..settings.rounds {
-        let anchors = labelled.anchors(&product(x.view(), w.view()));
+        let anchors = labeled.anchors(&product(x.view(), w.view()));
         let before = objective(x.view(), &anchors, w.view()).0;
         let first = w.iter().copied().collect();
-        let end = minimise(first, STEPS, TOLERANCE / STEPS as f64, &mut |w| {
+        let end = minimize(first, STEPS, TOLERANCE / STEPS as f64, &mut |w| {
             let w = ArrayView2::from_shape((d, r), w).expect("d by r");
             let (value, gradient) = objective(x.view(), &anchors, w);
             (value, gradient.iter().copied().collect())
@@ -82,14 +85,14 @@ pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
             break;
         }
     }
-    Ok(Learnt {
+    Ok(Learned {
         w: w * start.scale,
         converged,
     })
 }
 
 /// The poses that pairs name, by their place among them.
-struct Labelled {
+struct Labeled {
     /// The row of each among all poses (m).
     rows: Vec<usize>,
     /// The component of alike poses of each (m).
@@ -100,9 +103,9 @@ struct Labelled {
     unlike: Vec<Vec<usize>>,
 }
 
-impl Labelled {
-    fn new(pairs: &TrainingPairs<'_>) -> Labelled {
-        let rows = pairs.labelled();
+impl Labeled {
+    fn new(pairs: &TrainingPairs<'_>) -> Labeled {
+        let rows = pairs.labeled();
         let of = components(pairs.x.nrows(), pairs.alike).of;
         let partners = |pairs: &[[usize; 2]]| {
             let mut partners = vec![Vec::new(); rows.len()];
@@ -119,7 +122,7 @@ impl Labelled {
             }
             partners
         };
-        Labelled {
+        Labeled {
             class: rows.iter().map(|&row| of[row]).collect(),
             alike: partners(pairs.alike),
             unlike: partners(pairs.unlike),
@@ -183,9 +186,9 @@ mod tests {
             alike: &[[0, 1], [2, 3], [3, 4]],
             unlike: &[[2, 4], [5, 0]],
         };
-        let labelled = Labelled::new(&pairs);
-        assert_eq!(labelled.rows, [0, 1, 2, 3, 4, 5]);
-        let anchors = labelled.anchors(&x.slice(s![..6, ..]).to_owned());
+        let labeled = Labeled::new(&pairs);
+        assert_eq!(labeled.rows, [0, 1, 2, 3, 4, 5]);
+        let anchors = labeled.anchors(&x.slice(s![..6, ..]).to_owned());
         // Not 1 (alike) nor 6 (no label).
         assert_eq!(anchors[0].impostors, [2, 3, 4, 5]);
         assert_eq!(anchors[0].targets, [1]);
@@ -202,11 +205,11 @@ mod tests {
     fn rounds_lower_the_objective_and_clear_the_margin() {
         let data = Planted::new(3, 3);
         let pairs = data.pairs();
-        let labelled = Labelled::new(&pairs);
-        let x = centred(data.x.select(Axis(0), &labelled.rows).view());
+        let labeled = Labeled::new(&pairs);
+        let x = centered(data.x.select(Axis(0), &labeled.rows).view());
         let after = |rounds| {
             let w = fit(&pairs, &Settings { rank: 3, rounds }).unwrap().w;
-            let anchors = labelled.anchors(&x.dot(&w));
+            let anchors = labeled.anchors(&x.dot(&w));
             objective(x.view(), &anchors, w.view()).0
         };
         let (start, few, many) = (after(0), after(1), after(10));
@@ -218,7 +221,8 @@ mod tests {
 
     #[test]
     fn a_pair_that_is_only_unlike_is_kept_a_unit_apart() {
-        // Dimension 0 tells the unlike pair apart; alike poses differ in it little, in dimension 1 much.
+        // Dimension 0 tells the unlike pair apart; alike poses differ in it little, in dimension 1
+        // much.
         let x = ndarray::array![
             [0.0, 5.0],
             [0.05, -5.0],
@@ -232,7 +236,7 @@ mod tests {
             alike: &[[0, 1], [4, 5]],
             unlike: &[[2, 3]],
         };
-        let learnt = fit(
+        let learned = fit(
             &pairs,
             &Settings {
                 rank: 2,
@@ -240,8 +244,8 @@ mod tests {
             },
         )
         .unwrap();
-        let z = x.dot(&learnt.w);
-        assert!(learnt.converged);
+        let z = x.dot(&learned.w);
+        assert!(learned.converged);
         assert!(
             apart(&z, 2, 3) >= 0.9 && apart(&z, 2, 3) > apart(&z, 0, 1),
             "{z}"

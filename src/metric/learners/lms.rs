@@ -1,26 +1,31 @@
-//! Weights of the terms of a distance by least squares (Wang and Bodenheimer: An Evaluation of a Cost Metric for Selecting
-//! Transitions between Motion Segments. SCA 2003), as Chen et al. 2011 learn equations 41, 43 and 44.
+//! Weights of the terms of a distance by least squares (Wang and Bodenheimer: An Evaluation of a
+//! Cost Metric for Selecting Transitions between Motion Segments. SCA 2003), as Chen et al. 2011
+//! learn equations 41, 43 and 44.
 //!
-//! The distance of a pair p is Σ_j w_j t_pj, of terms t at least 0 such as squared differences of joints. It is fitted to 0
-//! for alike pairs and 1 for unlike ones:
+//! The distance of a pair p is Σ_j w_j t_pj, of terms t at least 0 such as squared differences of
+//! joints. It is fitted to 0 for alike pairs and 1 for unlike ones:
 //!
-//! minimise (1/P) Σ_p (Σ_j w_j t_pj − y_p)² + ridge Σ_j m_j w_j² over w ≥ 0,
+//! minimize (1/P) Σ_p (Σ_j w_j t_pj − y_p)² + ridge Σ_j m_j w_j² over w ≥ 0,
 //!
-//! where P is the number of pairs and m_j the mean of t_pj² over them, so that the ridge does not depend on the terms' units.
-//! Solved on the Gram matrix of the terms ([`crate::numeric::nnls`]). Cost: O(P k²) for k terms, and O(k³).
+//! where P is the number of pairs and m_j the mean of t_pj² over them, so that the ridge does not
+//! depend on the terms' units. Solved on the Gram matrix of the terms ([`crate::numeric::nnls`]).
+//! Cost: O(P k²) for k terms, and O(k³).
 
 use crate::Result;
 use crate::numeric::nnls::nonnegative_least_squares;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array1, ArrayView2, Axis};
 
-/// Share of a term's mean square. It makes the weights of equal terms equal, and changes others by about as little.
+/// Share of a term's mean square. It makes the weights of equal terms equal, and changes others by
+/// about as little.
 const RIDGE: f64 = 1e-6;
 
-/// Learns the weights w (terms) from the `terms` of pairs (pairs, terms) and whether each pair is alike.
+/// Learns the weights w (terms) from the `terms` of pairs (pairs, terms) and whether each pair is
+/// alike.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: no pairs of one label, a term that is negative or not finite, shapes that do not fit, or unlike pairs
+/// [`crate::Error::Unfit`]: no pairs of one label, a term that is negative or not finite, shapes
+/// that do not fit, or unlike pairs
 /// whose terms are all 0.
 pub fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>> {
     check(terms, is_alike)?;
@@ -145,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_learnt_from_is_told() {
+    fn what_cannot_be_learned_from_is_told() {
         let told = |terms: Array2<f64>, labels: &[bool], phrase: &str| {
             let told = fit(terms.view(), labels).unwrap_err();
             assert!(told.to_string().contains(phrase), "{told}");

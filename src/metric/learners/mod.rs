@@ -1,26 +1,28 @@
-//! Learners of a distance from labelled pairs of poses: the rivals of Chen et al. 2011, section 5.4, and later methods.
+//! Learners of a distance from labeled pairs of poses: the rivals of Chen et al. 2011, section 5.4,
+//! and later methods.
 //!
-//! All but [`lms`] learn a linear map W (d, r). The distance of two poses is the Euclidean one after the map (equations 10
-//! and 11): d²(x, y) = (x − y)ᵀ W Wᵀ (x − y). Only the ratios of distances matter; each learner states its own scale.
+//! All but [`lms`] learn a linear map W (d, r). The distance of two poses is the Euclidean one
+//! after the map (equations 10 and 11): d²(x, y) = (x − y)ᵀ W Wᵀ (x − y). Only the ratios of
+//! distances matter; each learner states its own scale.
 //!
 //! | learner | labels | what it solves | paper |
 //! |---|---|---|---|
 //! | [`lms`] | both | least squares for weights, at least 0 | Wang and Bodenheimer 2003 |
 //! | [`xing`] | both | a concave problem over metrics | Xing, Ng, Jordan and Russell 2003 |
-//! | [`sda`] | both | a generalised eigenproblem | Cai, He and Han 2007 |
-//! | [`rca`] | alike | a generalised eigenproblem | Bar-Hillel, Hertz, Shental and Weinshall 2005 |
+//! | [`sda`] | both | a generalized eigenproblem | Cai, He and Han 2007 |
+//! | [`rca`] | alike | a generalized eigenproblem | Bar-Hillel, Hertz, Shental and Weinshall 2005 |
 //! | [`lmnn`] | both | gradient steps on W | Weinberger and Saul 2009 |
 //! | [`nca`] | alike | gradient steps on W | Goldberger, Roweis, Hinton and Salakhutdinov 2005 |
 //!
-//! Each gives the same result for the same input on any number of threads. Each takes seconds for some 6,000 poses of 200
-//! dimensions; reduce longer poses by principal components first.
+//! Each gives the same result for the same input on any number of threads. Each takes seconds for
+//! some 6,000 poses of 200 dimensions; reduce longer poses by principal components first.
 
 mod components;
 mod hinge;
 pub mod lmnn;
 pub mod lms;
 pub mod nca;
-mod neighbours;
+mod neighbors;
 pub mod rca;
 mod scatter;
 pub mod sda;
@@ -32,19 +34,21 @@ pub mod xing;
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
-/// The number of directions that the learners keep by default; the paper's useful range is 30 to 90 (section 5.2).
+/// The number of directions that the learners keep by default; the paper's useful range is 30 to 90
+/// (section 5.2).
 pub const RANK: usize = 50;
 
-/// The default ridge of [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to its diagonal.
+/// The default ridge of [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that
+/// is added to its diagonal.
 ///
-/// Fewer pairs than dimensions leave the matrix singular. Directions in which alike poses hardly differ would then win, be
-/// they noise or not; a ridge of a tenth keeps them from it.
+/// Fewer pairs than dimensions leave the matrix singular. Directions in which alike poses hardly
+/// differ would then win, be they noise or not; a ridge of a tenth keeps them from it.
 pub const RIDGE: f64 = 0.1;
 
-/// What a metric is learnt from.
+/// What a metric is learned from.
 #[derive(Debug, Clone, Copy)]
 pub struct TrainingPairs<'a> {
-    /// Poses, labelled and not (n, d).
+    /// Poses, labeled and not (n, d).
     pub x: ArrayView2<'a, f64>,
     /// Pairs of rows of `x` that are alike (label 1).
     pub alike: &'a [[usize; 2]],
@@ -54,10 +58,11 @@ pub struct TrainingPairs<'a> {
 
 /// What a learner found by steps.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Learnt {
+pub struct Learned {
     /// The linear map W (d, r).
     pub w: Array2<f64>,
-    /// Whether the steps came to an end before their limit; the learner's page says what that means.
+    /// Whether the steps came to an end before their limit; the learner's page says what that
+    /// means.
     pub converged: bool,
 }
 
@@ -96,7 +101,7 @@ impl TrainingPairs<'_> {
     }
 
     /// The rows that some pair names, in rising order, each once.
-    fn labelled(&self) -> Vec<usize> {
+    fn labeled(&self) -> Vec<usize> {
         let ends = self.alike.iter().chain(self.unlike).flatten();
         let mut rows: Vec<usize> = ends.copied().collect();
         rows.sort_unstable();
@@ -184,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn any_scale_and_place_of_the_poses_gives_the_same_neighbours() {
+    fn any_scale_and_place_of_the_poses_gives_the_same_neighbors() {
         let mut data = Planted::new(3, 4);
         let before: Vec<f64> = NAMES
             .map(|n| data.precision(&learn(n, &data.pairs(), 3).unwrap()))
@@ -212,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_learnt_from_is_told() {
+    fn what_cannot_be_learned_from_is_told() {
         let data = Planted::new(2, 1);
         let whole = data.pairs();
         let told = |pairs: &TrainingPairs<'_>, rank: usize, phrase: &str, names: &[&str]| {

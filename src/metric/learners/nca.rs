@@ -1,25 +1,26 @@
-//! Neighbourhood component analysis (Goldberger, Roweis, Hinton, Salakhutdinov: Neighbourhood Components Analysis.
-//! NIPS 2005).
+//! Neighborhood component analysis (Goldberger, Roweis, Hinton, Salakhutdinov: Neighborhood
+//! Components Analysis. NIPS 2005).
 //!
-//! Each labelled pose i picks a neighbour k among the other labelled poses with probability
+//! Each labeled pose i picks a neighbor k among the other labeled poses with probability
 //!
 //! p_ik = exp(−|z_i − z_k|²) / Σ_{l ≠ i} exp(−|z_i − z_l|²), z = Wᵀ x,
 //!
-//! and W (d, r) maximises Σ log p_i, where p_i = Σ p_ik over the k that are alike to i by a chain of alike pairs.
-//! That is the paper's second objective (its equation 6). Its first, Σ p_i, hardly changes where all p_i are small, as at a
-//! start among many poses.
-//! Poses of different chains count as different, also where no pair says so; a pose that only unlike pairs name is one to be
-//! kept away from.
+//! and W (d, r) maximizes Σ log p_i, where p_i = Σ p_ik over the k that are alike to i by a chain
+//! of alike pairs. That is the paper's second objective (its equation 6). Its first, Σ p_i, hardly
+//! changes where all p_i are small, as at a start among many poses.
+//! Poses of different chains count as different, also where no pair says so; a pose that only
+//! unlike pairs name is one to be kept away from.
 //!
-//! By L-BFGS from the first r principal directions, in which alike poses are 1 apart. The objective has other maxima; the
-//! result is one near that start. Cost: O(m² r + m d r) a step for m labelled poses.
+//! By L-BFGS from the first r principal directions, in which alike poses are 1 apart. The objective
+//! has other maxima; the result is one near that start. Cost: O(m² r + m d r) a step for m labeled
+//! poses.
 
 use super::components::components;
-use super::scatter::centred;
+use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learnt, Needs, RANK, TrainingPairs};
+use super::{Learned, Needs, RANK, TrainingPairs};
 use crate::Result;
-use crate::numeric::lbfgs::minimise;
+use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::{product, transposed_product};
 use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis, Zip, s};
@@ -29,7 +30,8 @@ use std::ops::Range;
 const ROWS: usize = 128;
 /// Parts of the gradient that are held at one time: (m, r) each.
 const PARTS: usize = 16;
-/// A neighbour with less than e^−30 of the nearest one's probability has none: little would be lost in rounding too.
+/// A neighbor with less than e^−30 of the nearest one's probability has none: little would be lost
+/// in rounding too.
 const FARTHEST: f64 = 30.0;
 /// A step that gains at most this share is the last.
 const TOLERANCE: f64 = 1e-5;
@@ -39,7 +41,8 @@ const TOLERANCE: f64 = 1e-5;
 pub struct Settings {
     /// Directions to learn.
     pub rank: usize,
-    /// Largest number of steps. On made poses of 200 dimensions 20 served unseen poses best: later steps fit the pairs alone.
+    /// Largest number of steps. On made poses of 200 dimensions 20 served unseen poses best: later
+    /// steps fit the pairs alone.
     pub steps: usize,
 }
 
@@ -52,35 +55,37 @@ impl Default for Settings {
     }
 }
 
-/// Learns W (d, at most rank). It converged when a step gained too little, before the largest number of steps.
+/// Learns W (d, at most rank). It converged when a step gained too little, before the largest
+/// number of steps.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: no alike pairs, or all labelled poses alike by a chain; pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
+/// [`crate::Error::Unfit`]: no alike pairs, or all labeled poses alike by a chain; pairs, poses or
+/// settings that cannot be used.
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("nca", Needs::Alike, settings.rank)?;
-    let rows = pairs.labelled();
+    let rows = pairs.labeled();
     let of = components(pairs.x.nrows(), pairs.alike).of;
     let class: Vec<usize> = rows.iter().map(|&row| of[row]).collect();
     if class.iter().all(|c| *c == class[0]) {
-        return Err("nca needs at least 2 groups: pairs of label 1 link all labelled poses".into());
+        return Err("nca needs at least 2 groups: pairs of label 1 link all labeled poses".into());
     }
     let start = principal_start(pairs, settings.rank)?;
     let (d, r) = start.directions.dim();
-    let x = centred(pairs.x.select(Axis(0), &rows).view()) * start.scale;
+    let x = centered(pairs.x.select(Axis(0), &rows).view()) * start.scale;
     let first = start.directions.iter().copied().collect();
-    let end = minimise(first, settings.steps, TOLERANCE, &mut |w| {
+    let end = minimize(first, settings.steps, TOLERANCE, &mut |w| {
         let w = ArrayView2::from_shape((d, r), w).expect("d by r");
         let (value, gradient) = objective(x.view(), &class, w);
         (value, gradient.iter().copied().collect())
     });
     let w = Array2::from_shape_vec((d, r), end.at).expect("as many as at the start");
-    Ok(Learnt {
+    Ok(Learned {
         w: w * start.scale,
         converged: end.converged,
     })
 }
 
-/// −Σ log p_i and its gradient (d, r), of labelled poses x (m, d), their classes (m) and W.
+/// −Σ log p_i and its gradient (d, r), of labeled poses x (m, d), their classes (m) and W.
 fn objective(
     x: ArrayView2<'_, f64>,
     class: &[usize],
@@ -129,11 +134,11 @@ fn add_poses(
     (value, by_z)
 }
 
-/// −log p_i; turns the squared distances of pose i to all (m) into its derivatives by them. 0 for a pose that no other is alike
-/// to.
+/// −log p_i; turns the squared distances of pose i to all (m) into its derivatives by them. 0 for a
+/// pose that no other is alike to.
 fn by_distances(i: usize, mut apart: ArrayViewMut1<'_, f64>, class: &[usize]) -> f64 {
     let is_alike = |k: usize| class[k] == class[i];
-    // So that i is no neighbour of its own.
+    // So that i is no neighbor of its own.
     apart[i] = f64::INFINITY;
     let (mut nearest, mut nearest_alike) = (f64::INFINITY, f64::INFINITY);
     for (k, &a) in apart.iter().enumerate() {
@@ -200,7 +205,8 @@ mod tests {
         let (e1, e4) = ((-1.0f64).exp(), (-4.0f64).exp());
         let want = -((e1 / (e1 + e4)).ln() + 0.5f64.ln());
         assert!((value - want).abs() <= 1e-15);
-        // Copies share their probability; alike poses far apart have one that is too small for a number, not for its log.
+        // Copies share their probability; alike poses far apart have one that is too small for a
+        // number, not for its log.
         let x = ndarray::array![[0.0], [0.0], [0.0], [100.0]];
         let (value, gradient) = objective(x.view(), &[0, 1, 2, 2], Array2::eye(1).view());
         let want = 1e4 + 2f64.ln() + 3f64.ln();
@@ -208,14 +214,14 @@ mod tests {
     }
 
     #[test]
-    fn steps_make_alike_neighbours_likelier() {
+    fn steps_make_alike_neighbors_likelier() {
         let data = Planted::new(2, 3);
         let after = |steps| {
-            let learnt = fit(&data.pairs(), &Settings { rank: 2, steps }).unwrap();
-            let rows = data.pairs().labelled();
+            let learned = fit(&data.pairs(), &Settings { rank: 2, steps }).unwrap();
+            let rows = data.pairs().labeled();
             let class: Vec<usize> = rows.iter().map(|i| i % 10).collect();
             let x = data.x.select(Axis(0), &rows);
-            objective(x.view(), &class, learnt.w.view()).0
+            objective(x.view(), &class, learned.w.view()).0
         };
         let (start, end) = (after(0), after(50));
         assert!(end < 0.2 * start, "{start} {end}");

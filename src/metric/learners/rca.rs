@@ -1,18 +1,20 @@
-//! Relevant component analysis (Bar-Hillel, Hertz, Shental, Weinshall: Learning a Mahalanobis Metric from Equivalence
-//! Constraints. JMLR 6, 2005).
+//! Relevant component analysis (Bar-Hillel, Hertz, Shental, Weinshall: Learning a Mahalanobis
+//! Metric from Equivalence Constraints. JMLR 6, 2005).
 //!
-//! Poses that are alike by a chain of pairs form a chunklet. With C the covariance of poses about the means of their own
-//! chunklets (d, d), the distance is (x − y)ᵀ C⁻¹ (x − y): what varies among alike poses counts little.
+//! Poses that are alike by a chain of pairs form a chunklet. With C the covariance of poses about
+//! the means of their own chunklets (d, d), the distance is (x − y)ᵀ C⁻¹ (x − y): what varies among
+//! alike poses counts little.
 //!
-//! C⁻¹ = W Wᵀ at full rank, so distances are those of the paper's C^(−1/2), which is W up to a rotation. Below full rank W
-//! keeps the directions w of the largest ratio of total to within variance, wᵀ T w / wᵀ C w (the paper's constrained Fisher discriminant), scaled
-//! so that Wᵀ C W = I. Cost: O(n d² + d³).
+//! C⁻¹ = W Wᵀ at full rank, so distances are those of the paper's C^(−1/2), which is W up to a
+//! rotation. Below full rank W keeps the directions w of the largest ratio of total to within
+//! variance, wᵀ T w / wᵀ C w (the paper's constrained Fisher discriminant), scaled so that Wᵀ C W =
+//! I. Cost: O(n d² + d³).
 
 use super::components::components;
 use super::scatter::{add_ridge, total_scatter};
 use super::{Needs, RANK, RIDGE, TrainingPairs};
 use crate::Result;
-use crate::numeric::linalg::generalised_eigen;
+use crate::numeric::linalg::generalized_eigen;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
@@ -34,8 +36,8 @@ impl Default for Settings {
     }
 }
 
-/// Learns W (d, at most rank), the most relevant direction first. Uses alike pairs only; poses without a label count in the
-/// total variance.
+/// Learns W (d, at most rank), the most relevant direction first. Uses alike pairs only; poses
+/// without a label count in the total variance.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no alike pairs, or pairs, poses or settings that cannot be used.
@@ -43,7 +45,7 @@ pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>
     pairs.check("rca", Needs::Alike, settings.rank)?;
     let mut within = chunklet_covariance(pairs.x, pairs.alike);
     add_ridge(&mut within, settings.ridge)?;
-    let eigen = generalised_eigen(&total_scatter(pairs.x), &within);
+    let eigen = generalized_eigen(&total_scatter(pairs.x), &within);
     let (_, w) =
         eigen.ok_or("rca needs a larger ridge: alike poses do not vary in all directions")?;
     let rank = settings.rank.min(w.ncols());

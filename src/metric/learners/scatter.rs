@@ -17,7 +17,8 @@ pub(super) fn differences(x: ArrayView2<'_, f64>, pairs: &[[usize; 2]]) -> Array
     out
 }
 
-/// The mean of (x_i − x_j)(x_i − x_j)ᵀ over pairs (equation 13, but for the sum): (d, d). Zero without pairs.
+/// The mean of (x_i − x_j)(x_i − x_j)ᵀ over pairs (equation 13, but for the sum): (d, d). Zero
+/// without pairs.
 pub(super) fn pair_scatter(x: ArrayView2<'_, f64>, pairs: &[[usize; 2]]) -> Array2<f64> {
     let parts = map_chunks(pairs.len(), PAIRS, |chunk| {
         let apart = differences(x, &pairs[chunk]);
@@ -29,7 +30,7 @@ pub(super) fn pair_scatter(x: ArrayView2<'_, f64>, pairs: &[[usize; 2]]) -> Arra
 }
 
 /// The rows less their mean.
-pub(super) fn centred(x: ArrayView2<'_, f64>) -> Array2<f64> {
+pub(super) fn centered(x: ArrayView2<'_, f64>) -> Array2<f64> {
     match x.mean_axis(Axis(0)) {
         Some(mean) => &x - &mean,
         None => x.to_owned(),
@@ -38,7 +39,7 @@ pub(super) fn centred(x: ArrayView2<'_, f64>) -> Array2<f64> {
 
 /// The covariance of all rows, divided by n: (d, d).
 pub(super) fn total_scatter(x: ArrayView2<'_, f64>) -> Array2<f64> {
-    let about = centred(x);
+    let about = centered(x);
     transposed_product(about.view(), about.view()) / x.nrows().max(1) as f64
 }
 

@@ -1,24 +1,25 @@
-//! Semi-supervised discriminant analysis (Cai, He, Han: Semi-supervised Discriminant Analysis. ICCV 2007), for labels of
-//! pairs.
+//! Semi-supervised discriminant analysis (Cai, He, Han: Semi-supervised Discriminant Analysis. ICCV
+//! 2007), for labels of pairs.
 //!
-//! Maximises Tr(Wᵀ S_B W) under Wᵀ (S_W + β J + ridge) W = I, where
+//! Maximizes Tr(Wᵀ S_B W) under Wᵀ (S_W + β J + ridge) W = I, where
 //! - S_B is the mean of (x_i − x_j)(x_i − x_j)ᵀ over unlike pairs (d, d), S_W over alike pairs;
-//! - J is the same mean over the edges of the graph of nearest neighbours of all poses. That is Xᵀ L X for the graph's
-//!   Laplacian L, up to a factor: a good direction changes little from a pose to its neighbours. J is scaled to the trace of
-//!   S_W, so that β means the same for any number of poses.
+//! - J is the same mean over the edges of the graph of nearest neighbors of all poses. That is Xᵀ L
+//!   X for the graph's Laplacian L, up to a factor: a good direction changes little from a pose to
+//!   its neighbors. J is scaled to the trace of S_W, so that β means the same for any number of
+//!   poses.
 //!
-//! The paper has S_B + S_W in place of S_W, which gives the same directions: A w = λ (A + C) w is A w = λ / (1 − λ) C w. Only
-//! their scale differs. Here what should be small has the scale 1 in each direction, so the directions that tell poses apart
-//! best count most.
+//! The paper has S_B + S_W in place of S_W, which gives the same directions: A w = λ (A + C) w is A
+//! w = λ / (1 − λ) C w. Only their scale differs. Here what should be small has the scale 1 in each
+//! direction, so the directions that tell poses apart best count most.
 //!
-//! Without poses that have no label there is nothing that the graph adds: J is left out, and the method is linear
-//! discriminant analysis. Cost: O(n² d) for the graph, O(d³).
+//! Without poses that have no label there is nothing that the graph adds: J is left out, and the
+//! method is linear discriminant analysis. Cost: O(n² d) for the graph, O(d³).
 
-use super::neighbours::edges;
+use super::neighbors::edges;
 use super::scatter::{add_ridge, pair_scatter};
 use super::{Needs, RANK, RIDGE, TrainingPairs};
 use crate::Result;
-use crate::numeric::linalg::generalised_eigen;
+use crate::numeric::linalg::generalized_eigen;
 use ndarray::{Array2, s};
 
 /// An eigenvalue of at most this share of the largest is 0 but for rounding.
@@ -29,8 +30,8 @@ const LEAST_RATIO: f64 = 1e-10;
 pub struct Settings {
     /// Directions to keep.
     pub rank: usize,
-    /// Neighbours of each pose in the graph.
-    pub neighbours: usize,
+    /// Neighbors of each pose in the graph.
+    pub neighbors: usize,
     /// β: the weight of the graph; 1 weighs it as much as the alike pairs, 0 leaves it out.
     pub beta: f64,
     /// Share of the mean diagonal of S_W + β J that is added to its diagonal.
@@ -38,11 +39,11 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// 5 neighbours and a β of 0.1, which was not tuned.
+    /// 5 neighbors and a β of 0.1, which was not tuned.
     fn default() -> Self {
         Settings {
             rank: RANK,
-            neighbours: 5,
+            neighbors: 5,
             beta: 0.1,
             ridge: RIDGE,
         }
@@ -59,15 +60,15 @@ pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>
     pairs.check("sda", Needs::Both, settings.rank)?;
     let between = pair_scatter(pairs.x, pairs.unlike);
     let mut small = pair_scatter(pairs.x, pairs.alike);
-    if pairs.labelled().len() < pairs.x.nrows() && settings.beta > 0.0 {
-        let graph = pair_scatter(pairs.x, &edges(pairs.x, settings.neighbours));
+    if pairs.labeled().len() < pairs.x.nrows() && settings.beta > 0.0 {
+        let graph = pair_scatter(pairs.x, &edges(pairs.x, settings.neighbors));
         let (size, full) = (graph.diag().sum(), small.diag().sum());
         if size > 0.0 {
             small.scaled_add(settings.beta * full / size, &graph);
         }
     }
     add_ridge(&mut small, settings.ridge)?;
-    let eigen = generalised_eigen(&between, &small);
+    let eigen = generalized_eigen(&between, &small);
     let (ratios, w) =
         eigen.ok_or("sda needs a larger ridge: alike poses do not vary in all directions")?;
     if !(ratios[0] > 0.0) {
@@ -147,20 +148,20 @@ mod tests {
         let whole = data.pairs();
         let fit = |pairs: &TrainingPairs<'_>, beta| fit(pairs, &with(beta)).unwrap();
         assert_ne!(fit(&whole, 0.0), fit(&whole, 1.0));
-        let rows = whole.labelled();
+        let rows = whole.labeled();
         let x = data.x.select(Axis(0), &rows);
         let among = |pairs: &[[usize; 2]]| -> Vec<[usize; 2]> {
             let at = |i| rows.binary_search(&i).unwrap();
             pairs.iter().map(|p| p.map(at)).collect()
         };
         let (alike, unlike) = (among(whole.alike), among(whole.unlike));
-        let labelled = TrainingPairs {
+        let labeled = TrainingPairs {
             x: x.view(),
             alike: &alike,
             unlike: &unlike,
         };
-        assert_eq!(fit(&labelled, 0.0), fit(&labelled, 1.0));
-        assert_eq!(fit(&labelled, 1.0), fit(&whole, 0.0));
+        assert_eq!(fit(&labeled, 0.0), fit(&labeled, 1.0));
+        assert_eq!(fit(&labeled, 1.0), fit(&whole, 0.0));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use ndarray::{Array2, s};
 pub(super) struct Start {
     /// The first principal directions of all poses, unit columns (d, rank).
     pub directions: Array2<f64>,
-    /// What makes the mean squared distance of alike pairs 1. Poses times this have a map of the size of `directions`, so
-    /// that steps do not depend on the unit of the poses.
+    /// What makes the mean squared distance of alike pairs 1. Poses times this have a map of the
+    /// size of `directions`, so that steps do not depend on the unit of the poses.
     pub scale: f64,
 }
 

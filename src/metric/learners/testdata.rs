@@ -9,7 +9,8 @@ use rand_distr::StandardNormal;
 const CLASSES: usize = 10;
 const POSES: usize = 16;
 
-/// Classes about centres in the first dimensions; noise, wider than the classes are apart, in the others.
+/// Classes about centers in the first dimensions; noise, wider than the classes are apart, in the
+/// others.
 pub(super) struct Planted {
     /// (CLASSES POSES, signal + noise). The class of row i is i % CLASSES.
     pub x: Array2<f64>,
@@ -24,10 +25,10 @@ impl Planted {
     pub fn new(signal: usize, noise: usize) -> Planted {
         let mut random = rng(7, 0);
         let mut normal = || random.sample::<f64, _>(StandardNormal);
-        let centres = Array2::from_shape_simple_fn((CLASSES, signal), || 1.5 * normal());
+        let centers = Array2::from_shape_simple_fn((CLASSES, signal), || 1.5 * normal());
         let n = CLASSES * POSES;
         let x = Array2::from_shape_fn((n, signal + noise), |(i, j)| match j < signal {
-            true => centres[[i % CLASSES, j]] + 0.2 * normal(),
+            true => centers[[i % CLASSES, j]] + 0.2 * normal(),
             false => 2.0 * normal(),
         });
         let half = n / 2;
@@ -48,7 +49,8 @@ impl Planted {
         }
     }
 
-    /// The share of the second half, which no pair names, whose nearest other of that half after the map is of their class.
+    /// The share of the second half, which no pair names, whose nearest other of that half after
+    /// the map is of their class.
     pub fn precision(&self, w: &Array2<f64>) -> f64 {
         let half = self.x.nrows() / 2;
         let z = self.x.slice(ndarray::s![half.., ..]).dot(w);

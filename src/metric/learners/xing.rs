@@ -1,25 +1,27 @@
-//! A full metric that spreads unlike poses (Xing, Ng, Jordan, Russell: Distance Metric Learning, with Application to
-//! Clustering with Side-information. NIPS 2003).
+//! A full metric that spreads unlike poses (Xing, Ng, Jordan, Russell: Distance Metric Learning,
+//! with Application to Clustering with Side-information. NIPS 2003).
 //!
-//! Maximise g(M) = Σ over unlike pairs of √(δᵀ M δ) under Σ over alike pairs of δᵀ M δ ≤ 1, M positive semi-definite (d, d),
-//! where δ is the difference of a pair.
+//! Maximize g(M) = Σ over unlike pairs of √(δᵀ M δ) under Σ over alike pairs of δᵀ M δ ≤ 1, M
+//! positive semi-definite (d, d), where δ is the difference of a pair.
 //!
-//! The paper climbs the gradient and projects onto the two constraints in turn, which takes many decompositions. Here one
-//! change of variables makes both hold always. With A the alike pairs' scatter, to which a ridge is added as the problem is
-//! unbounded where A is singular, A = L Lᵀ, u = L⁻¹ δ and M = L⁻ᵀ N L⁻¹, the constraints are Tr N ≤ 1, N ⪰ 0. All of
-//! those N are F Fᵀ / |F|² for some F (d, d), so L-BFGS maximises
+//! The paper climbs the gradient and projects onto the two constraints in turn, which takes many
+//! decompositions. Here one change of variables makes both hold always. With A the alike pairs'
+//! scatter, to which a ridge is added as the problem is unbounded where A is singular, A = L Lᵀ, u
+//! = L⁻¹ δ and M = L⁻ᵀ N L⁻¹, the constraints are Tr N ≤ 1, N ⪰ 0. All of those N are F Fᵀ / |F|²
+//! for some F (d, d), so L-BFGS maximizes
 //!
 //! ln Σ |Fᵀ u| − ½ ln |F|²
 //!
-//! without constraints. g is concave, so a bound tells how far N is from the best: for G = ∂g/∂N, no N has more than
-//! g(N) + λ_max(G) − Tr(G N). The search converged when that is at most a thousandth above g(N).
+//! without constraints. g is concave, so a bound tells how far N is from the best: for G = ∂g/∂N,
+//! no N has more than g(N) + λ_max(G) − Tr(G N). The search converged when that is at most a
+//! thousandth above g(N).
 //!
 //! Cost: O(q d² + d³) a step for q unlike pairs.
 
 use super::scatter::{add_ridge, differences, pair_scatter};
-use super::{Learnt, Needs, RANK, RIDGE, TrainingPairs};
+use super::{Learned, Needs, RANK, RIDGE, TrainingPairs};
 use crate::Result;
-use crate::numeric::lbfgs::minimise;
+use crate::numeric::lbfgs::minimize;
 use crate::numeric::linalg::{Cholesky, symmetric_eigen};
 use crate::numeric::product::{product, transposed_product};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
@@ -48,11 +50,12 @@ impl Default for Settings {
     }
 }
 
-/// Learns W (d, at most rank): the leading eigenvectors of M, each times the root of its eigenvalue, so M is about W Wᵀ.
+/// Learns W (d, at most rank): the leading eigenvectors of M, each times the root of its
+/// eigenvalue, so M is about W Wᵀ.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
+pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("xing", Needs::Both, settings.rank)?;
     let mut alike = pair_scatter(pairs.x, pairs.alike) * pairs.alike.len() as f64;
     add_ridge(&mut alike, settings.ridge)?;
@@ -67,7 +70,7 @@ pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learnt> {
     let (root, converged) = spread(white.view());
     let root = factor.half_solve_transposed(&root).ok_or(singular)?;
     let w = leading(&root, settings.rank).ok_or("xing cannot decompose its metric")?;
-    Ok(Learnt { w, converged })
+    Ok(Learned { w, converged })
 }
 
 /// The rows that are not zero. A pair of copies adds nothing, and its distance has no gradient.
@@ -83,7 +86,7 @@ fn spread(u: ArrayView2<'_, f64>) -> (Array2<f64>, bool) {
     let mut f = Array2::eye(d) / (d as f64).sqrt();
     for _ in 0..ROUNDS {
         let start = f.iter().copied().collect();
-        let end = minimise(start, STEPS, 0.0, &mut |f| objective(f, u));
+        let end = minimize(start, STEPS, 0.0, &mut |f| objective(f, u));
         f = Array2::from_shape_vec((d, d), end.at).expect("as many as at the start");
         f /= norm(&f);
         if gap(&f, u).is_some_and(|gap| gap <= GAP) {
@@ -119,7 +122,8 @@ fn objective(f: &[f64], u: ArrayView2<'_, f64>) -> (f64, Vec<f64>) {
     )
 }
 
-/// How much more, relative to g, any N could have than N = F Fᵀ with |F| = 1, by the bound in the module's head.
+/// How much more, relative to g, any N could have than N = F Fᵀ with |F| = 1, by the bound in the
+/// module's head.
 fn gap(f: &Array2<f64>, u: ArrayView2<'_, f64>) -> Option<f64> {
     let lengths = lengths(&product(u, f.view()));
     let roots = lengths.mapv(|l| l.max(f64::MIN_POSITIVE).sqrt());
@@ -176,25 +180,25 @@ mod tests {
             rank: 5,
             ridge: 1e-9,
         };
-        let learnt = fit(&data.pairs(), &settings).unwrap();
-        assert!(learnt.converged);
+        let learned = fit(&data.pairs(), &settings).unwrap();
+        assert!(learned.converged);
         let g = |w: &Array2<f64>| {
             let alike = distances(data.x.view(), &data.alike, w);
             let w = w / alike.dot(&alike).sqrt();
             distances(data.x.view(), &data.unlike, &w).sum()
         };
-        let alike = distances(data.x.view(), &data.alike, &learnt.w);
+        let alike = distances(data.x.view(), &data.alike, &learned.w);
         assert!((alike.dot(&alike) - 1.0).abs() <= 1e-6);
-        let best = g(&learnt.w);
+        let best = g(&learned.w);
         assert!(
-            (distances(data.x.view(), &data.unlike, &learnt.w).sum() - best).abs() <= 1e-6 * best
+            (distances(data.x.view(), &data.unlike, &learned.w).sum() - best).abs() <= 1e-6 * best
         );
         for k in 0..200 {
             let change =
                 Array2::from_shape_fn((5, 5), |(i, j)| ((k * 31 + i * 7 + j) as f64).sin());
-            let size = norm(&learnt.w) * [0.01, 0.1, 1.0][k % 3];
+            let size = norm(&learned.w) * [0.01, 0.1, 1.0][k % 3];
             assert!(
-                g(&(&learnt.w + &(change * size))) <= best * (1.0 + GAP),
+                g(&(&learned.w + &(change * size))) <= best * (1.0 + GAP),
                 "{k}"
             );
         }
@@ -210,7 +214,7 @@ mod tests {
             alike: &alike,
             unlike: &unlike,
         };
-        let learnt = fit(
+        let learned = fit(
             &pairs,
             &Settings {
                 rank: 3,
@@ -218,7 +222,7 @@ mod tests {
             },
         )
         .unwrap();
-        assert!(learnt.converged && (learnt.w[[0, 0]].abs() - 0.1f64.sqrt()).abs() <= 1e-12);
+        assert!(learned.converged && (learned.w[[0, 0]].abs() - 0.1f64.sqrt()).abs() <= 1e-12);
         let copies = TrainingPairs {
             unlike: &[[0, 3]],
             ..pairs

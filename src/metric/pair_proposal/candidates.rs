@@ -7,10 +7,11 @@ use crate::numeric::parallel;
 
 /// The distances below `near` fall into this many equal classes.
 pub const CLASSES: usize = 10;
-/// Candidates kept in each class for each pair to propose. One proposed pair rules out at most 49 others (7 x 7, where a
-/// second has under 15 looked-at poses), so a full class alone has enough.
+/// Candidates kept in each class for each pair to propose. One proposed pair rules out at most 49
+/// others (7 x 7, where a second has under 15 looked-at poses), so a full class alone has enough.
 const KEPT: usize = 100;
-/// Rows of the table of pairs that are searched before candidates are thinned, and that one thread searches at a time.
+/// Rows of the table of pairs that are searched before candidates are thinned, and that one thread
+/// searches at a time.
 const ROWS: usize = 256;
 const THREAD_ROWS: usize = 8;
 
@@ -46,8 +47,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// About [`LOOKS`] complete poses a second, each with `margin` seconds of its run before and after it, scaled to bodies of
-    /// `height` cm.
+    /// About [`LOOKS`] complete poses a second, each with `margin` seconds of its run before and
+    /// after it, scaled to bodies of `height` cm.
     pub fn new(takes: &[BodyFramePoses], rates: &[f64], height: f64, margin: f64) -> Sample {
         let mut poses = Vec::new();
         let mut counts = Vec::new();
@@ -98,7 +99,8 @@ fn total_length<const N: usize>(a: &[[f64; N]; 3], b: &[[f64; N]; 3]) -> f64 {
 impl Sample {
     /// The mean joint distance of two poses, cm (equation 35), if it is below `near`.
     fn distance(&self, i: usize, j: usize, near: f64) -> Option<f64> {
-        // A limb's sums differ by no more than its joints do: most pairs are too far apart by their limbs alone.
+        // A limb's sums differ by no more than its joints do: most pairs are too far apart by their
+        // limbs alone.
         if !(total_length(&self.limbs[i], &self.limbs[j]) < 16.0 * near) {
             return None;
         }
@@ -173,7 +175,8 @@ impl Found {
     }
 }
 
-/// The candidates whose pose `a` is one of `rows`; only those whose rank is at most the limit of their class.
+/// The candidates whose pose `a` is one of `rows`; only those whose rank is at most the limit of
+/// their class.
 fn rows_of(
     sample: &Sample,
     rules: &PairRules,
@@ -196,7 +199,8 @@ fn rows_of(
                 continue;
             };
             found.count += 1;
-            // Divided by the number of pairs of both takes, so that long takes are not chosen more often than short ones.
+            // Divided by the number of pairs of both takes, so that long takes are not chosen more
+            // often than short ones.
             let pairs = sample.counts[a.at.take] * sample.counts[b.at.take];
             let rank = -uniform(rules.seed, i as u64, j as u64).ln() * pairs as f64;
             let class = ((distance / rules.near * CLASSES as f64) as usize).min(CLASSES - 1);

@@ -1,13 +1,14 @@
 //! Hard pairs of poses for people to label (Chen et al., section 5.1.1).
 //!
-//! Most pairs of poses are plainly unlike, and a person learns nothing from labelling them. A pair is proposed where the mean
-//! joint distance (equation 35) is small:
+//! Most pairs of poses are plainly unlike, and a person learns nothing from labeling them. A pair
+//! is proposed where the mean joint distance (equation 35) is small:
 //!
 //! d(x, y) = 1/16 sum_k |c_k(x) - c_k(y)| < near
 //!
-//! c_k: joint k in the body's own frame (no place, no yaw), scaled to one body height, cm. The paper's `near` is 10 cm.
-//! Poses are looked at about ten times a second. The proposed pairs are spread over takes and over distances, and no two of
-//! them are within .25 s of each other on both sides. Cost: n^2 / 2 distances of n looked-at poses, in parallel.
+//! c_k: joint k in the body's own frame (no place, no yaw), scaled to one body height, cm. The
+//! paper's `near` is 10 cm. Poses are looked at about ten times a second. The proposed pairs are
+//! spread over takes and over distances, and no two of them are within .25 s of each other on both
+//! sides. Cost: n^2 / 2 distances of n looked-at poses, in parallel.
 
 mod candidates;
 mod spread;
@@ -34,7 +35,8 @@ const TIME_EPSILON: f64 = 1e-9;
 /// The rules of a proposal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairRules {
-    /// Mean joint distance below which a pair is a candidate, cm of a body of the takes' median height.
+    /// Mean joint distance below which a pair is a candidate, cm of a body of the takes' median
+    /// height.
     pub near: f64,
     /// Number of pairs to propose, 1 to 2,000.
     pub count: usize,
@@ -114,14 +116,16 @@ pub struct Proposal {
     pub candidates: u64,
     /// Poses looked at.
     pub poses: usize,
-    /// The body height that all poses are scaled to, cm: the median of the takes, from the ankles to the head.
+    /// The body height that all poses are scaled to, cm: the median of the takes, from the ankles
+    /// to the head.
     pub height: f64,
 }
 
 /// Proposes pairs of poses of `takes`, whose names are `names`.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: the rules are out of range, two takes have one name, a take has no rate, takes are too few or too
+/// [`crate::Error::Unfit`]: the rules are out of range, two takes have one name, a take has no
+/// rate, takes are too few or too
 /// short, or no pair is near enough.
 pub fn propose(takes: &[BodyFramePoses], names: &[String], rules: &PairRules) -> Result<Proposal> {
     rules.check()?;
@@ -170,10 +174,12 @@ fn too_short(takes: &[BodyFramePoses], rates: &[f64], margin: f64) -> String {
     let longest = longest(takes, rates);
     match longest < 2.0 * margin {
         true => format!(
-            "the longest unbroken motion lasts {longest:.2} s, and a pose needs {margin} s before and after it; see the option `seconds`"
+            "the longest unbroken motion lasts {longest:.2} s, and a pose needs {margin} s before \
+             and after it; see the option `seconds`"
         ),
         false => format!(
-            "no frame with {margin} s of motion before and after it has all 16 joints; fill gaps with complete"
+            "no frame with {margin} s of motion before and after it has all 16 joints; fill gaps \
+             with complete"
         ),
     }
 }
@@ -183,7 +189,8 @@ fn nothing_near(takes: &[BodyFramePoses], rates: &[f64], rules: &PairRules) -> S
     let (needed, lasts) = (2.0 * rules.margin + APART, longest(takes, rates));
     if takes.len() == 1 && takes[0].runs.len() == 1 && lasts < needed {
         return format!(
-            "one take of {lasts:.2} s is too short: poses {APART} s apart with {} s around them need {needed} s; see the option `seconds`",
+            "one take of {lasts:.2} s is too short: poses {APART} s apart with {} s around them \
+             need {needed} s; see the option `seconds`",
             rules.margin
         );
     }

@@ -6,11 +6,12 @@ use crate::numeric::parallel;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
 
-/// The classes are taken in turn, in steps of this size, so that few pairs are spread over the distances too.
+/// The classes are taken in turn, in steps of this size, so that few pairs are spread over the
+/// distances too.
 const TURN: usize = 3;
 
-/// Chooses up to `rules.count` pairs. Each turn takes, from the next class of distances, the candidate whose takes were chosen
-/// least; of several the one of the lowest rank.
+/// Chooses up to `rules.count` pairs. Each turn takes, from the next class of distances, the
+/// candidate whose takes were chosen least; of several the one of the lowest rank.
 pub fn choose(sample: &Sample, found: &Found, rules: &PairRules) -> Vec<ProposedPair> {
     let mut open = found.classes.clone();
     let mut chosen = Chosen {
@@ -53,7 +54,8 @@ impl Chosen<'_> {
         [pair.a, pair.b].map(|pose| self.sample.poses[pose as usize].time)
     }
 
-    /// Removes the next candidate from its class, and all before it that are near copies of chosen pairs.
+    /// Removes the next candidate from its class, and all before it that are near copies of chosen
+    /// pairs.
     fn take_from(&mut self, class: &mut Vec<Candidate>) -> Option<Candidate> {
         let mut best: Option<(usize, usize)> = None;
         let mut copies = Vec::new();

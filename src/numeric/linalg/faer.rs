@@ -1,4 +1,5 @@
-//! The same by faer, in Rust throughout. All of it runs on the thread that calls, so no result depends on their number.
+//! The same by faer, in Rust throughout. All of it runs on the thread that calls, so no result
+//! depends on their number.
 
 use super::BackEnd;
 use faer::diag::DiagMut;
@@ -23,7 +24,7 @@ impl BackEnd for Faer {
     type Factor = Mat<f64>;
 
     fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
-        let l = Faer::factorise(a)?;
+        let l = Faer::factorize(a)?;
         let mut x = b.to_vec();
         let mut column = MatMut::from_column_major_slice_mut(&mut x, b.len(), 1);
         solve_lower_triangular_in_place(l.as_ref(), column.as_mut(), Par::Seq);
@@ -31,7 +32,7 @@ impl BackEnd for Faer {
         Some(Array1::from(x))
     }
 
-    fn factorise(a: Array2<f64>) -> Option<Self::Factor> {
+    fn factorize(a: Array2<f64>) -> Option<Self::Factor> {
         let mut l = columns(&a);
         let scratch = cholesky_in_place_scratch::<f64>(l.nrows(), Par::Seq, Spec::default());
         let mut memory = MemBuffer::new(scratch);
@@ -53,10 +54,12 @@ impl BackEnd for Faer {
         Some(rows(&x))
     }
 
-    /// The largest component of each eigenvector, by magnitude and the first of equals, is positive.
+    /// The largest component of each eigenvector, by magnitude and the first of equals, is
+    /// positive.
     fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
         let n = a.nrows();
-        // Unlike LAPACK, faer does not scale: beside 1e308 and 1e-308 its squares are infinite and 0. A power of 2 changes no digit.
+        // Unlike LAPACK, faer does not scale: beside 1e308 and 1e-308 its squares are infinite and
+        // 0. A power of 2 changes no digit.
         let scale = match largest(a) {
             0.0 => 1.0,
             value => 2f64.powi(-value.abs().log2().clamp(-1000.0, 1000.0) as i32),
@@ -67,8 +70,9 @@ impl BackEnd for Faer {
             Some(columns) => columns.iter().map(scaled).collect(),
             None => a.iter().map(scaled).collect(),
         };
-        // QR steps at every size, whose number is bounded. From 128 on, faer would divide and conquer, no faster at 300; what it drops
-        // is 1e-15 whatever the size of the numbers (0.24).
+        // QR steps at every size, whose number is bounded. From 128 on, faer would divide and
+        // conquer, no faster at 300; what it drops is 1e-15 whatever the size of the
+        // numbers (0.24).
         let mut params: SelfAdjointEvdParams = Auto::<f64>::auto();
         params.recursion_threshold = usize::MAX;
         let both = ComputeEigenvectors::Yes;

@@ -1,8 +1,10 @@
-//! Decompositions of dense symmetric matrices: by LAPACK (OpenBLAS) with the feature `openblas`, by faer without it.
+//! Decompositions of dense symmetric matrices: by LAPACK (OpenBLAS) with the feature `openblas`, by
+//! faer without it.
 //!
-//! The two agree but for rounding, and for what is arbitrary: the signs of eigenvectors, and the basis of those that share an
-//! eigenvalue. With faer the largest component of an eigenvector is positive; LAPACK has no rule. Nothing that callers measure or
-//! restore depends on signs. What they store of directions has those of the back end that it was learnt with: projections of
+//! The two agree but for rounding, and for what is arbitrary: the signs of eigenvectors, and the
+//! basis of those that share an eigenvalue. With faer the largest component of an eigenvector is
+//! positive; LAPACK has no rule. Nothing that callers measure or restore depends on signs. What
+//! they store of directions has those of the back end that it was learned with: projections of
 //! metrics, factors of mixtures, latent points, shape components and the numbers that go with them.
 
 // Tests have both.
@@ -19,14 +21,15 @@ use self::openblas::OpenBlas as Chosen;
 use ndarray::{Array1, Array2, s};
 use std::fmt::Debug;
 
-/// What the functions below ask of a library. Matrices are square, not empty and finite, and shapes fit.
+/// What the functions below ask of a library. Matrices are square, not empty and finite, and shapes
+/// fit.
 trait BackEnd {
     /// Of the Cholesky decomposition.
     type Factor: Clone + Debug;
 
     fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>>;
 
-    fn factorise(a: Array2<f64>) -> Option<Self::Factor>;
+    fn factorize(a: Array2<f64>) -> Option<Self::Factor>;
 
     /// L⁻¹ b. Here and below, b may hold what is not finite.
     fn half_solve(l: &Self::Factor, b: &Array2<f64>) -> Option<Array2<f64>>;
@@ -37,10 +40,11 @@ trait BackEnd {
     fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)>;
 }
 
-/// Solves `A x = b` for a symmetric positive definite A (n, n), of which the lower triangle is read; b has n values.
+/// Solves `A x = b` for a symmetric positive definite A (n, n), of which the lower triangle is
+/// read; b has n values.
 ///
-/// `None` when A is not positive definite, holds a value that is not finite, or does not fit b: the caller damps A
-/// and tries again, or gives up.
+/// `None` when A is not positive definite, holds a value that is not finite, or does not fit b: the
+/// caller damps A and tries again, or gives up.
 pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
     let n = b.len();
     if a.dim() != (n, n) || !a.iter().chain(&b).all(|v| v.is_finite()) {
@@ -58,15 +62,17 @@ pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
 pub struct Cholesky(<Chosen as BackEnd>::Factor);
 
 impl Cholesky {
-    /// Factors `a`, of which the lower triangle is read. `None` when it is empty, not positive definite or not finite.
+    /// Factors `a`, of which the lower triangle is read. `None` when it is empty, not positive
+    /// definite or not finite.
     pub fn new(a: Array2<f64>) -> Option<Cholesky> {
         if a.nrows() != a.ncols() || a.is_empty() || !a.iter().all(|v| v.is_finite()) {
             return None;
         }
-        Chosen::factorise(a).map(Cholesky)
+        Chosen::factorize(a).map(Cholesky)
     }
 
-    /// L⁻¹ `b`, for b (n, m). A column with a value that is not finite gives such a column. `None` when b has not n rows.
+    /// L⁻¹ `b`, for b (n, m). A column with a value that is not finite gives such a column. `None`
+    /// when b has not n rows.
     pub fn half_solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
         self.fits(b)?;
         Chosen::half_solve(&self.0, b)
@@ -88,9 +94,10 @@ impl Cholesky {
     }
 }
 
-/// Eigenvalues in rising order and unit eigenvectors in columns of a symmetric matrix (n, n), of which the upper triangle is
-/// read, or the lower one where it lies column by column in memory. `None` when it is not square, not finite, or the steps do
-/// not converge, which no symmetric matrix is known to do.
+/// Eigenvalues in rising order and unit eigenvectors in columns of a symmetric matrix (n, n), of
+/// which the upper triangle is read, or the lower one where it lies column by column in memory.
+/// `None` when it is not square, not finite, or the steps do not converge, which no symmetric
+/// matrix is known to do.
 pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     if a.nrows() != a.ncols() || !a.iter().all(|v| v.is_finite()) {
         return None;
@@ -101,12 +108,14 @@ pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     Chosen::symmetric_eigen(a)
 }
 
-/// The generalised eigenproblem A w = λ B w for a symmetric A and a symmetric positive definite B, both (n, n): the λ in
-/// falling order, and the w in columns, scaled so that Wᵀ B W = I. So Wᵀ A W holds the λ on its diagonal.
+/// The generalized eigenproblem A w = λ B w for a symmetric A and a symmetric positive definite B,
+/// both (n, n): the λ in falling order, and the w in columns, scaled so that Wᵀ B W = I. So Wᵀ A W
+/// holds the λ on its diagonal.
 ///
-/// With B = L Lᵀ and w = L⁻ᵀ v it is the problem (L⁻¹ A L⁻ᵀ) v = λ v (Golub and Van Loan, Matrix Computations, 8.7).
-/// `None` when B is not positive definite, the shapes differ, or a value is not finite.
-pub fn generalised_eigen(a: &Array2<f64>, b: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+/// With B = L Lᵀ and w = L⁻ᵀ v it is the problem (L⁻¹ A L⁻ᵀ) v = λ v (Golub and Van Loan, Matrix
+/// Computations, 8.7). `None` when B is not positive definite, the shapes differ, or a value is not
+/// finite.
+pub fn generalized_eigen(a: &Array2<f64>, b: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     if a.dim() != b.dim() || !a.iter().all(|v| v.is_finite()) {
         return None;
     }
@@ -175,20 +184,20 @@ mod tests {
     }
 
     #[test]
-    fn generalised_eigenvectors_are_white_under_b_and_diagonal_under_a() {
+    fn generalized_eigenvectors_are_white_under_b_and_diagonal_under_a() {
         let a = array![[2.0, -1.0, 0.0], [-1.0, 2.0, 0.5], [0.0, 0.5, -3.0]];
         let b = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
-        let (values, w) = generalised_eigen(&a, &b).unwrap();
+        let (values, w) = generalized_eigen(&a, &b).unwrap();
         assert!(values[0] >= values[1] && values[1] >= values[2]);
         let white = w.t().dot(&b).dot(&w) - Array2::<f64>::eye(3);
         assert!(white.iter().all(|e| e.abs() <= 1e-14));
         let rest = a.dot(&w) - b.dot(&w).dot(&Array2::from_diag(&values));
         assert!(rest.iter().all(|e| e.abs() <= 1e-13));
-        let (one, w) = generalised_eigen(&array![[3.0]], &array![[4.0]]).unwrap();
+        let (one, w) = generalized_eigen(&array![[3.0]], &array![[4.0]]).unwrap();
         assert!((one[0] - 0.75).abs() <= 1e-15 && (w[[0, 0]].abs() - 0.5).abs() <= 1e-15);
-        assert!(generalised_eigen(&a, &a).is_none());
-        assert!(generalised_eigen(&array![[f64::NAN]], &array![[1.0]]).is_none());
-        assert!(generalised_eigen(&array![[1.0]], &b).is_none());
+        assert!(generalized_eigen(&a, &a).is_none());
+        assert!(generalized_eigen(&array![[f64::NAN]], &array![[1.0]]).is_none());
+        assert!(generalized_eigen(&array![[1.0]], &b).is_none());
     }
 
     /// 1, 2 and what the built-in body, two of it, and a window of poses come to.
@@ -244,7 +253,7 @@ mod tests {
     }
 
     fn solved<B: BackEnd>(a: Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
-        let factor = B::factorise(a).unwrap();
+        let factor = B::factorize(a).unwrap();
         let half = B::half_solve(&factor, b).unwrap();
         B::half_solve_transposed(&factor, &half).unwrap()
     }
@@ -269,7 +278,7 @@ mod tests {
                 assert!(largest(&(got - x.column(4))) <= 1e-10 * largest(&x), "{n}");
             }
             // |L⁻¹ b|² = bᵀ A⁻¹ b.
-            let half = B::half_solve(&B::factorise(a).unwrap(), &b).unwrap();
+            let half = B::half_solve(&B::factorize(a).unwrap(), &b).unwrap();
             let squares = b.t().dot(&x);
             let error = largest(&(half.t().dot(&half) - &squares));
             assert!(error <= 1e-11 * largest(&squares), "{n}: {error}");
@@ -281,9 +290,9 @@ mod tests {
             let a = positive(n);
             let b = random(n, 5, 6);
             let x = solved::<B>(a.clone(), &b);
-            let mut spoilt = b.clone();
-            spoilt[[n / 2, 3]] = f64::NAN;
-            let got = solved::<B>(a.clone(), &spoilt);
+            let mut spoiled = b.clone();
+            spoiled[[n / 2, 3]] = f64::NAN;
+            let got = solved::<B>(a.clone(), &spoiled);
             assert!(got.column(3).iter().any(|v| v.is_nan()));
             for k in [0, 1, 2, 4] {
                 let error = largest(&(&got.column(k) - &x.column(k)));
@@ -328,8 +337,8 @@ mod tests {
     fn refusals<B: BackEnd>() {
         let refused = |a: Array2<f64>| {
             let b = Array1::ones(a.nrows());
-            B::factorise(by_columns(&a)).is_none()
-                && B::factorise(a.clone()).is_none()
+            B::factorize(by_columns(&a)).is_none()
+                && B::factorize(a.clone()).is_none()
                 && B::cholesky_solve(a, b).is_none()
         };
         for n in SIZES {
@@ -353,18 +362,18 @@ mod tests {
         for n in [2, 69, 120] {
             let a = positive(n);
             let b = random(n, 1, 4);
-            let spoilt = |lower: bool| {
+            let spoiled = |lower: bool| {
                 let spoils = |i: usize, j: usize| if lower { i > j } else { i < j };
                 Array2::from_shape_fn((n, n), |(i, j)| a[[i, j]] + f64::from(spoils(i, j)))
             };
             let x = solved::<B>(a.clone(), &b);
-            for a in [spoilt(false), by_columns(&spoilt(false))] {
+            for a in [spoiled(false), by_columns(&spoiled(false))] {
                 assert!(largest(&(solved::<B>(a.clone(), &b) - &x)) <= 1e-10 * largest(&x));
                 let got = B::cholesky_solve(a, b.column(0).to_owned()).unwrap();
                 assert!(largest(&(got - x.column(0))) <= 1e-10 * largest(&x));
             }
             let (values, _) = B::symmetric_eigen(&a).unwrap();
-            for a in [spoilt(true), by_columns(&spoilt(false))] {
+            for a in [spoiled(true), by_columns(&spoiled(false))] {
                 let (got, _) = B::symmetric_eigen(&a).unwrap();
                 assert!(largest(&(got - &values)) <= 1e-12 * values[n - 1]);
             }
@@ -372,10 +381,10 @@ mod tests {
     }
 
     #[test]
-    fn generalised_eigenvectors_of_random_matrices_are_white() {
+    fn generalized_eigenvectors_of_random_matrices_are_white() {
         for n in SIZES {
             let (a, b) = (gram(n, n.div_ceil(2)), positive(n));
-            let (values, w) = generalised_eigen(&a, &b).unwrap();
+            let (values, w) = generalized_eigen(&a, &b).unwrap();
             assert!(values.windows(2).into_iter().all(|w| w[0] >= w[1]));
             let white = w.t().dot(&b).dot(&w) - Array2::<f64>::eye(n);
             assert!(largest(&white) <= 1e-10, "{n}");
@@ -394,8 +403,8 @@ mod tests {
                     let mut a = sound();
                     a[at] = wrong;
                     assert!(symmetric_eigen(&a).is_none());
-                    assert!(generalised_eigen(&a, &sound()).is_none());
-                    assert!(generalised_eigen(&sound(), &a).is_none());
+                    assert!(generalized_eigen(&a, &sound()).is_none());
+                    assert!(generalized_eigen(&sound(), &a).is_none());
                     assert!(Cholesky::new(a.clone()).is_none());
                     assert!(cholesky_solve(a, Array1::ones(n)).is_none());
                     let mut b = Array1::ones(n);
@@ -412,7 +421,7 @@ mod tests {
     fn nothing_is_made_of_nothing_and_shapes_must_fit() {
         let empty = || Array2::zeros((0, 0));
         assert!(Cholesky::new(empty()).is_none());
-        assert!(generalised_eigen(&empty(), &empty()).is_none());
+        assert!(generalized_eigen(&empty(), &empty()).is_none());
         let (values, v) = symmetric_eigen(&empty()).unwrap();
         assert!(values.is_empty() && v.is_empty());
         let wide = Array2::<f64>::eye(3).slice(s![..2, ..]).to_owned();

@@ -4,15 +4,16 @@ use super::BackEnd;
 use ndarray::{Array1, Array2};
 use ndarray_linalg::{CholeskyInto, Diag, Eigh, FactorizeCInto, SolveC, SolveTriangular, UPLO};
 
-/// Keeps LAPACK to the thread that calls it: matrices here are small and the cores are at work on others. Threads of its
-/// own would only wait for each other, and they wait by spinning.
+/// Keeps LAPACK to the thread that calls it: matrices here are small and the cores are at work on
+/// others. Threads of its own would only wait for each other, and they wait by spinning.
 #[allow(unsafe_code)]
 fn on_one_thread() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     unsafe extern "C" {
         fn openblas_set_num_threads(threads: std::ffi::c_int);
     }
-    // SAFETY: OpenBLAS, which is linked, has this function with this signature; it may be called at any time.
+    // SAFETY: OpenBLAS, which is linked, has this function with this signature; it may be called at
+    // any time.
     ONCE.call_once(|| unsafe { openblas_set_num_threads(1) });
 }
 
@@ -29,7 +30,7 @@ impl BackEnd for OpenBlas {
         factors.solvec_into(b).ok()
     }
 
-    fn factorise(a: Array2<f64>) -> Option<Self::Factor> {
+    fn factorize(a: Array2<f64>) -> Option<Self::Factor> {
         on_one_thread();
         a.cholesky_into(UPLO::Lower).ok()
     }

@@ -1,15 +1,18 @@
-//! Exact nearest neighbors under any weighted distance over any subset of the coordinates, by a tree of boxes.
+//! Exact nearest neighbors under any weighted distance over any subset of the coordinates, by a
+//! tree of boxes.
 //!
-//! The distance is d²(y, x) = Σ_o w_o (y_o − x_o)²: a weight of 0 leaves a coordinate out, so a pose with missing points
-//! is looked up as easily as a whole one. A tree of balls under one metric could not serve another; boxes can: where the
-//! poses of a node lie within [lo, hi], Σ_o w_o max(lo_o − y_o, 0, y_o − hi_o)² is a lower bound whatever the weights.
+//! The distance is d²(y, x) = Σ_o w_o (y_o − x_o)²: a weight of 0 leaves a coordinate out, so a
+//! pose with missing points is looked up as easily as a whole one. A tree of balls under one metric
+//! could not serve another; boxes can: where the poses of a node lie within [lo, hi], Σ_o w_o
+//! max(lo_o − y_o, 0, y_o − hi_o)² is a lower bound whatever the weights.
 //!
-//! Dense noise spoils boxes along the coordinates, as it lies across all of them while poses do not: the bound forgives
-//! a little of it in each. When all weights are equal, distances are the same in any rotated frame, and boxes along the
-//! poses' principal axes count the noise across the poses in full. So both boxes are kept.
+//! Dense noise spoils boxes along the coordinates, as it lies across all of them while poses do
+//! not: the bound forgives a little of it in each. When all weights are equal, distances are the
+//! same in any rotated frame, and boxes along the poses' principal axes count the noise across the
+//! poses in full. So both boxes are kept.
 //!
-//! Cost: building O(n log n D) and one product of (n, D) with (D, D); a search O(D log n) where few nodes overlap, and
-//! at worst (queries far from all poses) that of a scan.
+//! Cost: building O(n log n D) and one product of (n, D) with (D, D); a search O(D log n) where few
+//! nodes overlap, and at worst (queries far from all poses) that of a scan.
 
 use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::PoseTransform;
@@ -37,7 +40,8 @@ pub struct Neighbor {
 impl Eq for Neighbor {}
 
 impl Ord for Neighbor {
-    /// By distance, then by row: no two poses rank the same, so that any search finds the same ones.
+    /// By distance, then by row: no two poses rank the same, so that any search finds the same
+    /// ones.
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.squared
             .total_cmp(&other.squared)
@@ -54,7 +58,8 @@ impl PartialOrd for Neighbor {
 /// Poses, and the tree they are found by.
 #[derive(Debug, Clone)]
 pub struct BoxTree {
-    /// (n, D), so that near ones stand together: the leaves' poses are rows that follow one another.
+    /// (n, D), so that near ones stand together: the leaves' poses are rows that follow one
+    /// another.
     poses: Array2<f32>,
     /// Unit principal axes in columns, the longest first: (D, D).
     axes: Array2<f64>,
@@ -139,8 +144,8 @@ impl BoxTree {
         BoxTree::new(poses.mapv(|v| v as f32).view())
     }
 
-    /// The `k` nearest (all when there are fewer), nearest first; `weights` of 0 or less leave coordinates out, whose
-    /// `y` is not read.
+    /// The `k` nearest (all when there are fewer), nearest first; `weights` of 0 or less leave
+    /// coordinates out, whose `y` is not read.
     pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize) -> Vec<Neighbor> {
         let k = k.min(self.poses.nrows());
         if k == 0 {
@@ -247,7 +252,8 @@ impl Query<'_> {
     }
 }
 
-/// Halves `order` along the axis of the widest spread until leaves are left; `first` is where it starts in the whole.
+/// Halves `order` along the axis of the widest spread until leaves are left; `first` is where it
+/// starts in the whole.
 fn split(along: &Array2<f64>, order: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
     let node = nodes.len();
     nodes.push(Node {
@@ -297,8 +303,8 @@ fn widen(boxes: &mut Array2<f64>, node: usize, first: bool, value: impl Fn(usize
     }
 }
 
-/// Unit eigenvectors of the poses' covariance in columns, the greatest first; the coordinates' own axes where there are
-/// none (no poses, numbers that are not finite).
+/// Unit eigenvectors of the poses' covariance in columns, the greatest first; the coordinates' own
+/// axes where there are none (no poses, numbers that are not finite).
 fn principal_axes(poses: ArrayView2<'_, f32>) -> Array2<f64> {
     let (n, d) = poses.dim();
     let step = n.div_ceil(MEASURED).max(1);
@@ -306,8 +312,8 @@ fn principal_axes(poses: ArrayView2<'_, f32>) -> Array2<f64> {
     let Some(mean) = some.mean_axis(ndarray::Axis(0)) else {
         return Array2::eye(d);
     };
-    let centred = some - &mean;
-    match symmetric_eigen(&centred.t().dot(&centred)) {
+    let centered = some - &mean;
+    match symmetric_eigen(&centered.t().dot(&centered)) {
         Some((_, vectors)) => vectors.slice(s![.., ..;-1]).to_owned(),
         None => Array2::eye(d),
     }
@@ -351,7 +357,10 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+        #![proptest_config(ProptestConfig {
+            failure_persistence: None,
+            ..ProptestConfig::with_cases(200)
+        })]
         #[test]
         fn the_tree_finds_what_a_scan_finds(
             n in 0usize..400, k in 0usize..40, seed: u64, mode in 0usize..4, noise in 0.0f64..6.0,

@@ -3,15 +3,17 @@
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
-/// Poses of a density below e⁻²⁰ of the best's are left out: even a million of them weigh less than 1/400.
+/// Poses of a density below e⁻²⁰ of the best's are left out: even a million of them weigh less than
+/// 1/400.
 const NEGLIGIBLE: f64 = 20.0;
 /// The covariance leaves out poses with less than this share of the largest weight.
 const LIGHT: f64 = 1e-5;
-/// Largest number of poses in the covariance; with a large width nearly all poses have a weight. Measured with 10,500
-/// poses of CMU's 01 and 02, whole takes held out: the error is the same to 0.2%.
+/// Largest number of poses in the covariance; with a large width nearly all poses have a weight.
+/// Measured with 10,500 poses of CMU's 01 and 02, whole takes held out: the error is the same to
+/// 0.2%.
 const SAMPLE: usize = 2048;
 
-/// Training poses, centred for fast distances.
+/// Training poses, centered for fast distances.
 #[derive(Debug)]
 pub struct ExemplarWeights {
     /// The mean pose (D), subtracted so that squared distances cancel less.
@@ -46,18 +48,19 @@ impl ExemplarWeights {
         }
     }
 
-    pub fn centred(&self, y: ArrayView1<'_, f64>, weights: &[f64]) -> Vec<f64> {
+    pub fn centered(&self, y: ArrayView1<'_, f64>, weights: &[f64]) -> Vec<f64> {
         let each = y.iter().zip(&self.middle).zip(weights);
         each.map(|((y, m), w)| if *w > 0.0 { y - m } else { 0.0 })
             .collect()
     }
 
-    pub fn uncentred(&self, mut pose: Vec<f64>) -> Vec<f64> {
+    pub fn uncentered(&self, mut pose: Vec<f64>) -> Vec<f64> {
         pose.iter_mut().zip(&self.middle).for_each(|(p, m)| *p += m);
         pose
     }
 
-    /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most [`ExemplarWeights::margin`].
+    /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most
+    /// [`ExemplarWeights::margin`].
     pub fn scores(&self, y: &[Vec<f64>], weights: &[Vec<f64>]) -> Array2<f32> {
         let (m, d) = (y.len(), self.middle.len());
         let w = Array2::from_shape_fn((m, d), |(i, c)| weights[i][c] as f32);
@@ -73,7 +76,8 @@ impl ExemplarWeights {
         scores
     }
 
-    /// How far a score may be off, by rounding in f32 (Higham, Accuracy and Stability of Numerical Algorithms, eq. 3.5).
+    /// How far a score may be off, by rounding in f32 (Higham, Accuracy and Stability of Numerical
+    /// Algorithms, eq. 3.5).
     fn margin(&self, y: &[f64], weights: &[f64]) -> f64 {
         let terms = y.iter().zip(weights).zip(&self.reach);
         let sum: f64 = terms.map(|((y, w), r)| w * r * (2.0 * y.abs() + r)).sum();
@@ -156,8 +160,8 @@ impl ExemplarWeights {
     }
 }
 
-/// At most [`SAMPLE`] of weighted poses: what stands at even steps along the sum of their weights. A heavy one keeps its
-/// weight, to a step; light ones stand for their neighbours in time.
+/// At most [`SAMPLE`] of weighted poses: what stands at even steps along the sum of their weights.
+/// A heavy one keeps its weight, to a step; light ones stand for their neighbors in time.
 fn sampled(poses: Vec<(u32, f64)>) -> Vec<(u32, f64)> {
     if poses.len() <= SAMPLE {
         return poses;

@@ -1,12 +1,14 @@
-//! Local PCA: a Gaussian of the training poses nearest to what was observed (Chai and Hodgins 2005, "Performance
-//! animation from low-dimensional control signals", section 5; the paper's LPCA).
+//! Local PCA: a Gaussian of the training poses nearest to what was observed (Chai and Hodgins 2005,
+//! "Performance animation from low-dimensional control signals", section 5; the paper's LPCA).
 //!
-//! The k nearest poses under Σ_o (y_o − x_no)² / (R_o + v) over the observed coordinates o with noise variances R_o give a
-//! mean m and a covariance C; the answer is the most probable pose under N(m, a (C + e I)) and the observation, where a
-//! (the inverse of the paper's lambda) is found on held-back poses. Chai and Hodgins cut C to its principal components;
-//! the small rest that is left here only makes the prior's own noise e I finer.
+//! The k nearest poses under Σ_o (y_o − x_no)² / (R_o + v) over the observed coordinates o with
+//! noise variances R_o give a mean m and a covariance C; the answer is the most probable pose under
+//! N(m, a (C + e I)) and the observation, where a (the inverse of the paper's lambda) is found on
+//! held-back poses. Chai and Hodgins cut C to its principal components; the small rest that is left
+//! here only makes the prior's own noise e I finer.
 //!
-//! The neighbors are exact, found by a tree. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
+//! The neighbors are exact, found by a tree. Cost: the search, and O(k D² + o³) for the Gaussian of
+//! o observed coordinates.
 
 use super::ExemplarKind;
 use super::box_tree::{BoxTree, Neighbor};
@@ -17,17 +19,20 @@ use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
-/// The neighbourhood's size in the paper (section 4.1).
+/// The neighborhood's size in the paper (section 4.1).
 const NEIGHBORS: usize = 100;
-/// v, cm²: about what a neighbour is off by. It matters only where coordinates differ in their noise.
+/// v, cm²: about what a neighbor is off by. It matters only where coordinates differ in their
+/// noise.
 const OFF: f64 = 1.0;
-/// e, cm²: a millimetre's variance, so that neighbors that follow one another in time leave no direction impossible.
+/// e, cm²: a millimeter's variance, so that neighbors that follow one another in time leave no
+/// direction impossible.
 const FLOOR: f64 = 0.01;
 
 /// The kind `lpca`.
 pub const KIND: ExemplarKind = ExemplarKind {
     name: "lpca",
-    // Neighbors in time are far closer to each other than to the observation: the best inflation may be large.
+    // Neighbors in time are far closer to each other than to the observation: the best inflation
+    // may be large.
     grid: || Grid {
         inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
         ..Grid::default()
@@ -154,8 +159,8 @@ mod tests {
         let prior = prior(60);
         let all = poses(60).mapv(f64::from);
         let mean = all.mean_axis(Axis(0)).unwrap();
-        let centred = &all - &mean;
-        let covariance = (centred.t().dot(&centred) / 60.0 + Array2::<f64>::eye(9) * FLOOR) * 2.0;
+        let centered = &all - &mean;
+        let covariance = (centered.t().dot(&centered) / 60.0 + Array2::<f64>::eye(9) * FLOOR) * 2.0;
         let mut noise = [0.5; 9];
         noise[2] = f64::INFINITY;
         let mut y = all.row(7).to_vec();

@@ -1,4 +1,5 @@
-//! Priors that keep the training poses themselves and answer from those that resemble the observation.
+//! Priors that keep the training poses themselves and answer from those that resemble the
+//! observation.
 
 pub mod box_tree;
 mod exemplar_weights;

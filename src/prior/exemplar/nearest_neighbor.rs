@@ -1,7 +1,8 @@
 //! The training pose nearest to the observation.
 //!
-//! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances R_o. Its
-//! variance is h², the mean squared error per coordinate of held-out poses: one number for each task.
+//! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances
+//! R_o. Its variance is h², the mean squared error per coordinate of held-out poses: one number for
+//! each task.
 //!
 //! Cost: one search of [`BoxTree`]. The answer is never better than the nearest training pose.
 

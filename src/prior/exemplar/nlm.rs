@@ -1,16 +1,20 @@
-//! Non-local means over poses: the average of all training poses, each with the weight of how well it explains what was
-//! observed (Buades, Coll, Morel 2005, for patches of images).
+//! Non-local means over poses: the average of all training poses, each with the weight of how well
+//! it explains what was observed (Buades, Coll, Morel 2005, for patches of images).
 //!
-//! x = Σ_n p_n x_n, p_n ∝ exp(−½ Σ_o (y_o − x_no)² / (R_o + h²)), over the observed coordinates o with noise variances
-//! R_o; h² is the one parameter, the width of a pose, found on held-back poses. It is the posterior mean where every pose
-//! is a training pose (h² = 0) and so next to unbeatable where the test poses' neighbours in time were trained on.
+//! x = Σ_n p_n x_n, p_n ∝ exp(−½ Σ_o (y_o − x_no)² / (R_o + h²)), over the observed coordinates o
+//! with noise variances R_o; h² is the one parameter, the width of a pose, found on held-back
+//! poses. It is the posterior mean where every pose is a training pose (h² = 0) and so next to
+//! unbeatable where the test poses' neighbors in time were trained on.
 //!
-//! An average lies inside the convex hull of the poses. The second kind, `nlm-linear`, adds local linear regression by
-//! the weighted covariance C = Σ_n p_n (x_n − x)(x_n − x)ᵀ: x + C_:o (C_oo + R)⁻¹ (y_o − x_o). Measured where six joints are seen without noise, on random frames: 20 times less error.
+//! An average lies inside the convex hull of the poses. The second kind, `nlm-linear`, adds local
+//! linear regression by the weighted covariance C = Σ_n p_n (x_n − x)(x_n − x)ᵀ: x + C_:o (C_oo +
+//! R)⁻¹ (y_o − x_o). Measured where six joints are seen without noise, on random frames: 20 times
+//! less error.
 //!
-//! Cost: with n poses of D numbers, 2 n D multiplications an observation as one product in f32 where observations share
-//! their noise, twice that otherwise. Squared distances from such a product cancel; poses that may matter are computed
-//! again in f64, so that answers do not depend on how observations are batched.
+//! Cost: with n poses of D numbers, 2 n D multiplications an observation as one product in f32
+//! where observations share their noise, twice that otherwise. Squared distances from such a
+//! product cancel; poses that may matter are computed again in f64, so that answers do not depend
+//! on how observations are batched.
 
 use super::ExemplarKind;
 use super::exemplar_weights::{ExemplarWeights, Explained};
@@ -95,7 +99,7 @@ impl NlmPrior {
         let y: Vec<Vec<f64>> = tile
             .iter()
             .zip(&weights)
-            .map(|((o, _), w)| self.poses.centred(o.values.into(), w))
+            .map(|((o, _), w)| self.poses.centered(o.values.into(), w))
             .collect();
         let scores = self.poses.scores(&y, &weights);
         let rows = scores.rows().into_iter().zip(tile);
@@ -130,7 +134,7 @@ impl NlmPrior {
                 mean = most_probable(mean, covariance.view(), y, noise);
             }
             return Posterior {
-                mean: exemplars.uncentred(mean),
+                mean: exemplars.uncentered(mean),
                 log_evidence,
                 ..Posterior::default()
             };
@@ -147,7 +151,7 @@ impl NlmPrior {
         } else {
             covariance.diag_mut().mapv_inplace(|v| v + self.width);
         }
-        Posterior::full(exemplars.uncentred(mean), covariance, log_evidence)
+        Posterior::full(exemplars.uncentered(mean), covariance, log_evidence)
     }
 }
 
@@ -261,8 +265,8 @@ mod tests {
         prior.linear = true;
         let poses = exemplars(300);
         let mean = poses.mean_axis(Axis(0)).unwrap();
-        let centred = &poses - &mean;
-        let covariance = centred.t().dot(&centred) / 300.0;
+        let centered = &poses - &mean;
+        let covariance = centered.t().dot(&centered) / 300.0;
         let mut noise = [0.01; 9];
         noise[4] = f64::INFINITY;
         let y = poses.row(17).to_vec();

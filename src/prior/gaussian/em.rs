@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! E:  r_ij = w_j N(x_i; m_j, C_j) / Σ_l w_l N(x_i; m_l, C_l), in logarithms
-//! M:  n_j = Σ_i r_ij,  w_j = n_j / n,  m_j = Σ_i r_ij x_i / n_j,  S_j = Σ_i r_ij (x_i − m_j)(x_i − m_j)ᵀ / n_j
+//! M:  n_j = Σ_i r_ij,  w_j = n_j / n,  m_j = Σ_i r_ij x_i / n_j,
+//!     S_j = Σ_i r_ij (x_i − m_j)(x_i − m_j)ᵀ / n_j
 //! ```
 //!
-//! x_i (D) are n poses, cm; K components. The caller turns the moments S_j (D, D) into covariances: full ones, or factors
-//! and a diagonal. The likelihood cannot fall as long as that raises the expected one, except by rounding and by floors
-//! under variances. Cost of a round: n K D² for E, and about n D² for M, as nearly every pose belongs to one component.
+//! x_i (D) are n poses, cm; K components. The caller turns the moments S_j (D, D) into covariances:
+//! full ones, or factors and a diagonal. The likelihood cannot fall as long as that raises the
+//! expected one, except by rounding and by floors under variances. Cost of a round: n K D² for E,
+//! and about n D² for M, as nearly every pose belongs to one component.
 
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
@@ -51,7 +53,8 @@ pub struct Moments {
 pub struct Stop {
     /// Largest number of rounds.
     pub rounds: usize,
-    /// Smallest gain of the mean log likelihood per pose, nats: a round that gains less is the last.
+    /// Smallest gain of the mean log likelihood per pose, nats: a round that gains less is the
+    /// last.
     pub gain: f64,
 }
 
@@ -125,7 +128,8 @@ pub fn moments_of(x: ArrayView2<'_, f32>, labels: &[u32], k: usize) -> Vec<Momen
     rows.iter().map(one).collect()
 }
 
-/// Clusters poses (n, D) into at most `k`, fewer where a cluster would have less than `least` poses or poses are equal.
+/// Clusters poses (n, D) into at most `k`, fewer where a cluster would have less than `least` poses
+/// or poses are equal.
 ///
 /// # Errors
 /// Those of [`cluster::KMeans::fit`].
@@ -247,7 +251,8 @@ fn shares(x: &Array2<f64>, ready: &[Ready]) -> (Array2<f64>, f64) {
     (shares, total)
 }
 
-/// Σ r, Σ r (x − m), Σ r (x − m)(x − m)ᵀ about the old mean, over the poses with a share in component `j`.
+/// Σ r, Σ r (x − m), Σ r (x − m)(x − m)ᵀ about the old mean, over the poses with a share in
+/// component `j`.
 fn share_of(
     x: &Array2<f64>,
     shares: &Array2<f64>,
@@ -292,7 +297,8 @@ mod tests {
     #[test]
     fn the_likelihood_never_falls_and_planted_gaussians_are_found() {
         let x = blobs();
-        // A poor start: the first, the second and the last third, each of which has poses of all three.
+        // A poor start: the first, the second and the last third, each of which has poses of all
+        // three.
         let labels: Vec<u32> = (0..900).map(|i| i / 300).collect();
         let start = plain(&moments_of(x.view(), &labels, 3));
         let fitted = fit(x.view(), start, LONG, &mut plain);

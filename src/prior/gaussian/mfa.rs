@@ -1,4 +1,4 @@
-//! A mixture of factor analysers (Ghahramani and Hinton 1996).
+//! A mixture of factor analyzers (Ghahramani and Hinton 1996).
 //!
 //! ```text
 //! x = m_j + L_j z + e,   z ~ N(0, I_q),   e ~ N(0, Ψ)     so that   C_j = L_j L_jᵀ + Ψ
@@ -6,10 +6,11 @@
 //! L_j ← S_j Bᵀ E⁻¹,   Ψ ← Σ_j w_j diag(S_j − L_j B S_j)
 //! ```
 //!
-//! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
-//! several such steps with the same responsibilities: they cost little beside the E step, and none lowers the
-//! likelihood. EM starts from k-means, with each cluster's principal components. The sizes are ours: neither the posing
-//! paper nor Ghahramani and Hinton name any.
+//! L_j (D, q) is the analyzer's, the diagonal Ψ is common to all, S_j the moments of the E step
+//! (`em`). Each round takes several such steps with the same responsibilities: they cost little
+//! beside the E step, and none lowers the likelihood. EM starts from k-means, with each cluster's
+//! principal components. The sizes are ours: neither the posing paper nor Ghahramani and Hinton
+//! name any.
 
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::single::RIDGE;
@@ -18,11 +19,11 @@ use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
-/// Number of analysers.
-const ANALYSERS: usize = 20;
-/// Factors of each analyser.
+/// Number of analyzers.
+const ANALYZERS: usize = 20;
+/// Factors of each analyzer.
 const FACTORS: usize = 10;
-/// Smallest mean number of poses per analyser; fewer training poses give fewer analysers.
+/// Smallest mean number of poses per analyzer; fewer training poses give fewer analyzers.
 const LEAST: usize = 30;
 /// Factor-analysis steps per EM round, with the same responsibilities.
 const STEPS: usize = 10;
@@ -38,37 +39,38 @@ pub const KIND: MixtureKind = MixtureKind {
 };
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
-    Ok(fit(xyz, (ANALYSERS, FACTORS), seed, Stop::default())?.0)
+    Ok(fit(xyz, (ANALYZERS, FACTORS), seed, Stop::default())?.0)
 }
 
-/// Fits a mixture of `analysers` factor analysers with at most `factors` factors each to poses (n, D); returns the EM run, too.
+/// Fits a mixture of `analyzers` factor analyzers with at most `factors` factors each to poses (n,
+/// D); returns the EM run, too.
 ///
 /// # Errors
 /// Those of clustering, which the fit starts from.
 pub fn fit(
     xyz: ArrayView2<'_, f32>,
-    (analysers, factors): (usize, usize),
+    (analyzers, factors): (usize, usize),
     seed: u64,
     stop: Stop,
 ) -> Result<(MixtureParams, Fitted)> {
-    let start = clusters(xyz, analysers, LEAST, seed)?;
-    let mut analysers = Analysers::start(&start, factors.min(xyz.ncols()));
-    let start = analysers.update(&start);
-    let fitted = em::fit(xyz, start, stop, &mut |m| analysers.update(m));
-    Ok((analysers.parts(&fitted.mixture), fitted))
+    let start = clusters(xyz, analyzers, LEAST, seed)?;
+    let mut analyzers = Analyzers::start(&start, factors.min(xyz.ncols()));
+    let start = analyzers.update(&start);
+    let fitted = em::fit(xyz, start, stop, &mut |m| analyzers.update(m));
+    Ok((analyzers.parts(&fitted.mixture), fitted))
 }
 
 /// L_j and Ψ between EM rounds.
-struct Analysers {
-    /// L_jᵀ (q, D) of each analyser, cm.
+struct Analyzers {
+    /// L_jᵀ (q, D) of each analyzer, cm.
     loadings: Vec<Array2<f64>>,
     /// Ψ (D), cm².
     noise: Array1<f64>,
 }
 
-impl Analysers {
+impl Analyzers {
     /// Each cluster's leading principal components, and the mean variance outside them.
-    fn start(moments: &[Moments], factors: usize) -> Analysers {
+    fn start(moments: &[Moments], factors: usize) -> Analyzers {
         let d = moments.first().map_or(0, |m| m.mean.len());
         let mut noise = Array1::<f64>::zeros(d);
         let mut loadings = Vec::new();
@@ -82,7 +84,7 @@ impl Analysers {
             loadings.push(roots.slice(s![..factors, ..]).to_owned());
         }
         noise.mapv_inplace(|v| v.max(RIDGE));
-        Analysers { loadings, noise }
+        Analyzers { loadings, noise }
     }
 
     /// The M step: factor analysis on these moments. Returns the components.
@@ -118,7 +120,7 @@ impl Analysers {
     }
 }
 
-/// One factor-analysis step of one analyser: updates L, returns diag(S − L B S).
+/// One factor-analysis step of one analyzer: updates L, returns diag(S − L B S).
 fn step(loading: &mut Array2<f64>, noise: &Array1<f64>, s: &Array2<f64>) -> Array1<f64> {
     // L here is Lᵀ (q, D): whitened = Lᵀ Ψ⁻¹.
     let whitened = &*loading / noise;
@@ -191,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_planted_analyser_is_found() {
+    fn a_planted_analyzer_is_found() {
         let x = factors();
         let (parts, _) = fit(x.view(), (1, 2), 0, LONG).unwrap();
         let found = likelihood(&x, parts.covariance(0));

@@ -20,7 +20,8 @@ pub struct MixtureParams {
 }
 
 impl MixtureParams {
-    /// From full covariances (D, D) of which the factors are the scaled eigenvectors: exact, and sound in f32.
+    /// From full covariances (D, D) of which the factors are the scaled eigenvectors: exact, and
+    /// sound in f32.
     pub fn of_covariances(
         weights: Vec<f64>,
         means: Array2<f64>,
@@ -80,7 +81,8 @@ impl MixtureParams {
     /// Reads what [`MixtureParams::write`] left.
     ///
     /// # Errors
-    /// Data: arrays that are not there, do not fit together, or hold what is not finite or out of range.
+    /// Data: arrays that are not there, do not fit together, or hold what is not finite or out of
+    /// range.
     pub fn read(model: &Model, source: &str) -> Result<MixtureParams> {
         let d = 3 * model.meta.points.len();
         let wrong = |name: &str, what: &str| Err(Error::data(Place::file(source).part(name), what));

@@ -1,18 +1,22 @@
-//! Gaussian mixture priors: what PCA, the single Gaussian, the clustered Gaussians and the mixtures share.
+//! Gaussian mixture priors: what PCA, the single Gaussian, the clustered Gaussians and the mixtures
+//! share.
 //!
 //! ```text
 //! p(x) = Σ_j w_j N(x; m_j, C_j),   y = x + noise of variances R
 //! w_j|y ∝ w_j N(y_o; m_jo, C_j,oo + R_o)
-//! m_j|y = m_j + C_j,:o (C_j,oo + R_o)⁻¹ (y_o − m_jo)                   C_j|y = C_j − C_j,:o (C_j,oo + R_o)⁻¹ C_j,o:
+//! m_j|y = m_j + C_j,:o (C_j,oo + R_o)⁻¹ (y_o − m_jo)
+//!     C_j|y = C_j − C_j,:o (C_j,oo + R_o)⁻¹ C_j,o:
 //! ```
 //!
-//! x (D) is the pose, cm; m_j (D) and C_j (D, D), cm², the K components with weights w_j; o are the observed coordinates.
-//! The posterior is moment-matched over all j, or that of the most likely j alone, as clustered Gaussians are published
-//! ([`Readout`]). A model that explains a pose only in part (PCA) has a second variance U_j (D), cm², which counts as
-//! noise of the observed coordinates and is never estimated.
+//! x (D) is the pose, cm; m_j (D) and C_j (D, D), cm², the K components with weights w_j; o are the
+//! observed coordinates. The posterior is moment-matched over all j, or that of the most likely j
+//! alone, as clustered Gaussians are published ([`Readout`]). A model that explains a pose only in
+//! part (PCA) has a second variance U_j (D), cm², which counts as noise of the observed coordinates
+//! and is never estimated.
 //!
-//! Cost: K D² per posterior, and K D³ once for each new noise pattern; recent patterns are cached. The posterior is poor
-//! for motion unlike the training poses: far from all means the most similar component is chosen by its tails.
+//! Cost: K D² per posterior, and K D³ once for each new noise pattern; recent patterns are cached.
+//! The posterior is poor for motion unlike the training poses: far from all means the most similar
+//! component is chosen by its tails.
 
 pub mod clustered;
 pub mod em;
@@ -55,7 +59,8 @@ pub enum Readout {
 pub struct Style {
     /// How the components' posteriors are combined.
     pub answer: Readout,
-    /// Whether the part of a pose outside the factors is estimated. If not, it stays the mean (PCA).
+    /// Whether the part of a pose outside the factors is estimated. If not, it stays the mean
+    /// (PCA).
     pub estimates_rest: bool,
 }
 
@@ -119,7 +124,8 @@ impl GaussianMixturePrior {
         self.conditionals.get(noise, most, all)
     }
 
-    /// Index, weight and posterior mean of each component above [`MIN_WEIGHT`]; and the log evidence, nats.
+    /// Index, weight and posterior mean of each component above [`MIN_WEIGHT`]; and the log
+    /// evidence, nats.
     fn component_means(
         &self,
         y: &[f64],
@@ -252,7 +258,8 @@ impl Prior for GaussianMixturePrior {
     }
 }
 
-/// A kind of Gaussian mixture: its name, how it answers, and how it learns from poses (n, D) with a seed.
+/// A kind of Gaussian mixture: its name, how it answers, and how it learns from poses (n, D) with a
+/// seed.
 pub struct MixtureKind {
     /// The name in flags and model files.
     pub name: &'static str,
@@ -268,7 +275,7 @@ impl MixtureKind {
         Box::new(move |inflation| Box::new(GaussianMixturePrior::new(&params, style, inflation)))
     }
 
-    /// Trains a model: tuned on held-out poses, then learnt from all of them.
+    /// Trains a model: tuned on held-out poses, then learned from all of them.
     ///
     /// # Errors
     /// Data: no poses to learn from.

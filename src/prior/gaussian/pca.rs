@@ -4,9 +4,10 @@
 //! x = m + U c + e,   c ~ N(0, Λ / λ),   e ~ N(0, σ² I)
 //! ```
 //!
-//! U (D, q) and Λ are the leading eigenvectors and eigenvalues of the covariance, σ² the mean of the other eigenvalues
-//! (Tipping and Bishop 1999). As published, the posterior mean lies in the subspace: m + U c, with c given the observed
-//! coordinates. e is noise of the observed coordinates and is not estimated; the posterior variance includes σ².
+//! U (D, q) and Λ are the leading eigenvectors and eigenvalues of the covariance, σ² the mean of
+//! the other eigenvalues (Tipping and Bishop 1999). As published, the posterior mean lies in the
+//! subspace: m + U c, with c given the observed coordinates. e is noise of the observed coordinates
+//! and is not estimated; the posterior variance includes σ².
 
 use super::em::moments_of;
 use super::{MixtureKind, MixtureParams, Readout, Style, roots};

@@ -7,7 +7,8 @@ use crate::Result;
 use crate::prior::tuning::ASF2;
 use ndarray::{Array2, ArrayView2, Axis};
 
-/// Ridge added to every variance, cm². Without it coordinates that never vary (the root in body space) have none.
+/// Ridge added to every variance, cm². Without it coordinates that never vary (the root in body
+/// space) have none.
 pub const RIDGE: f64 = 1e-3 * ASF2;
 
 /// The kind `gaussian`.

@@ -1,18 +1,20 @@
-//! Learning a scaled GPLVM: latent points, kernel and scales by gradient (Grochow et al. 2004, section 5).
+//! Learning a scaled GPLVM: latent points, kernel and scales by gradient (Grochow et al. 2004,
+//! section 5).
 //!
-//! For the active poses Y (M, D) about the mean pose and their kernel matrix K (see [`super`]), minimised over
-//! latent points x (M, L), γ and ν:
+//! For the active poses Y (M, D) about the mean pose and their kernel matrix K (see [`super`]),
+//! minimized over latent points x (M, L), γ and ν:
 //!
 //! ½ D ln |K| + ½ M Σ_c ln(y_cᵀ K⁻¹ y_c / M + ε) + ½ Σ |x|²
 //!
-//! which is the paper's likelihood at its best scales, 1 / w_c² = y_cᵀ K⁻¹ y_c / M + ε; ε keeps coordinates that never
-//! move from infinite precision. The kernel's own scale α is one with the w_c, and left out. Starts from PCA.
+//! which is the paper's likelihood at its best scales, 1 / w_c² = y_cᵀ K⁻¹ y_c / M + ε; ε keeps
+//! coordinates that never move from infinite precision. The kernel's own scale α is one with the
+//! w_c, and left out. Starts from PCA.
 //!
-//! The active poses are the centres of a greedy cover: each is the pose farthest from those before, so that rare poses
-//! are kept. Cost: O(M³ + M² D) a step.
+//! The active poses are the centers of a greedy cover: each is the pose farthest from those before,
+//! so that rare poses are kept. Cost: O(M³ + M² D) a step.
 
 use super::process::{Learned, kernel};
-use crate::numeric::lbfgs::minimise;
+use crate::numeric::lbfgs::minimize;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
@@ -44,7 +46,7 @@ pub(super) fn learn(xyz: ArrayView2<'_, f32>, report: &mut dyn FnMut(&str)) -> L
     let mut start: Vec<f64> = latent.iter().copied().collect();
     start.extend([0.0, (0.01f64).ln()]);
     let mut count = 0;
-    let end = minimise(start, STEPS, TOLERANCE, &mut |theta| {
+    let end = minimize(start, STEPS, TOLERANCE, &mut |theta| {
         count += 1;
         if count % 50 == 0 {
             report(&format!("latent points: evaluation {count}"));
@@ -64,7 +66,8 @@ pub(super) fn learn(xyz: ArrayView2<'_, f32>, report: &mut dyn FnMut(&str)) -> L
     }
 }
 
-/// Rows of a greedy cover: the first, then always the one farthest from those taken; copies are left out.
+/// Rows of a greedy cover: the first, then always the one farthest from those taken; copies are
+/// left out.
 fn cover(poses: &Array2<f64>, most: usize) -> Vec<usize> {
     let n = poses.nrows();
     let mut nearest = vec![f64::INFINITY; n];

@@ -1,26 +1,28 @@
-//! Style-based inverse kinematics: a scaled Gaussian process latent variable model of poses (Grochow, Martin, Hertzmann,
-//! Popović 2004, "Style-based inverse kinematics"; Lawrence 2004).
+//! Style-based inverse kinematics: a scaled Gaussian process latent variable model of poses
+//! (Grochow, Martin, Hertzmann, Popović 2004, "Style-based inverse kinematics"; Lawrence 2004).
 //!
-//! Each pose y (D numbers about the mean pose) has a latent point x of three numbers, and each coordinate, times its own
-//! scale w_c, is a Gaussian process over x with the kernel k(x, x') = exp(−γ/2 |x − x'|²) and noise ν. With K of the M
-//! active poses Y (M, D), prediction at x (their section 4):
+//! Each pose y (D numbers about the mean pose) has a latent point x of three numbers, and each
+//! coordinate, times its own scale w_c, is a Gaussian process over x with the kernel k(x, x') =
+//! exp(−γ/2 |x − x'|²) and noise ν. With K of the M active poses Y (M, D), prediction at x (their
+//! section 4):
 //!
 //! f(x) = Yᵀ K⁻¹ k(x),  σ²(x) = 1 + ν − k(x)ᵀ K⁻¹ k(x),  y_c ~ N(f_c(x), σ²(x) / w_c²)
 //!
-//! Learning (`learn`) finds latent points, γ, ν and w. An observation is answered by the latent point that
-//! minimises, with s_c = a σ²(x) / w_c² and noise R_o,
+//! Learning (`learn`) finds latent points, γ, ν and w. An observation is answered by the latent
+//! point that minimizes, with s_c = a σ²(x) / w_c² and noise R_o,
 //!
 //! ½ Σ_o [(y_o − f_o(x))² / (s_o + R_o)] + ½ D ln σ²(x) + ½ |x|²
 //!
-//! which is the paper's objective with the pose, Gaussian given x, already minimised over; and by that Gaussian given the
-//! observation. The problem has many minima: it is solved from the best active points.
+//! which is the paper's objective with the pose, Gaussian given x, already minimized over; and by
+//! that Gaussian given the observation. The problem has many minima: it is solved from the best
+//! active points.
 
 mod file;
 mod learn;
 mod process;
 
 use crate::io::Model;
-use crate::numeric::lbfgs::{Minimum, minimise};
+use crate::numeric::lbfgs::{Minimum, minimize};
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, TunedPrior, tune};
@@ -45,8 +47,8 @@ pub struct GplvmPrior {
 }
 
 impl GplvmPrior {
-    /// From a model of kind `sik`: `active` (M, D) poses, their `latent` (M, L) points, `scales` (1, D) and `mean` (1, D),
-    /// and in its details `gamma` and `noise`.
+    /// From a model of kind `sik`: `active` (M, D) poses, their `latent` (M, L) points, `scales`
+    /// (1, D) and `mean` (1, D), and in its details `gamma` and `noise`.
     ///
     /// # Errors
     /// Data: no such array or number, a wrong shape, numbers that are not finite or out of range.
@@ -123,7 +125,7 @@ impl Prior for GplvmPrior {
         let mut best: Option<Minimum> = None;
         for start in self.starts(&y, noise) {
             let x = process.latent.row(start).to_vec();
-            let found = minimise(x, STEPS, learn::TOLERANCE, &mut |x| {
+            let found = minimize(x, STEPS, learn::TOLERANCE, &mut |x| {
                 self.objective(x, &y, noise)
             });
             if best.as_ref().is_none_or(|b| found.value < b.value) {
@@ -161,7 +163,8 @@ impl Prior for GplvmPrior {
         posterior
     }
 
-    /// Poses are carried as they are; the variance of a coordinate becomes the diagonal of the carried covariance.
+    /// Poses are carried as they are; the variance of a coordinate becomes the diagonal of the
+    /// carried covariance.
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let process = Arc::new(self.process.mapped(map));
         Box::new(GplvmPrior::new(process, self.inflation))

@@ -1,4 +1,5 @@
-//! The Gaussian process from latent points to poses: what it predicts at a point, and how that changes with it.
+//! The Gaussian process from latent points to poses: what it predicts at a point, and how that
+//! changes with it.
 
 use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::PoseTransform;
@@ -55,7 +56,7 @@ pub struct Prediction {
 }
 
 impl Process {
-    /// From what was learnt: factorises K. `None` when K is not sound.
+    /// From what was learned: factorizes K. `None` when K is not sound.
     pub fn new(learned: &Learned) -> Option<Process> {
         let (gamma, noise) = (learned.gamma, learned.noise);
         let kernel = kernel(learned.latent.view(), gamma, noise);

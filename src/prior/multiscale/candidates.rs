@@ -2,7 +2,8 @@
 
 use super::conditioned::ConditionedCluster;
 
-/// Components whose log weight is this much (nats) below the best one's are left out of the posterior.
+/// Components whose log weight is this much (nats) below the best one's are left out of the
+/// posterior.
 pub const NEGLIGIBLE: f64 = 6.0;
 
 /// A component that may explain an observation.
@@ -49,7 +50,8 @@ pub struct Candidates {
     pub best: Vec<Candidate>,
     /// The clusters that were evaluated.
     pub clusters: Vec<EvaluatedCluster>,
-    /// The observation less each cluster's mean, along the axes of its noisy covariance, one after another.
+    /// The observation less each cluster's mean, along the axes of its noisy covariance, one after
+    /// another.
     zs: Vec<f32>,
 }
 
@@ -80,8 +82,9 @@ impl Candidates {
         &self.zs[start..start + conditioned.noisy.stride()]
     }
 
-    /// Each candidate's responsibility, in the order of [`best`](Candidates::best); they sum to 1. The weight of a candidate
-    /// at the limit of [`NEGLIGIBLE`] is subtracted first, so that candidates come and go without a jump.
+    /// Each candidate's responsibility, in the order of [`best`](Candidates::best); they sum to 1.
+    /// The weight of a candidate at the limit of [`NEGLIGIBLE`] is subtracted first, so that
+    /// candidates come and go without a jump.
     pub fn responsibilities(&self) -> Vec<f64> {
         let logs = self.best.iter().map(|c| c.log);
         let top = logs.fold(f64::NEG_INFINITY, f64::max);

@@ -9,7 +9,8 @@ use std::sync::{Arc, OnceLock};
 /// The K clusters of one level, of one part with d coordinates.
 #[derive(Debug, Clone)]
 pub struct ClusterLevel {
-    /// The means of whole poses, (K, 3 J), cm: a transform of a part's mean may need the rest of the pose.
+    /// The means of whole poses, (K, 3 J), cm: a transform of a part's mean may need the rest of
+    /// the pose.
     pub full_means: Array2<f64>,
     /// The means of the part, (K, d), cm.
     means: Array2<f64>,
@@ -125,7 +126,8 @@ impl ClusterLevel {
         self.covariances[cluster].get_or_init(make).clone()
     }
 
-    /// The clusters of poses transformed by `map`. The covariance of the part with the rest of the body counts as 0.
+    /// The clusters of poses transformed by `map`. The covariance of the part with the rest of the
+    /// body counts as 0.
     pub fn mapped(&self, map: &Arc<PoseTransform>, coordinates: &[usize]) -> ClusterLevel {
         ClusterLevel {
             origin: Some((Arc::new(self.clone()), map.clone())),

@@ -1,4 +1,5 @@
-//! A part's components conditioned on one vector of noise variances; a cluster is prepared when a search first needs it.
+//! A part's components conditioned on one vector of noise variances; a cluster is prepared when a
+//! search first needs it.
 
 use super::cluster_level::ClusterLevel;
 use super::noise_pattern::NoisePattern;
@@ -16,7 +17,8 @@ pub struct ConditionedPart {
     pattern: NoisePattern,
     /// The observed coordinates.
     observed: Arc<[usize]>,
-    /// 1 / (mean variance within the clusters of a level + noise), 0 where missing (d, padded); by level.
+    /// 1 / (mean variance within the clusters of a level + noise), 0 where missing (d, padded); by
+    /// level.
     pub distance_weights: Vec<Vec<f32>>,
     clusters: Vec<Vec<OnceLock<Box<ConditionedCluster>>>>,
 }

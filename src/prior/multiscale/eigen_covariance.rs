@@ -1,7 +1,7 @@
 //! The eigendecomposition of a covariance, C = U diag(λ) Uᵀ, (d, d), cm², with λ falling.
 //!
-//! The columns of U diag(√λ) are the atoms of a sub-dictionary: a sum of atoms with unit Gaussian coefficients has the
-//! covariance C.
+//! The columns of U diag(√λ) are the atoms of a sub-dictionary: a sum of atoms with unit Gaussian
+//! coefficients has the covariance C.
 
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::simd::{padded, weighted_products};
@@ -26,15 +26,16 @@ impl EigenCovariance {
     /// Decomposes a symmetric positive semidefinite matrix (d, d), cm².
     pub fn of(covariance: ArrayView2<'_, f64>) -> EigenCovariance {
         let d = covariance.nrows();
-        // Covariances are finite and symmetric, so that LAPACK does not fail; if it did, the covariance would be next to 0.
+        // Covariances are finite and symmetric, so that LAPACK does not fail; if it did, the
+        // covariance would be next to 0.
         let (values, vectors) = symmetric_eigen(&covariance.to_owned())
             .unwrap_or_else(|| (ndarray::Array1::zeros(d), Array2::eye(d)));
         let values = values.iter().map(|v| v.max(MIN_VARIANCE)).collect();
         EigenCovariance::with(values, |i, k| vectors[[i, k]])
     }
 
-    /// Puts a covariance together from eigenvectors (d, d), one a column, of any length above 0, and the standard deviation
-    /// √λ along each (d), cm.
+    /// Puts a covariance together from eigenvectors (d, d), one a column, of any length above 0,
+    /// and the standard deviation √λ along each (d), cm.
     pub fn from_parts(
         directions: ArrayView2<'_, f32>,
         deviations: ArrayView1<'_, f32>,

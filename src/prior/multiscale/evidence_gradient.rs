@@ -1,14 +1,15 @@
 //! How the evidence changes as an observation moves: what a placement is optimized by.
 //!
-//! With the responsibilities ρ of the clusters that explain y, S = (a C_oo + R)⁻¹ of each, and the directions d_i in which
-//! y moves:
+//! With the responsibilities ρ of the clusters that explain y, S = (a C_oo + R)⁻¹ of each, and the
+//! directions d_i in which y moves:
 //!
 //! ```text
 //! ∂ log p(y) / ∂θ_i        = − Σ ρ d_iᵀ S (y − m)
 //! −∂² log p(y) / ∂θ_i ∂θ_j ≈   Σ ρ d_iᵀ S d_j
 //! ```
 //!
-//! The second line leaves out that responsibilities change: it is positive semidefinite, as Gauss and Newton's is.
+//! The second line leaves out that responsibilities change: it is positive semidefinite, as Gauss
+//! and Newton's is.
 
 use super::conditioned::ConditionedPart;
 use super::part_mixture::PartMixture;
@@ -16,8 +17,8 @@ use crate::numeric::simd;
 use crate::prior::EvidenceGradient;
 
 impl PartMixture {
-    /// The log evidence of `y` (d) by the clusters alone, with its derivatives along `directions` (each d; all are read
-    /// where observed).
+    /// The log evidence of `y` (d) by the clusters alone, with its derivatives along `directions`
+    /// (each d; all are read where observed).
     pub fn evidence_gradient(
         &self,
         conditioned: &ConditionedPart,

@@ -1,7 +1,8 @@
-//! Exemplars: every training pose is a component of its own, with a share of its cluster's covariance.
+//! Exemplars: every training pose is a component of its own, with a share of its cluster's
+//! covariance.
 //!
-//! An exemplar also has a step, half the way from the pose before it to the pose after it in its take: its component may be
-//! wider along the step, since a pose between two known ones is likely.
+//! An exemplar also has a step, half the way from the pose before it to the pose after it in its
+//! take: its component may be wider along the step, since a pose between two known ones is likely.
 
 use crate::numeric::simd::{distances, padded};
 use crate::pose::PoseTransform;

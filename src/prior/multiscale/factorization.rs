@@ -1,4 +1,5 @@
-//! Evaluation of an observation by all parts of the body, and the average over the factorizations into parts.
+//! Evaluation of an observation by all parts of the body, and the average over the factorizations
+//! into parts.
 
 use super::MultiscaleMixture;
 use super::candidates::Candidates;
@@ -9,8 +10,8 @@ use crate::numeric::parallel;
 use crate::numeric::small_linalg::{add, log_sum};
 use std::sync::Arc;
 
-/// Factorizations of less posterior weight than this do not count; those below this share of the best by the clusters alone
-/// are not searched for exemplars.
+/// Factorizations of less posterior weight than this do not count; those below this share of the
+/// best by the clusters alone are not searched for exemplars.
 const MIN_WEIGHT: f64 = 0.01;
 /// Factorizations below this share of the best prior weight are not evaluated.
 const MIN_PRIOR_WEIGHT: f64 = 0.002;
@@ -34,7 +35,8 @@ impl EvaluatedParts {
 }
 
 impl MultiscaleMixture {
-    /// Which parts occur in factorizations whose `logs` are within the log of `share` of the largest.
+    /// Which parts occur in factorizations whose `logs` are within the log of `share` of the
+    /// largest.
     fn needed_parts(&self, logs: &[f64], share: f64) -> Vec<bool> {
         let mut needed = vec![false; self.parts.len()];
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -59,8 +61,8 @@ impl MultiscaleMixture {
             .collect()
     }
 
-    /// log (weight × evidence^temperature) of each factorization: as there are few, and all are approximate, their plain
-    /// evidences differ by more than they should.
+    /// log (weight × evidence^temperature) of each factorization: as there are few, and all are
+    /// approximate, their plain evidences differ by more than they should.
     fn tempered(&self, log_evidences: &[f64]) -> Vec<f64> {
         let each = log_evidences.iter().zip(&self.log_factorization_weights);
         each.map(|(all, weight)| weight + self.temperature * (all - weight))
@@ -72,13 +74,15 @@ impl MultiscaleMixture {
         self.evaluate_above(y, noise, MIN_WEIGHT)
     }
 
-    /// Evaluates an observation; factorizations below the share `least` of the best by their clusters alone are not searched for exemplars.
+    /// Evaluates an observation; factorizations below the share `least` of the best by their
+    /// clusters alone are not searched for exemplars.
     pub fn evaluate_above(&self, y: &[f64], noise: &[f64], least: f64) -> EvaluatedParts {
         let conditioned = self.conditioned_parts(noise);
         let observations: Vec<Vec<f64>> = (self.parts.iter())
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
             .collect();
-        // Parts in parallel: a single frame is answered sooner, and among many frames it costs next to nothing.
+        // Parts in parallel: a single frame is answered sooner, and among many frames it costs next
+        // to nothing.
         let parts = self.parts.iter().zip(&conditioned).zip(&observations);
         let parts = parts.zip(self.needed_parts(&self.log_factorization_weights, MIN_PRIOR_WEIGHT));
         let searches: Vec<Option<ComponentSearch<'_>>> = parallel::map_each(
@@ -112,8 +116,8 @@ impl MultiscaleMixture {
         }
     }
 
-    /// The posterior over whole poses (3 J): the average over the factorizations. NaN where the observation has no finite
-    /// evidence.
+    /// The posterior over whole poses (3 J): the average over the factorizations. NaN where the
+    /// observation has no finite evidence.
     pub fn average(&self, evaluated: &EvaluatedParts, with_covariance: bool) -> Moments {
         let logs = self.tempered(&evaluated.log_evidences);
         let total = log_sum(&logs);

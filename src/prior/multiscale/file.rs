@@ -6,7 +6,7 @@
 //! | `takes` | (T, 1) | where each take ends |
 //! | `labels` | (N, P) | the finest cluster of each pose in each part |
 //! | `means.P.L` | (K, 3 J) | the mean poses of the clusters of part P at level L |
-//! | `directions.P.L` | (K d, d) | the eigenvectors of their covariances: d rows a cluster, one a column |
+//! | `directions.P.L` | (K d, d) | eigenvectors of the covariances, d rows per cluster |
 //! | `deviations.P.L` | (K, d) | the standard deviation along each, cm |
 //! | `within.P.L` | (1, d) | the variance of each coordinate within the clusters, cm² |
 //! | `shares.P.L` | (K, 1) | the log of their proportions of the poses |
@@ -90,7 +90,8 @@ pub fn write(
 }
 
 impl MultiscaleMixture {
-    /// Reads a model of kind `multiscale`, or `blocks` as it was called before; `source` names it in messages.
+    /// Reads a model of kind `multiscale`, or `blocks` as it was called before; `source` names it
+    /// in messages.
     ///
     /// # Errors
     /// Data: an array or a setting is missing, has the wrong shape, or holds a value out of range.

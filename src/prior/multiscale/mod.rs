@@ -2,9 +2,10 @@
 //!
 //! # The model
 //!
-//! A pose x has 3 J numbers (J points), cm. The body divides into parts; a part p has d_p of the coordinates, x_p. Several
-//! factorizations F, sets of parts that cover every coordinate once ({whole body}, {legs, upper body}, ...), compete, so
-//! that known legs can combine with known arms:
+//! A pose x has 3 J numbers (J points), cm. The body divides into parts; a part p has d_p of the
+//! coordinates, x_p. Several factorizations F, sets of parts that cover every coordinate once
+//! ({whole body}, {legs, upper body}, ...), compete, so that known legs can combine with known
+//! arms:
 //!
 //! ```text
 //! p(x)     = Σ_F φ_F Π_{p ∈ F} p_p(x_p)
@@ -13,20 +14,23 @@
 //!
 //! - φ_F: the weight of a factorization; Σ φ_F = 1.
 //! - l: a sub-mixture, with the weight w_pl. There are two sorts, each at several scales a:
-//!   - the clusters of one k-means level (1, 5, 20, 80, 300 of them): π_j is the cluster's proportion of the training
-//!     poses, m_j (d_p, cm) its mean, C_j = a C (d_p, d_p, cm²) with its covariance C;
-//!   - the exemplars, N training poses: π_j = 1 / N, m_j is the pose, C_j = a C + b v vᵀ with the covariance C of its
-//!     cluster in the finest level and v half the step from the frame before to the frame after.
-//! - φ and w are learnt by EM on held-out takes ([`train()`]).
+//!   - the clusters of one k-means level (1, 5, 20, 80, 300 of them): π_j is the cluster's
+//!     proportion of the training poses, m_j (d_p, cm) its mean, C_j = a C (d_p, d_p, cm²) with its
+//!     covariance C;
+//!   - the exemplars, N training poses: π_j = 1 / N, m_j is the pose, C_j = a C + b v vᵀ with the
+//!     covariance C of its cluster in the finest level and v half the step from the frame before to
+//!     the frame after.
+//! - φ and w are learned by EM on held-out takes ([`train()`]).
 //!
-//! In the terms of the posing paper: the scaled eigenvectors of a covariance are a sub-dictionary with unit Gaussian
-//! coefficients, so that a pose is a sparse code with one active block. Other than the paper, the answer is not the single
-//! best code but the posterior mean over all.
+//! In the terms of the posing paper: the scaled eigenvectors of a covariance are a sub-dictionary
+//! with unit Gaussian coefficients, so that a pose is a sparse code with one active block. Other
+//! than the paper, the answer is not the single best code but the posterior mean over all.
 //!
 //! # A query
 //!
-//! An observation is y (3 J, cm) with independent noise of the variances R (3 J, cm²; infinite where missing). The
-//! evidence and the posterior are those of a Gaussian mixture with the covariances C_j + R on the observed coordinates o:
+//! An observation is y (3 J, cm) with independent noise of the variances R (3 J, cm²; infinite
+//! where missing). The evidence and the posterior are those of a Gaussian mixture with the
+//! covariances C_j + R on the observed coordinates o:
 //!
 //! ```text
 //! log p(y)  = log Σ_F φ_F Π_p Σ_j w π_j N(y_o; m_j, C_j + R)
@@ -36,22 +40,23 @@
 //! | step | file |
 //! |---|---|
 //! | round the noise variances, so that frames share what is prepared for them | `noise_pattern` |
-//! | condition the components of each part on the noise, when first needed | `conditioned`, `noisy_covariance`, `scaled_precision` |
+//! | components given the noise | `conditioned`, `noisy_covariance`, `scaled_precision` |
 //! | find the components of each part that explain y | `search`, `top_k`, `candidates` |
 //! | add up the evidence of the factorizations | `factorization` |
 //! | sum the posteriors of a part's components | `posterior` |
 //! | average over the factorizations | `factorization` |
 //!
-//! What the components are made of is in `part_mixture`, `cluster_level`, `exemplars` and `eigen_covariance`. For placing
-//! a pose there is `evidence_gradient`, for poses unlike the training poses `novelty`.
+//! What the components are made of is in `part_mixture`, `cluster_level`, `exemplars` and
+//! `eigen_covariance`. For placing a pose there is `evidence_gradient`, for poses unlike the
+//! training poses `novelty`.
 //!
 //! # Cost and limits
 //!
-//! A frame takes about 0.5 to 1.5 ms, a single frame with new noise some 10 ms. Memory: the exemplars (N 3 J numbers of 16
-//! bits) and the eigenvectors of all clusters.
+//! A frame takes about 0.5 to 1.5 ms, a single frame with new noise some 10 ms. Memory: the
+//! exemplars (N 3 J numbers of 16 bits) and the eigenvectors of all clusters.
 //!
-//! The mean of competing components may lie between two poses. Far from all training poses the widest cluster alone
-//! answers: see [`Prior::novelty`]. Noise below 0.03 cm² counts as 0.03 cm².
+//! The mean of competing components may lie between two poses. Far from all training poses the
+//! widest cluster alone answers: see [`Prior::novelty`]. Noise below 0.03 cm² counts as 0.03 cm².
 
 mod candidates;
 mod cluster_level;
@@ -86,7 +91,8 @@ use std::sync::Arc;
 pub use settings::TrainSettings;
 pub use train::{model, train};
 
-/// Noise vectors of the whole body whose conditioned components are kept; for smaller parts more are.
+/// Noise vectors of the whole body whose conditioned components are kept; for smaller parts more
+/// are.
 const CACHED_NOISES: usize = 16;
 
 /// The mixtures of all parts of a body.
@@ -101,7 +107,8 @@ pub struct MultiscaleMixture {
     log_factorization_weights: Vec<f64>,
     /// The exponent of the factorizations' evidences where they are averaged.
     temperature: f64,
-    /// The mean variance of each coordinate within the finest clusters of the whole body (3 J), cm².
+    /// The mean variance of each coordinate within the finest clusters of the whole body (3 J),
+    /// cm².
     variance: Vec<f64>,
     /// A few poses, far apart, (k, 3 J), cm.
     representative_poses: Array2<f64>,
@@ -113,7 +120,8 @@ pub struct MultiscaleMixture {
 }
 
 impl MultiscaleMixture {
-    /// A mixture of these parts, the first of which is the whole body; what does not follow from them is left empty.
+    /// A mixture of these parts, the first of which is the whole body; what does not follow from
+    /// them is left empty.
     fn of_parts(parts: Vec<PartMixture>, poses: Arc<ExemplarPoses>) -> MultiscaleMixture {
         MultiscaleMixture {
             width: parts[0].coordinates.len(),
@@ -129,8 +137,8 @@ impl MultiscaleMixture {
         }
     }
 
-    /// Each part conditioned on the noise variances (3 J). Parts are cached apart: a limb's noise recurs more often than the
-    /// whole body's.
+    /// Each part conditioned on the noise variances (3 J). Parts are cached apart: a limb's noise
+    /// recurs more often than the whole body's.
     fn conditioned_parts(&self, noise: &[f64]) -> Vec<Arc<ConditionedPart>> {
         let noise = quantize(noise, POSTERIOR_TOLERANCE);
         (0..self.parts.len())
@@ -175,7 +183,8 @@ impl Prior for MultiscaleMixture {
         posterior
     }
 
-    /// By the clusters of the whole body alone: the search for the placement of 2-D input asks many times a frame.
+    /// By the clusters of the whole body alone: the search for the placement of 2-D input asks many
+    /// times a frame.
     fn reconstruct(
         &self,
         observation: &Observation<'_>,
@@ -313,7 +322,7 @@ mod tests {
             .collect();
         let filled = mixture.full(&pose, &noise);
         assert!(off(&filled) <= 0.5, "{}", off(&filled));
-        // The further from all that was learnt, the less evidence; nothing seen says nothing.
+        // The further from all that was learned, the less evidence; nothing seen says nothing.
         let far: Vec<f64> = y.iter().map(|v| v + 60.0).collect();
         assert!(mixture.full(&far, &[25.0 / 3.0; 69]).log_evidence < dense.log_evidence - 50.0);
         let none = mixture.full(&y, &[f64::INFINITY; 69]);

@@ -1,8 +1,8 @@
 //! The noise of an observation: which coordinates are observed, and how alike their variances are.
 //!
-//! A component has to be conditioned on each new vector of noise variances, and that costs far more than evaluating it.
-//! [`quantize`] therefore rounds variances, so that the frames of a take share a few vectors, and [`NoisePattern`] tells
-//! which of two ways to condition is cheaper.
+//! A component has to be conditioned on each new vector of noise variances, and that costs far more
+//! than evaluating it. [`quantize`] therefore rounds variances, so that the frames of a take share
+//! a few vectors, and [`NoisePattern`] tells which of two ways to condition is cheaper.
 
 use crate::pose::ASF_UNIT_CM;
 
@@ -12,8 +12,8 @@ pub const MIN_NOISE: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 pub const POSTERIOR_TOLERANCE: f64 = 1.25;
 /// For placement, which depends on all points together: the same.
 pub const PLACEMENT_TOLERANCE: f64 = 3.0;
-/// Variances below the median are taken for equal to it too, unless the smallest is this many times smaller: a nearly exact
-/// coordinate must stay nearly exact.
+/// Variances below the median are taken for equal to it too, unless the smallest is this many times
+/// smaller: a nearly exact coordinate must stay nearly exact.
 const EXACT_RATIO: f64 = 4.0;
 
 /// How the noise variances of a part's coordinates are distributed.
@@ -41,7 +41,8 @@ impl NoisePattern {
         }
         let each = noise.iter().copied().enumerate();
         let exceptions: Vec<(usize, f64)> = each.filter(|(_, n)| *n > base).collect();
-        // With more exceptions their factorisations cost more than an eigendecomposition of the observed coordinates.
+        // With more exceptions their factorizations cost more than an eigendecomposition of the
+        // observed coordinates.
         if 5 * exceptions.len() > 3 * noise.len() {
             return NoisePattern::Diagonal;
         }
@@ -51,8 +52,9 @@ impl NoisePattern {
 
 /// Rounds noise variances (cm², infinite where missing) and raises them to [`MIN_NOISE`].
 ///
-/// Up to two different variances are kept as they are. Of three or more, those up to `tolerance` times the median become
-/// their geometric mean, and every variance is rounded to a quarter of an octave.
+/// Up to two different variances are kept as they are. Of three or more, those up to `tolerance`
+/// times the median become their geometric mean, and every variance is rounded to a quarter of an
+/// octave.
 pub fn quantize(noise: &[f64], tolerance: f64) -> Vec<f64> {
     let noise: Vec<f64> = noise.iter().map(|n| n.max(MIN_NOISE)).collect();
     let mut sorted: Vec<f64> = noise.iter().copied().filter(|n| n.is_finite()).collect();

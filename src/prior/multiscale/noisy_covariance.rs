@@ -1,8 +1,9 @@
 //! A cluster's covariance under noise: evidence of a residual, posterior mean and covariance.
 //!
-//! The cluster has the mean m (d) and the covariance C = U diag(λ) Uᵀ (d, d), cm²; its components have the covariance a C
-//! with several scales a. An observation y has independent noise of the variances R = diag(noise), cm²; o are the
-//! observed coordinates. With r = y − m (the mean of the component) and S_a = (a C_oo + R)⁻¹:
+//! The cluster has the mean m (d) and the covariance C = U diag(λ) Uᵀ (d, d), cm²; its components
+//! have the covariance a C with several scales a. An observation y has independent noise of the
+//! variances R = diag(noise), cm²; o are the observed coordinates. With r = y − m (the mean of the
+//! component) and S_a = (a C_oo + R)⁻¹:
 //!
 //! ```text
 //! evidence              log N(r; 0, a C_oo + R)
@@ -10,11 +11,13 @@
 //! posterior covariance  a C − a C_:o S_a a C_o:
 //! ```
 //!
-//! S_a is diagonal for every a in the axes T, up to a correction: see [`scaled_precision`](super::scaled_precision).
+//! S_a is diagonal for every a in the axes T, up to a correction: see
+//! [`scaled_precision`](super::scaled_precision).
 //!
-//! - Near-isotropic noise, R = b I + diag(δ) with δ = 0 for most coordinates: T = U, s = 1 / (a λ + b). Missing
-//!   coordinates have δ = ∞. No decomposition is needed.
-//! - Any other noise: T = W V with W = R^-½ and an eigendecomposition W C_oo W = V diag(λ) Vᵀ, s = 1 / (a λ + 1).
+//! - Near-isotropic noise, R = b I + diag(δ) with δ = 0 for most coordinates: T = U, s = 1 / (a λ +
+//!   b). Missing coordinates have δ = ∞. No decomposition is needed.
+//! - Any other noise: T = W V with W = R^-½ and an eigendecomposition W C_oo W = V diag(λ) Vᵀ, s =
+//!   1 / (a λ + 1).
 //!
 //! Accuracy: axes are single precision, so that means are good to 1e-4 cm or so.
 
@@ -98,7 +101,8 @@ impl NoisyCovariance {
         let atoms = self.covariance.atoms();
         let white_atoms =
             Array2::from_shape_fn((n, d), |(i, k)| w[i] * atoms[[self.observed[i], k]]);
-        // Finite and symmetric, so that LAPACK does not fail; if it did, nothing would be learnt from the observation.
+        // Finite and symmetric, so that LAPACK does not fail; if it did, nothing would be learned
+        // from the observation.
         let (values, vectors) = symmetric_eigen(&white_atoms.dot(&white_atoms.t()))
             .unwrap_or_else(|| (ndarray::Array1::zeros(n), Array2::eye(n)));
         let axes = Array2::from_shape_fn((n, n), |(i, k)| w[i] * vectors[[i, k]]);
@@ -227,7 +231,8 @@ impl NoisyCovariance {
         variances
     }
 
-    /// The correction's rows K, (c, d): the posterior covariance is larger by Kᵀ K because of the exceptions.
+    /// The correction's rows K, (c, d): the posterior covariance is larger by Kᵀ K because of the
+    /// exceptions.
     fn correction_rows(&self, precisions: &ScaledPrecisions, at: usize) -> Array2<f64> {
         let (stride, d) = (self.stride(), self.covariance.len());
         let correction = precisions.correction(at);

@@ -4,10 +4,10 @@
 //! u(x) = max(0, q − log p(x))
 //! ```
 //!
-//! x: a whole pose (3 J numbers, cm); log p: its log evidence in nats by the clusters of the whole body, with a fixed
-//! reference noise: it does not depend on what was observed, and one threshold serves every task. q: the 0.1 % quantile of
-//! log p over held-out poses, under a mixture learnt without them and the final weights. Poses that were learnt from would
-//! set q far too high.
+//! x: a whole pose (3 J numbers, cm); log p: its log evidence in nats by the clusters of the whole
+//! body, with a fixed reference noise: it does not depend on what was observed, and one threshold
+//! serves every task. q: the 0.1 % quantile of log p over held-out poses, under a mixture learned
+//! without them and the final weights. Poses that were learned from would set q far too high.
 
 use super::conditioned::ConditionedPart;
 use super::exemplars::{ExemplarPoses, Exemplars};
@@ -17,7 +17,8 @@ use crate::pose::{ASF_UNIT_CM, PoseTransform};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
-/// The reference noise variance of each coordinate, cm²: (0.1 asf)², about the error of the best restored poses.
+/// The reference noise variance of each coordinate, cm²: (0.1 asf)², about the error of the best
+/// restored poses.
 const REFERENCE: f64 = 0.01 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// The share of held-out poses below the threshold.
 const QUANTILE: f64 = 1e-3;
@@ -31,11 +32,11 @@ pub struct NoveltyDetector {
     pub threshold: Option<f64>,
     /// The whole body under the reference noise.
     conditioned: Arc<OnceLock<ConditionedPart>>,
-    /// For transformed poses: the whole body as it was learnt, and the transforms back to it.
+    /// For transformed poses: the whole body as it was learned, and the transforms back to it.
     origin: Option<(Arc<PartMixture>, Vec<PoseTransform>)>,
 }
 
-/// The whole body learnt without some takes, and poses of those takes.
+/// The whole body learned without some takes, and poses of those takes.
 pub struct HeldOutPoses {
     whole: PartMixture,
     /// (n, 3 J), cm.
@@ -43,7 +44,7 @@ pub struct HeldOutPoses {
 }
 
 impl HeldOutPoses {
-    /// `whole` was learnt without the takes of `poses` (n, 3 J), cm.
+    /// `whole` was learned without the takes of `poses` (n, 3 J), cm.
     pub fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
         // Only clusters are evaluated, after all folds: exemplars would fill the memory until then.
         let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())), Vec::new());
@@ -84,7 +85,8 @@ impl NoveltyDetector {
         }
     }
 
-    /// Learns the threshold from the held-out poses of all folds, with the final log weights of the whole body.
+    /// Learns the threshold from the held-out poses of all folds, with the final log weights of the
+    /// whole body.
     pub fn learn(held: &[HeldOutPoses], log_weights: &[f64]) -> NoveltyDetector {
         let mut all: Vec<f64> = held
             .iter()
@@ -96,8 +98,8 @@ impl NoveltyDetector {
         NoveltyDetector::new(all.get(at).copied())
     }
 
-    /// The detector for poses transformed by `map`; `whole` is the whole body before it. Poses are transformed back first,
-    /// since a density changes with the size of a body.
+    /// The detector for poses transformed by `map`; `whole` is the whole body before it. Poses are
+    /// transformed back first, since a density changes with the size of a body.
     pub fn mapped(&self, whole: &PartMixture, map: &PoseTransform) -> NoveltyDetector {
         let (origin, mut back) = match &self.origin {
             Some((origin, back)) => (origin.clone(), back.clone()),

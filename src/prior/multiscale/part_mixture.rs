@@ -1,4 +1,5 @@
-//! The mixture of one part of the body: the clusters of several levels and the exemplars, each at several scales.
+//! The mixture of one part of the body: the clusters of several levels and the exemplars, each at
+//! several scales.
 
 use super::cluster_level::ClusterLevel;
 use super::exemplars::{ClusterExemplars, ExemplarPoses, Exemplars};
@@ -8,7 +9,8 @@ use std::sync::Arc;
 /// Sub-mixtures of less weight than this are not worth evaluating.
 const MIN_WEIGHT: f64 = 2e-3;
 
-/// Components that share a weight: those of one level, or the exemplars, at one scale of their covariances.
+/// Components that share a weight: those of one level, or the exemplars, at one scale of their
+/// covariances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SubMixture {
     /// The level of the clusters, 0 the coarsest; `None` for exemplars.
@@ -63,7 +65,8 @@ impl PartMixture {
         both.for_each(|(s, log)| s.log_weight = log);
     }
 
-    /// Leaves out sub-mixtures of little weight, except those of the coarsest level, which explain any pose.
+    /// Leaves out sub-mixtures of little weight, except those of the coarsest level, which explain
+    /// any pose.
     pub fn leave_out_light(&mut self) {
         self.sub_mixtures
             .retain(|s| s.level == Some(0) || s.log_weight.exp() >= MIN_WEIGHT);
@@ -98,8 +101,8 @@ impl PartMixture {
         all.filter(move |(_, s)| s.level == level)
     }
 
-    /// The scales of these sub-mixtures, equal neighbors once. Without any it is 1: the clusters of the finest level are
-    /// evaluated for their exemplars' sake, too.
+    /// The scales of these sub-mixtures, equal neighbors once. Without any it is 1: the clusters of
+    /// the finest level are evaluated for their exemplars' sake, too.
     pub fn scales(&self, level: Option<usize>) -> Vec<f64> {
         let mut scales: Vec<f64> = self.sub_mixtures_of(level).map(|(_, s)| s.scale).collect();
         scales.dedup();

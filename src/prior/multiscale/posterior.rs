@@ -7,11 +7,12 @@
 //! covariance    = Σ ρ Σ  +  Σ ρ (μ − μ̄)(μ − μ̄)ᵀ
 //! ```
 //!
-//! The covariance is summed over the heavy clusters and candidates only, whose weights are normalized again: the light ones
-//! cost as much each and change little.
+//! The covariance is summed over the heavy clusters and candidates only, whose weights are
+//! normalized again: the light ones cost as much each and change little.
 //!
-//! An exemplar x with step v has the covariance a C + b v vᵀ. With S = (a C_oo + R)⁻¹ the distance t along the step has the
-//! posterior variance b / (1 + b vᵀ S v) and mean t = variance · vᵀ S (y − x); the rest follows for the residual y − x − t v.
+//! An exemplar x with step v has the covariance a C + b v vᵀ. With S = (a C_oo + R)⁻¹ the distance
+//! t along the step has the posterior variance b / (1 + b vᵀ S v) and mean t = variance · vᵀ S (y −
+//! x); the rest follows for the residual y − x − t v.
 
 use super::candidates::{Candidate, Candidates};
 use super::conditioned::{ConditionedCluster, ConditionedPart};
@@ -26,7 +27,8 @@ use std::ops::Range;
 
 /// Candidates below this responsibility do not count in the spread of the means.
 const MIN_RESPONSIBILITY: f64 = 0.06;
-/// Clusters whose candidates have less responsibility together do not count in the mean of the covariances.
+/// Clusters whose candidates have less responsibility together do not count in the mean of the
+/// covariances.
 const MIN_CLUSTER_RESPONSIBILITY: f64 = 0.2;
 
 /// A mean (d), cm, and a covariance (d, d), cm², where it is wanted.
@@ -153,7 +155,8 @@ impl<'a> PosteriorSum<'a> {
         clusters
     }
 
-    /// Adds `weight` times a candidate's posterior mean to `term`; keeps its step where that is wanted.
+    /// Adds `weight` times a candidate's posterior mean to `term`; keeps its step where that is
+    /// wanted.
     fn add(&mut self, candidate: usize, weight: f64, term: &mut MeanTerm, with_step: bool) {
         let candidate = self.candidates.best[candidate];
         let conditioned = self.conditioned(candidate.cluster);
@@ -191,7 +194,8 @@ impl<'a> PosteriorSum<'a> {
         }
     }
 
-    /// μ̄. The gain is linear and the cluster's: it is applied once to the sum over a cluster's candidates.
+    /// μ̄. The gain is linear and the cluster's: it is applied once to the sum over a cluster's
+    /// candidates.
     fn add_means(&mut self, mean: &mut [f64]) {
         for (cluster, candidates) in self.clusters() {
             let conditioned = self.conditioned(cluster);

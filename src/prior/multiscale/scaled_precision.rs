@@ -1,19 +1,22 @@
-//! The inverse of a noisy covariance at several scales: S_a = (a C_oo + R)⁻¹ for every a that is asked for.
+//! The inverse of a noisy covariance at several scales: S_a = (a C_oo + R)⁻¹ for every a that is
+//! asked for.
 //!
-//! With axes T (columns) that diagonalise S_a for every a, z = Tᵀ r of a residual r, and s_a the n values on the diagonal:
+//! With axes T (columns) that diagonalise S_a for every a, z = Tᵀ r of a residual r, and s_a the n
+//! values on the diagonal:
 //!
 //! ```text
-//! S_a = T (diag(s_a) − diag(s_a) E_cᵀ G⁻¹ E_c diag(s_a)) Tᵀ,   G = E_c diag(s_a) E_cᵀ + diag(1 / δ) = L Lᵀ
+//! S_a = T (diag(s_a) − diag(s_a) E_cᵀ G⁻¹ E_c diag(s_a)) Tᵀ,
+//!     G = E_c diag(s_a) E_cᵀ + diag(1 / δ) = L Lᵀ
 //! ```
 //!
-//! The second term is the correction (Woodbury) for the coordinates c whose noise exceeds the others' by δ; E_c are their
-//! rows of the axes. It is kept as K = L⁻¹ E_c diag(s_a), so that S_a = T (diag(s_a) − Kᵀ K) Tᵀ.
-//! [`noisy_covariance`](super::noisy_covariance) says what T is.
+//! The second term is the correction (Woodbury) for the coordinates c whose noise exceeds the
+//! others' by δ; E_c are their rows of the axes. It is kept as K = L⁻¹ E_c diag(s_a), so that S_a =
+//! T (diag(s_a) − Kᵀ K) Tᵀ. [`noisy_covariance`](super::noisy_covariance) says what T is.
 //!
 //! Cost: a scale takes O(c² n + c³) once, then O(c n) a residual.
 
 use crate::numeric::simd::{self, row_dots, weighted_products, weighted_rows};
-use crate::numeric::small_linalg::{factorise, log_product};
+use crate::numeric::small_linalg::{factorize, log_product};
 
 /// Rows of the axes for the coordinates with more noise than the rest.
 #[derive(Debug, Clone, Default)]
@@ -49,8 +52,9 @@ pub struct StepForms {
 }
 
 impl ScaledPrecisions {
-    /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ (`values`). `log_constant` is what does not depend on
-    /// the scale: −½ (observed coordinates) log 2π, and log |W| where residuals are whitened by W first.
+    /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ (`values`). `log_constant`
+    /// is what does not depend on the scale: −½ (observed coordinates) log 2π, and log |W|
+    /// where residuals are whitened by W first.
     pub fn new(
         scales: Vec<f64>,
         values: &[f64],
@@ -124,14 +128,15 @@ impl ScaledPrecisions {
         }
     }
 
-    /// log N(r; 0, a C_oo + R + b v vᵀ) at one scale, by the matrix determinant lemma and Sherman and Morrison's formula;
-    /// the three forms are those of [`StepForms`], `b` at least 0.
+    /// log N(r; 0, a C_oo + R + b v vᵀ) at one scale, by the matrix determinant lemma and Sherman
+    /// and Morrison's formula; the three forms are those of [`StepForms`], `b` at least 0.
     pub fn log_evidence_along_step(&self, at: usize, [zz, vz, vv]: [f64; 3], b: f64) -> f64 {
         let gain = b * vz * vz / (1.0 + b * vv);
         self.log_normalizers[at] - 0.5 * (zz - gain + (b * vv).ln_1p())
     }
 
-    /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the residual.
+    /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the
+    /// residual.
     pub fn add_product(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
         let weight = weight as f32;
         let both = out.iter_mut().zip(self.diagonal(at).iter().zip(z));
@@ -186,7 +191,7 @@ impl Exceptions {
             // 1 / ∞ is 0: a missing coordinate.
             lower[i * c + i] += 1.0 / excess;
         }
-        factorise(&mut lower, c);
+        factorize(&mut lower, c);
         lower
     }
 }

@@ -1,8 +1,9 @@
 //! Search for the components of a part that explain an observation.
 //!
-//! Every level is ranked by a cheap distance, Σ w (y − mean)² with w = 1 / (variance within clusters + noise), and only the
-//! nearest clusters are evaluated. Around the likely ones of the finest level the nearest exemplars are evaluated. What is
-//! left out would weigh little; the last that are kept fade out, so that the evidence has no jumps.
+//! Every level is ranked by a cheap distance, Σ w (y − mean)² with w = 1 / (variance within
+//! clusters + noise), and only the nearest clusters are evaluated. Around the likely ones of the
+//! finest level the nearest exemplars are evaluated. What is left out would weigh little; the last
+//! that are kept fade out, so that the evidence has no jumps.
 //!
 //! Cost: about 20 clusters and up to 128 exemplars a part, O(d²) a cluster and O(d) an exemplar.
 
@@ -21,7 +22,8 @@ const MAX_CANDIDATES: usize = 96;
 const CLUSTERS_PER_LEVEL: usize = 5;
 /// Exemplars are evaluated of clusters at most this much (nats) below the best of the finest level.
 const OPEN_MARGIN: f64 = 6.0;
-/// Where most coordinates are observed, a level ends with the first cluster this much (nats) below the best.
+/// Where most coordinates are observed, a level ends with the first cluster this much (nats) below
+/// the best.
 const CLUSTER_STOP_MARGIN: f64 = 10.0;
 /// At most this many exemplars are evaluated.
 const MAX_EXEMPLARS: usize = 128;
@@ -31,7 +33,8 @@ const EXEMPLAR_BATCH: usize = 8;
 const EXEMPLAR_STOP_MARGIN: f64 = 9.0;
 
 impl PartMixture {
-    /// Evaluates the clusters for `y` (d; read where observed); [`ComponentSearch::evaluate_exemplars`] goes on.
+    /// Evaluates the clusters for `y` (d; read where observed);
+    /// [`ComponentSearch::evaluate_exemplars`] goes on.
     pub fn search<'a>(
         &'a self,
         conditioned: &'a ConditionedPart,
@@ -153,7 +156,8 @@ impl<'a> ComponentSearch<'a> {
                 self.best_cluster = self.best_cluster.max(best);
             }
             self.found.push_cluster(level, index, best, &z);
-            // Further clusters are farther off; but where much is missing, being near says too little.
+            // Further clusters are farther off; but where much is missing, being near says too
+            // little.
             if conditioned.observes_most() && best < self.best_cluster - CLUSTER_STOP_MARGIN {
                 break;
             }
@@ -251,8 +255,8 @@ impl<'a> ComponentSearch<'a> {
         near.collect()
     }
 
-    /// Counts a component whose log evidence is given, and keeps it if it is among the best; returns the log of its weight
-    /// times its evidence.
+    /// Counts a component whose log evidence is given, and keeps it if it is among the best;
+    /// returns the log of its weight times its evidence.
     fn add(&mut self, candidate: Candidate) -> f64 {
         self.sums[candidate.sub_mixture].add(candidate.log);
         let log = candidate.log + self.part.sub_mixtures[candidate.sub_mixture].log_weight;
@@ -294,7 +298,8 @@ impl<'a> ComponentSearch<'a> {
     }
 }
 
-/// An observation less an exemplar's pose, and the exemplar's step, along the axes of a noisy covariance.
+/// An observation less an exemplar's pose, and the exemplar's step, along the axes of a noisy
+/// covariance.
 #[derive(Default)]
 pub struct ExemplarResidual {
     /// z of the residual.
@@ -305,7 +310,8 @@ pub struct ExemplarResidual {
 }
 
 impl ExemplarResidual {
-    /// For an exemplar of a cluster, whose noisy covariance is given, and the observation `y` (masked, padded).
+    /// For an exemplar of a cluster, whose noisy covariance is given, and the observation `y`
+    /// (masked, padded).
     pub fn set(
         &mut self,
         noisy: &NoisyCovariance,

@@ -1,4 +1,5 @@
-//! The settings of training a multi-scale mixture; the model file keeps them, since its scales are among them.
+//! The settings of training a multi-scale mixture; the model file keeps them, since its scales are
+//! among them.
 
 use super::part_mixture::SubMixture;
 use crate::pose::ASF_UNIT_CM;
@@ -13,11 +14,12 @@ pub struct TrainSettings {
     pub clusters: Vec<usize>,
     /// The scales a of the clusters' covariances, above 0.
     pub scales: Vec<f64>,
-    /// The scales a (above 0) and b (at least 0) of exemplars: of the finest cluster's covariance, and of the outer product of
-    /// the exemplar's step.
+    /// The scales a (above 0) and b (at least 0) of exemplars: of the finest cluster's covariance,
+    /// and of the outer product of the exemplar's step.
     #[serde(alias = "leaves")]
     pub exemplars: Vec<(f64, f64)>,
-    /// The weight of a cluster's own covariance, 0 to 1; the rest is that of the covariance pooled over its level.
+    /// The weight of a cluster's own covariance, 0 to 1; the rest is that of the covariance pooled
+    /// over its level.
     #[serde(alias = "own")]
     pub own_share: f64,
     /// Added to every variance, cm².
@@ -28,10 +30,11 @@ pub struct TrainSettings {
     /// EM iterations.
     #[serde(alias = "steps")]
     pub em_steps: usize,
-    /// The number of held-out poses that the weights are learnt from, for each of the two tasks.
+    /// The number of held-out poses that the weights are learned from, for each of the two tasks.
     #[serde(alias = "tested")]
     pub held_out_poses: usize,
-    /// At most this many training poses are exemplars: of more, every second (third, ...) of each take.
+    /// At most this many training poses are exemplars: of more, every second (third, ...) of each
+    /// take.
     #[serde(alias = "leaves_kept")]
     pub max_exemplars: usize,
     /// Takes are held out in turn, in this many groups.
@@ -72,7 +75,8 @@ impl TrainSettings {
             || self.scales.is_empty()
         {
             return Err(Error::usage(
-                "multiscale: clusters must be given, at least 1 and rising, scales, and at least 1 exemplar",
+                "multiscale: clusters must be given, at least 1 and rising, scales, and at least \
+                 1 exemplar",
             ));
         }
         if !positive(&self.scales)

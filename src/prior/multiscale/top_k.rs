@@ -1,7 +1,9 @@
 //! Selection of the few nearest by distance, with a fade-out.
 
-/// The places of the `k` smallest distances (negative ones count as 0), the smallest first, each with a log weight (at most
-/// 0) that fades to −∞ as the distance reaches that of the first one left out: candidates come and go without a jump.
+/// The places of the `k` smallest distances (negative ones count as 0), the smallest first, each
+/// with a log weight (at most
+/// 0) that fades to −∞ as the distance reaches that of the first one left out: candidates come and
+///    go without a jump.
 pub fn nearest(distances: &[f32], k: usize) -> Vec<(usize, f64)> {
     // A distance's bits, then its place: such numbers are ordered as the distances are.
     let key = |(place, distance): (usize, &f32)| {

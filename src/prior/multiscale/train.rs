@@ -1,9 +1,10 @@
 //! Training: clusters by k-means, exemplars, and the weights by EM on held-out poses.
 //!
-//! The takes are held out in turn, in a few groups. A mixture of the other takes evaluates poses of the held-out takes, and
-//! single held-out frames of the others in equal number: the weights must suit both unseen motion and motion like that
-//! seen. Each pose is observed twice, with dense noise and as a few exact points. EM then fits the weights of the
-//! sub-mixtures and of the factorizations to all evidences, and the final mixture is built from all takes.
+//! The takes are held out in turn, in a few groups. A mixture of the other takes evaluates poses of
+//! the held-out takes, and single held-out frames of the others in equal number: the weights must
+//! suit both unseen motion and motion like that seen. Each pose is observed twice, with dense noise
+//! and as a few exact points. EM then fits the weights of the sub-mixtures and of the
+//! factorizations to all evidences, and the final mixture is built from all takes.
 //!
 //! Cost: (folds + 1) × (k-means of every part and level + K eigendecompositions of (d, d) a level).
 
@@ -83,8 +84,8 @@ pub fn train(
     Ok(mixture)
 }
 
-/// The evidences of held-out poses, of whole takes and of single frames, under a mixture of all others; and that mixture's
-/// first part, the whole body, with poses of the held-out takes.
+/// The evidences of held-out poses, of whole takes and of single frames, under a mixture of all
+/// others; and that mixture's first part, the whole body, with poses of the held-out takes.
 fn evidences_of_fold(
     poses: &TrainingSet,
     options: &TrainOptions,
@@ -249,7 +250,8 @@ fn part(
     ))
 }
 
-/// k clusters of the poses (N, 3 J), whose labels are given: means, and covariances shrunk towards the pooled one.
+/// k clusters of the poses (N, 3 J), whose labels are given: means, and covariances shrunk towards
+/// the pooled one.
 fn cluster_level(
     xyz: ArrayView2<'_, f32>,
     coordinates: &[usize],
@@ -330,8 +332,8 @@ fn evidences(
     both.flatten().collect()
 }
 
-/// A pose as a task shows it, with the noise variances, cm²: task 0 adds dense noise of one asf unit, task 1 shows few
-/// points exactly.
+/// A pose as a task shows it, with the noise variances, cm²: task 0 adds dense noise of one asf
+/// unit, task 1 shows few points exactly.
 fn observe(
     poses: &TrainingSet,
     row: usize,

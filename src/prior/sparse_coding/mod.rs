@@ -1,8 +1,9 @@
-//! The paper's model: a pose is a sparse code over a learnt dictionary.
+//! The paper's model: a pose is a sparse code over a learned dictionary.
 //!
-//! On top of the published estimate A x, the model may carry the covariance S of the training poses' residuals y − A x.
-//! Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o): what three atoms cannot say, and what neighbouring
-//! coordinates imply about each other, is not lost. [`OpenOptions::published`] answers A x alone, as the paper does.
+//! On top of the published estimate A x, the model may carry the covariance S of the training
+//! poses' residuals y − A x. Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o):
+//! what three atoms cannot say, and what neighboring coordinates imply about each other, is not
+//! lost. [`OpenOptions::published`] answers A x alone, as the paper does.
 
 mod model;
 
@@ -43,7 +44,8 @@ pub struct SparseCodingPrior {
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
 ///
 /// # Errors
-/// Data: a model without atoms, with atoms that are none of its points, or with one that is zero or not finite.
+/// Data: a model without atoms, with atoms that are none of its points, or with one that is zero or
+/// not finite.
 pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     if model.meta.kind != "sparse" {
         let what = format!(
@@ -65,19 +67,20 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
 
 /// Conditioned residual covariances kept in the cache (40 kB each).
 const MOST_MET: usize = 64;
-/// The dictionary as one noise pattern sees it may be of so many numbers, 128 MiB, with what searches add. Of larger ones
-/// the dictionary is coded with as it is.
+/// The dictionary as one noise pattern sees it may be of so many numbers, 128 MiB, with what
+/// searches add. Of larger ones the dictionary is coded with as it is.
 const MOST_NUMBERS: usize = 1 << 25;
 /// That many patterns are remembered as are of so many numbers together, but some in any case.
 const MOST_TOGETHER: usize = 1 << 27;
 const LEAST_MET: usize = 4;
 
 impl SparseCodingPrior {
-    /// Makes a prior of a model of kind `sparse`, from its arrays `atoms` (n, D), and where they are there `residual` (D, D)
-    /// and `typical` (k, D).
+    /// Makes a prior of a model of kind `sparse`, from its arrays `atoms` (n, D), and where they
+    /// are there `residual` (D, D) and `typical` (k, D).
     ///
     /// # Errors
-    /// [`Error::Data`]: an array is missing, of a wrong shape or not finite. [`Error::Usage`]: options out of range.
+    /// [`Error::Data`]: an array is missing, of a wrong shape or not finite. [`Error::Usage`]:
+    /// options out of range.
     pub fn from_model(
         model: &Model,
         options: &OpenOptions,
@@ -118,7 +121,8 @@ impl SparseCodingPrior {
         mut residual: Array2<f64>,
         typical: Array2<f64>,
     ) -> SparseCodingPrior {
-        // It was stored in single precision: its least directions may be below nothing by as much as that rounds.
+        // It was stored in single precision: its least directions may be below nothing by as much
+        // as that rounds.
         let most = residual.diag().fold(0.0, |most: f64, v| most.max(*v));
         let rounded = residual.nrows() as f64 * f64::from(f32::EPSILON) * most;
         let least = EXACT_VARIANCE.max(rounded);
@@ -142,7 +146,8 @@ impl SparseCodingPrior {
         self.conditionals.get(noise, MOST_MET, condition)
     }
 
-    /// The weights of an observation: 1 / (noise + what the model leaves unexplained), 0 where missing.
+    /// The weights of an observation: 1 / (noise + what the model leaves unexplained), 0 where
+    /// missing.
     fn weights(&self, noise: &[f64]) -> Array1<f64> {
         noise
             .iter()
@@ -167,8 +172,8 @@ impl SparseCodingPrior {
         }))
     }
 
-    /// The reconstruction of a new code, or of the `previous` support refitted where that has the lower objective. Greedy
-    /// coding can do worse than an older support.
+    /// The reconstruction of a new code, or of the `previous` support refitted where that has the
+    /// lower objective. Greedy coding can do worse than an older support.
     fn better(
         &self,
         code: Result<SparseCode>,
@@ -200,8 +205,8 @@ impl SparseCodingPrior {
         }
     }
 
-    /// How the unsure coefficients spread over the coordinates, beside the residual's own variance: B (D, k) and
-    /// (A_oᵀ W A_o)⁻¹, with B = A − K A_o; the covariance is B (A_oᵀ W A_o)⁻¹ Bᵀ.
+    /// How the unsure coefficients spread over the coordinates, beside the residual's own variance:
+    /// B (D, k) and (A_oᵀ W A_o)⁻¹, with B = A − K A_o; the covariance is B (A_oᵀ W A_o)⁻¹ Bᵀ.
     fn coefficients(
         &self,
         weights: &Array1<f64>,
@@ -226,7 +231,8 @@ impl SparseCodingPrior {
                 normal[[i, j]] = (0..d).map(|c| weights[c] * atoms[i][c] * atoms[j][c]).sum();
             }
         }
-        // Noise of infinite variance on the missing directions would spread without bound: people are finite.
+        // Noise of infinite variance on the missing directions would spread without bound: people
+        // are finite.
         normal.diag_mut().mapv_inplace(|v| v + 1e-4);
         let spread: Vec<Vec<f64>> = atoms
             .iter()
@@ -408,8 +414,8 @@ fn invert(mut a: Array2<f64>) -> Array2<f64> {
 
 /// Stand-ins for typical poses where a model has none: up to 24 atoms, far apart, the right way up.
 ///
-/// Atoms are poses of length 1, perhaps turned inside out; headings are fitted with a free scale, so only the sign
-/// matters. It is chosen by the mean atom, as poses share the mean body.
+/// Atoms are poses of length 1, perhaps turned inside out; headings are fitted with a free scale,
+/// so only the sign matters. It is chosen by the mean atom, as poses share the mean body.
 fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
     let atoms = dictionary.atoms().mapv(f64::from);
     let leader = atoms.row(0).to_owned();
@@ -438,7 +444,7 @@ fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
     signed.select(ndarray::Axis(0), &chosen)
 }
 
-/// The covariance of the residuals y − A x of coded poses (m, D), uncentred, cm².
+/// The covariance of the residuals y − A x of coded poses (m, D), uncentered, cm².
 ///
 /// # Errors
 /// Those of [`SparseCodes::decode`].

@@ -1,4 +1,4 @@
-//! The model of a learnt dictionary, and of several joined.
+//! The model of a learned dictionary, and of several joined.
 
 use super::residual_covariance;
 use crate::Result;
@@ -12,13 +12,14 @@ use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 /// How much of the poses' own covariance is added to that of their residuals.
 ///
-/// Residuals of poses that were learnt from say too little about poses that were not. Measured on whole takes held out
-/// (five subjects, 2,000 atoms, 3 a pose): 0.2 lowers the error of three missing joints from 2.9 to 2.5 cm and of dense
-/// noise of 5.6 cm from 3.7 to 3.2 cm. The stated deviations come closer to the true ones, from 3 to 11 times too small
-/// to 1.4 to 2.6 times.
+/// Residuals of poses that were learned from say too little about poses that were not. Measured on
+/// whole takes held out (five subjects, 2,000 atoms, 3 a pose): 0.2 lowers the error of three
+/// missing joints from 2.9 to 2.5 cm and of dense noise of 5.6 cm from 3.7 to 3.2 cm. The stated
+/// deviations come closer to the true ones, from 3 to 11 times too small to 1.4 to 2.6 times.
 const UNSEEN: f64 = 0.2;
 
-/// Learns a dictionary from training poses by K-SVD and makes its model. `observer` sees the state after each iteration.
+/// Learns a dictionary from training poses by K-SVD and makes its model. `observer` sees the state
+/// after each iteration.
 ///
 /// # Errors
 /// As [`Ksvd::train_with`].
@@ -31,7 +32,8 @@ pub fn train(
     sparse_model(poses, &state.dictionary, &ksvd.omp())
 }
 
-/// The model of a learnt dictionary: its atoms, the covariance of the residuals of its codes, and what all models hold.
+/// The model of a learned dictionary: its atoms, the covariance of the residuals of its codes, and
+/// what all models hold.
 ///
 /// # Errors
 /// Data: a dictionary of another width than the poses.
@@ -61,8 +63,9 @@ fn covariance(xyz: ArrayView2<'_, f32>) -> Array2<f64> {
     sum / m as f64
 }
 
-/// The model of joined dictionaries: what the parts leave is pooled by their numbers of training poses, their typical
-/// poses stand one after another, and so do their histories; rigid is what is rigid in all. `names` are the parts'.
+/// The model of joined dictionaries: what the parts leave is pooled by their numbers of training
+/// poses, their typical poses stand one after another, and so do their histories; rigid is what is
+/// rigid in all. `names` are the parts'.
 ///
 /// # Errors
 /// Data: rigid pairs of a part that cannot be used.

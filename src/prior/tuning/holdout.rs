@@ -20,7 +20,8 @@ const STRETCHES: usize = 20;
 /// Share of the points that sparse noise hits (section 4.2).
 const HIT: f64 = 0.2;
 
-/// Splits the poses: those kept as a training set, and at most [`MAX_TESTED`] held-out ones, evenly spaced (m, 3 J).
+/// Splits the poses: those kept as a training set, and at most [`MAX_TESTED`] held-out ones, evenly
+/// spaced (m, 3 J).
 pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet, Array2<f64>) {
     let n = poses.xyz.nrows();
     let mut held = vec![false; n];
@@ -88,7 +89,7 @@ pub fn damaged(
     seed: u64,
 ) -> (Array2<f64>, Array2<f64>, Array2<f64>) {
     let mut generator = parallel::rng(seed, 2 + task as u64);
-    // Noise that differs from frame to frame costs a factorisation each.
+    // Noise that differs from frame to frame costs a factorization each.
     let step = if task == Task::Treated { 2 } else { 1 };
     let truth = held.slice(ndarray::s![..;step, ..]).to_owned();
     let mut y = truth.clone();
@@ -119,7 +120,8 @@ pub fn damaged(
     (truth, y, stated)
 }
 
-/// The points that are missing in completion: all but the paper's six, or a random three in four if those are absent.
+/// The points that are missing in completion: all but the paper's six, or a random three in four if
+/// those are absent.
 fn hidden(points: &[String], seed: u64) -> Vec<bool> {
     if let Some(seen) = joints::paper_six_of(points) {
         return (0..points.len()).map(|p| !seen.contains(&p)).collect();

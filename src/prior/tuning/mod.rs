@@ -1,12 +1,14 @@
-//! The weight between a prior and what is observed (the paper's lambda), found on poses held back from the training.
+//! The weight between a prior and what is observed (the paper's lambda), found on poses held back
+//! from the training.
 //!
-//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and where the noise is unknown
-//! an equal noise of every coordinate is assumed. Both are searched task by task on a grid, as the paper says, and beyond
-//! its edges where that is better, on a part of the *training* poses that the prior under test did not learn from; test
-//! poses are never seen. The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
+//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and
+//! where the noise is unknown an equal noise of every coordinate is assumed. Both are searched task
+//! by task on a grid, as the paper says, and beyond its edges where that is better, on a part of
+//! the *training* poses that the prior under test did not learn from; test poses are never seen.
+//! The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
 //!
-//! A prior opened from a file ([`TunedPrior`]) chooses between its settings by what an observation looks like
-//! ([`Task::of`]); [`OpenOptions::task`](super::OpenOptions::task) fixes the choice.
+//! A prior opened from a file ([`TunedPrior`]) chooses between its settings by what an observation
+//! looks like ([`Task::of`]); [`OpenOptions::task`](super::OpenOptions::task) fixes the choice.
 
 mod holdout;
 mod search;
@@ -55,8 +57,9 @@ impl Task {
         }
     }
 
-    /// What an observation of this noise (cm², infinite missing) looks like: any coordinate missing is a completion; all
-    /// noises from (0.3 asf)² on are dense noise; else the noise is taken for sparse, at unknown points.
+    /// What an observation of this noise (cm², infinite missing) looks like: any coordinate missing
+    /// is a completion; all noises from (0.3 asf)² on are dense noise; else the noise is taken
+    /// for sparse, at unknown points.
     pub fn of(noise: &[f64]) -> Task {
         if noise.iter().any(|n| !n.is_finite()) {
             Task::Complete
@@ -71,9 +74,11 @@ impl Task {
 /// The tuned parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
-    /// What the prior's covariance is multiplied by: 1 / lambda. A kind without a covariance takes it for its own width.
+    /// What the prior's covariance is multiplied by: 1 / lambda. A kind without a covariance takes
+    /// it for its own width.
     pub inflation: f64,
-    /// The smallest variance assumed of an observed coordinate, cm²; smaller stated variances are raised to it.
+    /// The smallest variance assumed of an observed coordinate, cm²; smaller stated variances are
+    /// raised to it.
     pub noise: f64,
 }
 
@@ -180,9 +185,10 @@ pub struct Tuning {
     pub chosen: TaskSettings,
     /// How the poses were held back.
     pub held_back: HoldBack,
-    /// Poses the priors under test learnt from.
+    /// Poses the priors under test learned from.
     pub learnt_from: usize,
-    /// Poses they were tested on; 0: too few poses to hold any back, and the settings are the default ones.
+    /// Poses they were tested on; 0: too few poses to hold any back, and the settings are the
+    /// default ones.
     pub tested: usize,
     /// Everything that was tried, task by task.
     pub curve: Vec<Trial>,
@@ -201,7 +207,7 @@ impl Tuning {
     }
 }
 
-/// What was learnt once, as a prior at any inflation.
+/// What was learned once, as a prior at any inflation.
 pub type PriorFamily = Box<dyn Fn(f64) -> Box<dyn Prior>>;
 
 #[cfg(test)]

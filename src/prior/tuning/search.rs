@@ -13,7 +13,8 @@ const MIN_GAIN: f64 = 2e-3;
 /// Largest number of steps beyond the grid.
 const MAX_STEPS: usize = 12;
 
-/// The settings that are tried first: every inflation with every noise of the task. An axis of one value stays there.
+/// The settings that are tried first: every inflation with every noise of the task. An axis of one
+/// value stays there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     /// Above 0.
@@ -50,8 +51,8 @@ impl Grid {
     }
 }
 
-/// Searches the grid, and on from an edge of it while that is better: `learn` is given the poses kept, and what it learnt
-/// is tried on those held back.
+/// Searches the grid, and on from an edge of it while that is better: `learn` is given the poses
+/// kept, and what it learned is tried on those held back.
 ///
 /// The damage is the same for every setting. Ties go to the setting named first.
 ///
@@ -76,7 +77,7 @@ pub fn tune(
         return Ok(tuning);
     }
     report("learns from a part, to tune on the rest");
-    let learnt = learn(&kept)?;
+    let learned = learn(&kept)?;
     for task in Task::ALL {
         report(&format!("tunes for the task {}", task.name()));
         let (truth, y, stated) = damaged(&held, &kept.points, task, options.seed);
@@ -84,7 +85,7 @@ pub fn tune(
         let (chosen, tried) = search(grid.settings(task), &mut |setting| {
             let made = prior.take().filter(|(i, _)| *i == setting.inflation);
             let (_, prior) = prior
-                .insert(made.unwrap_or_else(|| (setting.inflation, learnt(setting.inflation))));
+                .insert(made.unwrap_or_else(|| (setting.inflation, learned(setting.inflation))));
             let noise = stated.mapv(|n| setting.noise_of(n));
             let answers = posterior_rows(&**prior, y.view(), noise.view(), Want::Mean);
             let means = answers.iter().flat_map(|a| &a.mean);
@@ -103,7 +104,8 @@ pub fn tune(
     Ok(tuning)
 }
 
-/// The setting of the least error among `first` (at least one) and those beyond its edges; and all that was tried.
+/// The setting of the least error among `first` (at least one) and those beyond its edges; and all
+/// that was tried.
 fn search(
     first: Vec<Setting>,
     error: &mut dyn FnMut(Setting) -> f64,
@@ -130,7 +132,8 @@ fn search(
     (best.0, tried)
 }
 
-/// The settings next to the best one that lie outside of all that was tried: none where it lies within.
+/// The settings next to the best one that lie outside of all that was tried: none where it lies
+/// within.
 fn beyond(tried: &[(Setting, f64)], best: Setting) -> Vec<Setting> {
     let further = |of: fn(&Setting) -> f64| {
         let at = of(&best);

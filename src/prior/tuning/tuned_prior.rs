@@ -9,7 +9,8 @@ use crate::prior::{OpenOptions, Posterior, Prior, Reconstruction, Want};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
-/// A prior at each task's setting; the task of an observation is found from its variances ([`Task::of`]).
+/// A prior at each task's setting; the task of an observation is found from its variances
+/// ([`Task::of`]).
 #[derive(Clone)]
 pub struct TunedPrior {
     tuned: TaskSettings,
@@ -21,7 +22,8 @@ pub struct TunedPrior {
 }
 
 impl TunedPrior {
-    /// What was learnt, at the settings that training left in the model; `source` names it in messages.
+    /// What was learned, at the settings that training left in the model; `source` names it in
+    /// messages.
     ///
     /// # Errors
     /// Data: settings or representative poses that cannot be read.

@@ -1,7 +1,7 @@
 //! The estimates of a gap's points: those of each process of the regression, and PCHIP over time.
 //!
-//! What a regression misses at the gap's ends is known there; it is carried into the gap by the mean of a ramp and of PCHIP,
-//! and where the gap has one end only, it fades within [`FADES`].
+//! What a regression misses at the gap's ends is known there; it is carried into the gap by the
+//! mean of a ramp and of PCHIP, and where the gap has one end only, it fades within [`FADES`].
 
 use super::regression::Regression;
 use crate::numeric::pchip::pchip;
@@ -44,7 +44,8 @@ pub struct Question {
 }
 
 impl Targets<'_> {
-    /// The estimates for several gaps at once; none of their frames is learnt from. `None` where there is nothing to learn from.
+    /// The estimates for several gaps at once; none of their frames is learned from. `None` where
+    /// there is nothing to learn from.
     pub fn estimates(&self, questions: &[Question]) -> Option<Vec<Estimates>> {
         let gaps: Vec<Range<usize>> = questions.iter().map(|q| q.gap.clone()).collect();
         let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
@@ -135,7 +136,8 @@ impl Targets<'_> {
         out
     }
 
-    /// PCHIP in world space between the frames around a gap, in the frame of reference; `None` where the gap lacks an end.
+    /// PCHIP in world space between the frames around a gap, in the frame of reference; `None`
+    /// where the gap lacks an end.
     fn over_time(&self, question: &Question, gaps: &[Range<usize>]) -> Option<Array2<f64>> {
         let seconds = self.regression.seconds;
         let at: Vec<f64> = question.asked.iter().map(|&t| seconds[t]).collect();

@@ -1,4 +1,5 @@
-//! The frames in which each point is known, a bit each: to count those that some points have in common takes a word for 64.
+//! The frames in which each point is known, a bit each: to count those that some points have in
+//! common takes a word for 64.
 
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -14,7 +15,8 @@ pub struct KnownFrames(Vec<FrameSet>);
 pub struct FrameSet(Vec<u64>);
 
 impl KnownFrames {
-    /// The frames of `xyz` (frames, 3 J; NaN missing) in which all three coordinates of a point are finite.
+    /// The frames of `xyz` (frames, 3 J; NaN missing) in which all three coordinates of a point are
+    /// finite.
     pub fn of(xyz: ArrayView2<'_, f64>) -> KnownFrames {
         let words = xyz.nrows().div_ceil(WORD);
         let mut points = vec![FrameSet(vec![0; words]); xyz.ncols() / 3];

@@ -1,7 +1,9 @@
-//! Poses in a frame of reference of their own, so that where a body stands and which way it looks does not matter.
+//! Poses in a frame of reference of their own, so that where a body stands and which way it looks
+//! does not matter.
 //!
-//! The frame of reference is that of the pelvis where root and hip joints are among the predictors, else a rigid fit of the
-//! predictors to their mean shape. It is found from the predictors alone, so that it is known inside a gap too.
+//! The frame of reference is that of the pelvis where root and hip joints are among the predictors,
+//! else a rigid fit of the predictors to their mean shape. It is found from the predictors alone,
+//! so that it is known inside a gap too.
 
 use crate::pose::{Anchor, Similarity};
 use ndarray::{Array2, ArrayView2, s};
@@ -84,8 +86,9 @@ impl LocalPoses {
     }
 }
 
-/// The anchor of `predictors`: their pelvis if all of it is among them, else their mean shape over the `complete` frames of
-/// `xyz`. `None` where they have no shape: fewer than three points, or all on a line.
+/// The anchor of `predictors`: their pelvis if all of it is among them, else their mean shape over
+/// the `complete` frames of `xyz`. `None` where they have no shape: fewer than three points, or all
+/// on a line.
 pub fn anchor(
     names: &[String],
     xyz: ArrayView2<'_, f64>,

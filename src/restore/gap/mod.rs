@@ -1,18 +1,24 @@
 //! Gaps of a take filled from the frames around them.
 //!
-//! A gap is a point that is missing for some frames on end. Short gaps are filled before long ones, whose neighbors they then
-//! are:
+//! A gap is a point that is missing for some frames on end. Short gaps are filled before long ones,
+//! whose neighbors they then are:
 //!
-//! 0. A point that rests on either side of a short gap, as a planted foot does, rests in it (`path`).
-//! 1. Gaps of about the same frames are one question. The points that are seen all through it are its predictors; they also
-//!    give the frame of reference (`local_poses`).
-//! 2. `regression` learns the missing points from the predictors: from the take's own frames, from a model's training poses,
-//!    and over time. `estimates` adds what is known at the ends, and PCHIP.
-//! 3. `weights` simulates gaps of the same length where the take is known, and mixes the estimates by their errors.
-//! 4. Where nothing can be learnt, `path` interpolates each point over time, if its path is smooth enough.
-//! 5. `rigid_distances` holds what was filled, by a model too, to the distances that are rigid in this take.
+//! 0. A point that rests on either side of a short gap, as a planted foot does, rests in it
+//!    (`path`).
+//! 1. Gaps of about the same frames are one question. The points that are seen all through it are
+//!    its predictors; they also give the frame of reference (`local_poses`).
+//! 2. `regression` learns the missing points from the predictors: from the take's own frames, from
+//!    a model's training poses, and over time. `estimates` adds what is known at the ends, and
+//!    PCHIP.
+//! 3. `weights` simulates gaps of the same length where the take is known, and mixes the estimates
+//!    by their errors.
+//! 4. Where nothing can be learned, `path` interpolates each point over time, if its path is smooth
+//!    enough.
+//! 5. `rigid_distances` holds what was filled, by a model too, to the distances that are rigid in
+//!    this take.
 //!
-//! Any points will do; a body is known only by its pelvis, whose frame of reference a model's training poses share.
+//! Any points will do; a body is known only by its pelvis, whose frame of reference a model's
+//! training poses share.
 
 mod estimates;
 mod known_frames;
@@ -39,23 +45,26 @@ use std::ops::Range;
 
 /// The variance of a measured coordinate, cm².
 const MEASURED: f64 = 1e-10;
-/// Complete frames that a gap's points can be learnt from, at least; fewer where a model knows the points.
+/// Complete frames that a gap's points can be learned from, at least; fewer where a model knows the
+/// points.
 const FEWEST_FRAMES: usize = 30;
 const FEWEST_WITH_OTHERS: usize = 8;
 /// Training poses of a model that are placed for one question, at most.
 const MOST_PLACED: usize = 3000;
 /// Predictors, at most: those at the steadiest distances.
 const MOST_PREDICTORS: usize = 40;
-/// Frames with all predictors, as a share of those with the targets: predictors that are missing more often are left out.
+/// Frames with all predictors, as a share of those with the targets: predictors that are missing
+/// more often are left out.
 const SHARE_COMPLETE: f64 = 0.5;
 /// Gaps whose lengths are within this factor are filled at the same time.
 const WAVE: usize = 4;
-/// In a take with more gaps of under [`WAVE`] frames than this, such gaps are interpolated over time: there are too many to learn
-/// each, and the path is nearly as good.
+/// In a take with more gaps of under [`WAVE`] frames than this, such gaps are interpolated over
+/// time: there are too many to learn each, and the path is nearly as good.
 const FLOOD: usize = 200;
-/// How often a gap is asked for at most since others are filled from whose frames it would be learnt.
+/// How often a gap is asked for at most since others are filled from whose frames it would be
+/// learned.
 const MOST_ROUNDS: usize = 16;
-/// Seconds on either side of a gap that are learnt from.
+/// Seconds on either side of a gap that are learned from.
 const WINDOW: f64 = 25.0;
 /// Seconds between two runs: what is further apart than anything.
 const BREAK: f64 = 1e6;
@@ -143,8 +152,8 @@ impl FrameRanges {
 
 /// What the frames around gaps say, a gap each.
 pub struct GapAnswers {
-    /// `None` for a gap that cannot be filled: there is nothing to learn from, or no body could follow the answer, and the
-    /// point's path is not smooth enough.
+    /// `None` for a gap that cannot be filled: there is nothing to learn from, or no body could
+    /// follow the answer, and the point's path is not smooth enough.
     pub filled: Vec<Option<FilledGap>>,
     /// The answers that no body could follow.
     pub refused: Vec<Option<FilledGap>>,
@@ -160,12 +169,14 @@ pub struct GapFiller<'a> {
     pub runs: &'a [Range<usize>],
     /// Frames a second.
     pub rate: f64,
-    /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does not know are NaN.
+    /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does
+    /// not know are NaN.
     pub others: Option<ArrayView2<'a, f64>>,
 }
 
 impl GapFiller<'_> {
-    /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes after.
+    /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes
+    /// after.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> GapAnswers {
         let seen = KnownFrames::of(self.captured);
         let mut known = Known {
@@ -208,8 +219,9 @@ impl GapFiller<'_> {
                 let is_new = |gap: &&usize| filled[**gap].is_some();
                 let new = FrameRanges::of(asked.iter().filter(is_new).map(|g| &gaps[*g].frames));
                 open.retain(|gap| filled[*gap].is_none());
-                // What is filled is known to the gaps for which too little was: those at the same frames are asked again, and, so
-                // often, those that learn from these frames.
+                // What is filled is known to the gaps for which too little was: those at the same
+                // frames are asked again, and, so often, those that learn from
+                // these frames.
                 let learns = |gap: &usize| {
                     let frames = &gaps[*gap].frames;
                     let is_early = rounds[*gap] < MOST_ROUNDS;
@@ -236,7 +248,8 @@ impl GapFiller<'_> {
         seconds
     }
 
-    /// Those of the gaps `open` that can be filled by what other points say, and brief ones of a flood over time.
+    /// Those of the gaps `open` that can be filled by what other points say, and brief ones of a
+    /// flood over time.
     fn ask(
         &self,
         gaps: &[Gap],
@@ -263,7 +276,8 @@ impl GapFiller<'_> {
         answers.into_iter().flatten().collect()
     }
 
-    /// Fills the gaps of one question by what other points say, together or else each alone, if enough is known.
+    /// Fills the gaps of one question by what other points say, together or else each alone, if
+    /// enough is known.
     fn answer(
         &self,
         gaps: &[Gap],
@@ -363,14 +377,14 @@ impl GapFiller<'_> {
         Some(filled)
     }
 
-    /// The frames around a gap that are learnt from.
+    /// The frames around a gap that are learned from.
     fn window(&self, gap: &Range<usize>) -> Range<usize> {
         let reach = (WINDOW * self.rate).ceil() as usize;
         gap.start.saturating_sub(reach)..(gap.end + reach).min(self.captured.nrows())
     }
 
-    /// The predictors of `targets` in the frames `gap`, and the frames `around` it in which all of both are known, counted from
-    /// the first around. `None` where either are too few.
+    /// The predictors of `targets` in the frames `gap`, and the frames `around` it in which all of
+    /// both are known, counted from the first around. `None` where either are too few.
     fn predictors(
         &self,
         known: &Known<'_>,
@@ -425,8 +439,8 @@ impl GapFiller<'_> {
         Some((kept, complete))
     }
 
-    /// The model's training poses in the frame of reference of the predictors; `None` without a model, or where it does not
-    /// know all points.
+    /// The model's training poses in the frame of reference of the predictors; `None` without a
+    /// model, or where it does not know all points.
     fn others(
         &self,
         anchor: &crate::pose::Anchor,
@@ -697,7 +711,8 @@ mod tests {
 
     #[test]
     fn a_chain_of_gaps_is_filled_to_its_end() {
-        // Each gap lacks frames of the one before it: as many rounds as gaps, while one end is filled after the other.
+        // Each gap lacks frames of the one before it: as many rounds as gaps, while one end is
+        // filled after the other.
         let (points, chain, length, step) = (5, 30, 60, 40);
         let frames = 800 + chain * step + 800;
         let truth = Array2::from_shape_fn((frames, 3 * points), |(t, c)| {

@@ -1,5 +1,5 @@
-//! What a point of a take can do: move as fast as it is seen to, and be as far from others. A filled path that does more was
-//! estimated from too little.
+//! What a point of a take can do: move as fast as it is seen to, and be as far from others. A
+//! filled path that does more was estimated from too little.
 
 use super::{FilledGap, Gap};
 use glam::DVec3;
@@ -7,7 +7,8 @@ use ndarray::ArrayView2;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s, and cm beside.
+/// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s, and cm
+/// beside.
 const MORE: f64 = 2.0;
 const ANY_SPEED: f64 = 800.0;
 const LEAST_DISTANCE: f64 = 10.0;
@@ -25,7 +26,8 @@ pub struct MotionLimits {
 }
 
 struct PointLimits {
-    /// The longest step from one frame to the next, cm; infinite where the point is seen too little to say.
+    /// The longest step from one frame to the next, cm; infinite where the point is seen too
+    /// little to say.
     step: f64,
     /// Other points, and how far away they are at most, cm.
     distances: Vec<(usize, f64)>,

@@ -1,6 +1,7 @@
 //! A gap filled by the point's own path: PCHIP, where the path is smooth enough.
 //!
-//! A point that rests on either side of a short gap rests in it. Else a path is smooth enough where going straight on from one end misses the other by at most 4 cm, as in commercial practice.
+//! A point that rests on either side of a short gap rests in it. Else a path is smooth enough where
+//! going straight on from one end misses the other by at most 4 cm, as in commercial practice.
 
 use super::{FilledGap, Gap};
 use crate::numeric::pchip::pchip;
@@ -17,7 +18,8 @@ const MISS: f64 = 4.0;
 /// A point is at rest where it strays no further than this, cm, for so many seconds.
 const REST: f64 = 1.0;
 const REST_SECONDS: f64 = 0.1;
-/// A point at rest on either side of a gap of no more seconds is taken to rest all through it, if it is no further away, cm.
+/// A point at rest on either side of a gap of no more seconds is taken to rest all through it, if
+/// it is no further away, cm.
 const RESTS_SECONDS: f64 = 0.5;
 const RESTS_WITHIN: f64 = 2.0;
 /// Standard deviation of a coordinate in the middle of such a gap, cm.
@@ -25,8 +27,8 @@ const RESTS_SD: f64 = 0.2;
 /// Simulated gaps that the deviation is measured in.
 const SIMULATED: usize = 20;
 
-/// The variances of a coordinate in the middle of gaps of a take, by point and length (cm²): simulated once each, as a take may
-/// have as many gaps as frames.
+/// The variances of a coordinate in the middle of gaps of a take, by point and length (cm²):
+/// simulated once each, as a take may have as many gaps as frames.
 #[derive(Default)]
 pub struct PathVariances(Mutex<HashMap<(usize, usize), f64>>);
 
@@ -49,8 +51,8 @@ impl PathVariances {
     }
 }
 
-/// Fills `gap` of the captured frames (frames, 3 J) at `rate` frames a second; `variances` are those of the take. `None` where it
-/// lacks an end or its path is not smooth enough.
+/// Fills `gap` of the captured frames (frames, 3 J) at `rate` frames a second; `variances` are
+/// those of the take. `None` where it lacks an end or its path is not smooth enough.
 pub fn interpolate(
     captured: ArrayView2<'_, f64>,
     gap: &Gap,
@@ -66,7 +68,8 @@ pub fn interpolate(
     track.filled(gap, middle)
 }
 
-/// Fills `gap` where its point rests on either side, such as a foot that is planted: by its path. `None` where it moves.
+/// Fills `gap` where its point rests on either side, such as a foot that is planted: by its path.
+/// `None` where it moves.
 pub fn interpolate_rest(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
     let (before, after) = (gap.before?, gap.after?);
     let track = Track::new(captured, gap.point, rate);
@@ -131,8 +134,8 @@ impl<'a> Track<'a> {
         at.iter().all(|v| v.is_finite()).then_some(at)
     }
 
-    /// By how much going straight on from one end misses the other, cm: the smaller of both ways. `None` where neither end has a
-    /// direction.
+    /// By how much going straight on from one end misses the other, cm: the smaller of both ways.
+    /// `None` where neither end has a direction.
     fn miss(&self, before: usize, after: usize) -> Option<f64> {
         let way = |end: usize, inner: Option<usize>, other: usize| {
             let (at, inner, other_at) = (
@@ -180,8 +183,9 @@ impl<'a> Track<'a> {
         out.iter().all(|v: &f64| v.is_finite()).then_some(out)
     }
 
-    /// The variance of a coordinate in the middle of gaps of a length, by gaps simulated where the point is seen, cm². With no room
-    /// for one, that of a path that misses as far as is allowed.
+    /// The variance of a coordinate in the middle of gaps of a length, by gaps simulated where the
+    /// point is seen, cm². With no room for one, that of a path that misses as far as is
+    /// allowed.
     fn simulated_variance(&self, length: usize) -> f64 {
         let last = self.captured.nrows();
         let mut seen = 0;

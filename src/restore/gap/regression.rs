@@ -1,20 +1,24 @@
-//! The points of a gap regressed on the points that are seen: a Gaussian conditional, and a Gaussian process on what it
-//! leaves.
+//! The points of a gap regressed on the points that are seen: a Gaussian conditional, and a
+//! Gaussian process on what it leaves.
 //!
-//! x (3 P) are the predictors' coordinates of a frame and y (3 T) the targets', in a frame of reference of their own (cm).
-//! Training frames are the take's own and, where a model knows the points, its training poses ("others").
+//! x (3 P) are the predictors' coordinates of a frame and y (3 T) the targets', in a frame of
+//! reference of their own (cm). Training frames are the take's own and, where a model knows the
+//! points, its training poses ("others").
 //!
 //! ```text
-//! y ≈ m_y + K (x − m_x) + r(z, t)      K = C_yx (C_xx + 0.01 I)⁻¹        means and covariance: half own, half others'
-//! cov(r, r′) = σ² [1 / (1 + d² / (w h)) + τ M(t − t′) + 3·10⁻⁴ δ]         d² = |z − z′|²,  z = s ∘ (x − m_x)
+//! y ≈ m_y + K (x − m_x) + r(z, t)      K = C_yx (C_xx + 0.01 I)⁻¹
+//!     means and covariance: half own, half others'
+//! cov(r, r′) = σ² [1 / (1 + d² / (w h)) + τ M(t − t′) + 3·10⁻⁴ δ]
+//!     d² = |z − z′|²,  z = s ∘ (x − m_x)
 //! ```
 //!
 //! - s: .1 + the predictor's share in K, so that predictors that matter count most.
 //! - h: the mean over training frames of the 10th percentile of d² to the others.
 //! - M: the Matérn 3/2 correlation over time, .21 s, zero between takes and runs.
 //!
-//! Three processes differ in w, τ and whose frames they learn from ([`Kernel`]); [`super::weights`] says what each is worth.
-//! The training frames are spread over the take and dense next to the gap; of the others, those nearest to the gap's own.
+//! Three processes differ in w, τ and whose frames they learn from ([`Kernel`]); [`super::weights`]
+//! says what each is worth. The training frames are spread over the take and dense next to the gap;
+//! of the others, those nearest to the gap's own.
 
 use super::local_poses::LocalPoses;
 use crate::numeric::linalg::Cholesky;
@@ -139,8 +143,9 @@ impl Regression<'_> {
         }
     }
 
-    /// Predicts the targets in the `asked` frames, which lie in `gaps`; the gaps' frames are not learnt from. One prediction a
-    /// kernel, and last that of the conditional alone, without a variance. `None` where there is nothing to learn from.
+    /// Predicts the targets in the `asked` frames, which lie in `gaps`; the gaps' frames are not
+    /// learned from. One prediction a kernel, and last that of the conditional alone, without a
+    /// variance. `None` where there is nothing to learn from.
     pub fn predict(&self, gaps: &[Range<usize>], asked: &[usize]) -> Option<Vec<Prediction>> {
         let with_others = match self.others {
             Some(others) => Some(Basis::new(self, gaps, Some(others))?),
@@ -343,7 +348,8 @@ impl Basis {
         })
     }
 
-    /// The covariance (over σ²) of training frames and others at squared distances (n, m) and `seconds` (m).
+    /// The covariance (over σ²) of training frames and others at squared distances (n, m) and
+    /// `seconds` (m).
     fn covariance(&self, kernel: &Kernel, distances: &Array2<f64>, seconds: &[f64]) -> Array2<f64> {
         let width = kernel.width * self.typical;
         let mut out = distances.mapv(|d| 1.0 / (1.0 + d / width));
@@ -377,7 +383,8 @@ fn conditional(moments: &Moments, own: &LocalPoses) -> Option<Array2<f64>> {
     Cholesky::new(xx)?.solve(&xy)
 }
 
-/// s: .1 and each predictor's share in the targets' coefficients (3 P, 3 T), of 1 for the largest of each target.
+/// s: .1 and each predictor's share in the targets' coefficients (3 P, 3 T), of 1 for the largest
+/// of each target.
 fn scales(coefficients: &Array2<f64>) -> Array1<f64> {
     let mut sum = Array1::<f64>::zeros(coefficients.nrows());
     for target in 0..coefficients.ncols() / 3 {

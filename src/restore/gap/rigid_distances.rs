@@ -1,10 +1,13 @@
-//! Filled points held to the distances that the take itself shows to be rigid: bones, and markers of one segment.
+//! Filled points held to the distances that the take itself shows to be rigid: bones, and markers
+//! of one segment.
 //!
-//! The estimates of a frame's missing points, x ~ N(m, P) with P diagonal, are updated by the measured distances d = |a − b|
-//! with variances v, by an iterated extended Kalman update, whose steps are halved until they help:
+//! The estimates of a frame's missing points, x ~ N(m, P) with P diagonal, are updated by the
+//! measured distances d = |a − b| with variances v, by an iterated extended Kalman update, whose
+//! steps are halved until they help:
 //!
 //! ```text
-//! x ← m + P Hᵀ (H P Hᵀ + V)⁻¹ (d − g(x) − H (m − x))      g(x) the distances at x, H their Jacobian
+//! x ← m + P Hᵀ (H P Hᵀ + V)⁻¹ (d − g(x) − H (m − x))
+//!     g(x) the distances at x, H their Jacobian
 //! ```
 
 use crate::numeric::linalg::Cholesky;
@@ -65,8 +68,9 @@ impl TakeDistances {
         TakeDistances(pairs)
     }
 
-    /// Moves the missing `points` of a frame (3 J, all that is known filled in) to where their distances are right; `variance`
-    /// is that of each of their coordinates, cm², and becomes what is left of it. What else the frame lacks may be NaN.
+    /// Moves the missing `points` of a frame (3 J, all that is known filled in) to where their
+    /// distances are right; `variance` is that of each of their coordinates, cm², and becomes
+    /// what is left of it. What else the frame lacks may be NaN.
     pub fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
         let together = points.len() <= MOST_POINTS;
         let mut places = vec![None; frame.len() / 3];

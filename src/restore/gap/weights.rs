@@ -1,12 +1,14 @@
-//! What each estimate of a gap is worth, by gaps of the same length simulated where the take is known.
+//! What each estimate of a gap is worth, by gaps of the same length simulated where the take is
+//! known.
 //!
 //! ```text
 //! w = argmin wᵀ G w + .1 g |w − w₀|²,   w ≥ 0,  Σ w = 1;     used is (w + w₀) / 2
 //! ```
 //!
-//! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its diagonal, w₀ the plain mean of the
-//! processes and, in long gaps, the conditional alone. The variance of the weighted estimate is that of the processes times
-//! a factor: the geometric mean of what the errors show and of the usual one.
+//! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its
+//! diagonal, w₀ the plain mean of the processes and, in long gaps, the conditional alone. The
+//! variance of the weighted estimate is that of the processes times a factor: the geometric mean of
+//! what the errors show and of the usual one.
 
 use super::estimates::{Estimates, Question, Targets};
 use super::regression::spread;
@@ -14,9 +16,11 @@ use crate::numeric::linalg::cholesky_solve;
 use ndarray::{Array1, Array2, s};
 use std::ops::Range;
 
-/// Gaps are simulated at the first of these parts of the true length of which the take has room for two.
+/// Gaps are simulated at the first of these parts of the true length of which the take has room for
+/// two.
 const SHORTER: [usize; 4] = [1, 2, 4, 8];
-/// Gaps of more seconds are simulated at their own length or not at all: what is best in short ones is not in long ones.
+/// Gaps of more seconds are simulated at their own length or not at all: what is best in short ones
+/// is not in long ones.
 const LONG: f64 = 0.5;
 /// Simulated gaps, at most.
 const SIMULATED: usize = 4;
@@ -28,14 +32,17 @@ const KNOTS: usize = 12;
 const BEYOND: f64 = 1.0;
 /// Up to this length, seconds, PCHIP counts half where nothing can be simulated.
 const BRIEF: f64 = 0.1;
-/// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is steady, but knows no details.
+/// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is
+/// steady, but knows no details.
 const CONDITIONAL_SECONDS: f64 = 0.5;
 /// How strongly w is held to w₀.
 const SHRINKAGE: f64 = 0.1;
-/// The variance that errors usually show, over that of the processes, and how many simulated gaps that is worth.
+/// The variance that errors usually show, over that of the processes, and how many simulated gaps
+/// that is worth.
 const USUAL_FACTOR: f64 = 0.75;
 const USUAL_COUNT: f64 = 1.0;
-/// What is added to it for each second of a gap of which only the take's own frames tell: the longer, the more it lacks them.
+/// What is added to it for each second of a gap of which only the take's own frames tell: the
+/// longer, the more it lacks them.
 const OWN_FACTOR: f64 = 1.2;
 /// Errors of simulated gaps show no less than this.
 const LEAST_FACTOR: f64 = 1e-6;
@@ -104,7 +111,8 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
     Some(out)
 }
 
-/// w₀ for a gap of some seconds: the `processes` weigh the same, the conditional up to as much the longer the gap, PCHIP nothing.
+/// w₀ for a gap of some seconds: the `processes` weigh the same, the conditional up to as much the
+/// longer the gap, PCHIP nothing.
 fn plain_weights(processes: usize, seconds: f64, estimates: usize) -> Array1<f64> {
     let conditional = seconds / (seconds + CONDITIONAL_SECONDS);
     let of = |k: usize| match k {
@@ -123,8 +131,8 @@ struct Simulated {
     longer: f64,
 }
 
-/// Simulates gaps like `gap`, or shorter ones where it is not long and the take has no room for two; `estimates` is how many the true one has.
-/// `None` where it has no room for these either.
+/// Simulates gaps like `gap`, or shorter ones where it is not long and the take has no room for
+/// two; `estimates` is how many the true one has. `None` where it has no room for these either.
 fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Option<Simulated> {
     let is_long = gap.len() as f64 > LONG * targets.regression.rate;
     let parts = if is_long { &SHORTER[..1] } else { &SHORTER };
@@ -132,7 +140,8 @@ fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Opti
     lengths.find_map(|length| simulate_length(targets, gap, length, estimates))
 }
 
-/// Simulates gaps of `length` frames with the ends of `gap`. `None` where the take has no room for two.
+/// Simulates gaps of `length` frames with the ends of `gap`. `None` where the take has no room for
+/// two.
 fn simulate_length(
     targets: &Targets<'_>,
     gap: &Range<usize>,
@@ -198,7 +207,8 @@ fn ends(complete: &[bool], gap: &Range<usize>) -> (bool, bool) {
     )
 }
 
-/// Where a gap of `length` frames can be simulated: in complete frames of one run, with one on either side, clear of `gap`.
+/// Where a gap of `length` frames can be simulated: in complete frames of one run, with one on
+/// either side, clear of `gap`.
 fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>, length: usize) -> Vec<usize> {
     let mut since = 0;
     let mut starts = Vec::new();
@@ -220,7 +230,8 @@ fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>, length: usize)
 }
 
 impl Simulated {
-    /// The weights of the estimates of a point, and the factor of its variance, which is `usual` where little is simulated.
+    /// The weights of the estimates of a point, and the factor of its variance, which is `usual`
+    /// where little is simulated.
     fn judge(
         &self,
         point: usize,
@@ -271,8 +282,8 @@ impl Simulated {
     }
 }
 
-/// argmin wᵀ G w + .1 g |w − w₀|² over weights that are not negative and add up to 1: the best of the solutions on each set of
-/// estimates, which are few.
+/// argmin wᵀ G w + .1 g |w − w₀|² over weights that are not negative and add up to 1: the best of
+/// the solutions on each set of estimates, which are few.
 fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
     let k = plain.len();
     let mut diagonal: Vec<f64> = gram.diag().to_vec();

@@ -1,12 +1,13 @@
 //! Algorithm 1 of the posing paper: a pose carried to given bone lengths.
 //!
-//! `ỹₖ = ỹₚ + Lₖ (yₖ − yₚ) / |yₖ − yₚ|`, from the root outwards, with p the parent of k. (The paper prints Δyₚ where ỹₚ
-//! must stand; with Δ the bones would not hang together.) Cost: one pass over the points.
+//! `ỹₖ = ỹₚ + Lₖ (yₖ − yₚ) / |yₖ − yₚ|`, from the root outwards, with p the parent of k. (The paper
+//! prints Δyₚ where ỹₚ must stand; with Δ the bones would not hang together.) Cost: one pass over
+//! the points.
 
 use crate::pose::Skeleton;
 use glam::DVec3;
 
-/// Shorter than this (centimetres) a segment has no direction.
+/// Shorter than this (centimeters) a segment has no direction.
 const NO_LENGTH: f64 = 1e-9;
 
 /// Bones of fixed length between points.
@@ -14,17 +15,18 @@ const NO_LENGTH: f64 = 1e-9;
 pub struct BoneNormalizer {
     /// The point each point hangs on; `None` for those that stay where they are.
     parents: Vec<Option<usize>>,
-    /// Centimetres; NaN where the length is not fixed and the segment stays as it is.
+    /// Centimeters; NaN where the length is not fixed and the segment stays as it is.
     lengths: Vec<f64>,
     /// Parents first.
     order: Vec<usize>,
 }
 
 impl BoneNormalizer {
-    /// The bones between the joints of some bones of a skeleton: `joints[k]` is the bone whose end is point k.
+    /// The bones between the joints of some bones of a skeleton: `joints[k]` is the bone whose end
+    /// is point k.
     ///
-    /// A point hangs on the nearest point above it. Where a joint between the two turns or slides, or the bone itself
-    /// can grow, their distance is no bone's length and is left as it is.
+    /// A point hangs on the nearest point above it. Where a joint between the two turns or slides,
+    /// or the bone itself can grow, their distance is no bone's length and is left as it is.
     pub fn for_skeleton(skeleton: &Skeleton, joints: &[usize]) -> BoneNormalizer {
         let bones = skeleton.bones();
         let mut point_of = vec![None; bones.len()];
@@ -33,9 +35,11 @@ impl BoneNormalizer {
         }
         let (mut parents, mut lengths) = (Vec::new(), Vec::new());
         for (k, &joint) in joints.iter().enumerate() {
-            // The nearest point above; a second column of the same joint hangs on the first by no length.
+            // The nearest point above; a second column of the same joint hangs on the first by no
+            // length.
             let (mut at, mut path) = (joint, DVec3::ZERO);
-            // Whether what is gathered turns against the bones above it, and whether its length is fixed.
+            // Whether what is gathered turns against the bones above it, and whether its length is
+            // fixed.
             let (mut turns, mut rigid) = (false, true);
             let parent = loop {
                 if let Some(p) = point_of[at].filter(|&p| p != k) {
@@ -92,7 +96,7 @@ impl BoneNormalizer {
         bones
     }
 
-    /// The length of each point's bone, centimetres; NaN where it has none that is fixed.
+    /// The length of each point's bone, centimeters; NaN where it has none that is fixed.
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
     }
@@ -104,8 +108,9 @@ impl BoneNormalizer {
 
     /// Carries the pose `y` (3 numbers a point, NaN is missing) to the bones' lengths.
     ///
-    /// A missing point stays missing, and so becomes one that lies on its parent although its bone has a length: no
-    /// direction is known for it. A point below a missing one moves as the nearest seen point above it does.
+    /// A missing point stays missing, and so becomes one that lies on its parent although its bone
+    /// has a length: no direction is known for it. A point below a missing one moves as the
+    /// nearest seen point above it does.
     pub fn normalize(&self, y: &[f64], out: &mut [f64]) {
         let at = |v: &[f64], k: usize| DVec3::from_slice(&v[3 * k..3 * k + 3]);
         for &k in &self.order {

@@ -1,4 +1,5 @@
-//! The missing values of a BVH file by time alone, as an animator's curve has them, and how far joints are off then.
+//! The missing values of a BVH file by time alone, as an animator's curve has them, and how far
+//! joints are off then.
 
 use crate::io::Bvh;
 use crate::io::bvh::BvhSkeleton;
@@ -19,8 +20,9 @@ const TRIED: usize = 400;
 /// Frames on either side of a gap that its path is led by.
 const SIDE: usize = 2;
 
-/// The motion of `bvh` (frames, channels; radians and centimetres) with each missing value on a smooth path (PCHIP) from those before to
-/// those after, angles unwound; at the ends of the take the nearest value, and 0 where a channel has none.
+/// The motion of `bvh` (frames, channels; radians and centimeters) with each missing value on a
+/// smooth path (PCHIP) from those before to those after, angles unwound; at the ends of the take
+/// the nearest value, and 0 where a channel has none.
 pub fn interpolated(bvh: &Bvh) -> Array2<f64> {
     let kinds = bvh.joints.iter().flat_map(|j| &j.channels);
     let mut out = bvh.motion.clone();
@@ -55,9 +57,10 @@ fn path(known: &[usize], mut values: Vec<f64>, is_angle: bool, at: &[usize]) -> 
     pchip(&x, &values, &at)
 }
 
-/// How far each bone of `bones` is off along these paths: the variance of a coordinate, cm² (frames, bones), by gaps of the same channels and
-/// lengths that are simulated elsewhere in the take; infinite where it is too short to tell, 0 in frames that lack nothing.
-/// `filled` is what [`interpolated`] gives.
+/// How far each bone of `bones` is off along these paths: the variance of a coordinate, cm²
+/// (frames, bones), by gaps of the same channels and lengths that are simulated elsewhere in the
+/// take; infinite where it is too short to tell, 0 in frames that lack nothing. `filled` is what
+/// [`interpolated`] gives.
 pub fn variances(
     bvh: &Bvh,
     rig: &BvhSkeleton,
@@ -114,7 +117,8 @@ impl ChannelGap {
         }
     }
 
-    /// The mean squared error of a coordinate, cm² (frames of the gap, bones), over gaps like it; `None` where there is no room for some.
+    /// The mean squared error of a coordinate, cm² (frames of the gap, bones), over gaps like it;
+    /// `None` where there is no room for some.
     fn simulate(
         &self,
         bvh: &Bvh,

@@ -10,7 +10,7 @@ pub struct Correspondence {
     pub joints: Vec<usize>,
     /// The points' names.
     pub names: Vec<String>,
-    /// Their columns: (frames, 3 of each), centimetres.
+    /// Their columns: (frames, 3 of each), centimeters.
     pub xyz: Array2<f64>,
     /// The names of points that are no joints.
     pub unmatched: Vec<String>,

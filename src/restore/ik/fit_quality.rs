@@ -1,9 +1,10 @@
 //! Whether a skeleton fits a take: one rule for all commands.
 //!
-//! The mean distance d of the driven joints from their points is held against the leg l (hip, knee, ankle) of the body in the table.
-//! A fit is poor where d is over 5% of l, and none where it is over 25%. Tables are in centimetres, so that a person's fit is poor over
-//! 2 cm and none over 10 cm already: the smaller limit counts. (A leg of 40 cm has both limits equal; 5% of an adult's is twice 2 cm.)
-//! The shares are what remains for bodies in another unit.
+//! The mean distance d of the driven joints from their points is held against the leg l (hip, knee,
+//! ankle) of the body in the table. A fit is poor where d is over 5% of l, and none where it is
+//! over 25%. Tables are in centimeters, so that a person's fit is poor over 2 cm and none over 10
+//! cm already: the smaller limit counts. (A leg of 40 cm has both limits equal; 5% of an adult's is
+//! twice 2 cm.) The shares are what remains for bodies in another unit.
 
 use crate::numeric::median::median;
 use crate::pose::{PointNaming, Poses, joints};
@@ -15,10 +16,12 @@ const POOR: (f64, f64) = (0.05, 2.0);
 const FAILED: (f64, f64) = (0.25, 10.0);
 /// The leg's share of a body's largest extent, where the names tell no leg.
 const LEG: f64 = 0.5;
-/// A smaller share of the joints of a whole body's skeleton is half a body. Skeletons of fewer joints are parts anyway.
+/// A smaller share of the joints of a whole body's skeleton is half a body. Skeletons of fewer
+/// joints are parts anyway.
 const FEWEST_DRIVEN: f64 = 0.5;
 const WHOLE_BODY: usize = 12;
-/// Words in the names of points that hang on the skeleton and do not drive it: skin, or joints too small to tell a fit by.
+/// Words in the names of points that hang on the skeleton and do not drive it: skin, or joints too
+/// small to tell a fit by.
 const HANGING: [&str; 11] = [
     "eye", "eyes", "ear", "ears", "heel", "heels", "finger", "fingers", "thumb", "pinky", "little",
 ];
@@ -126,7 +129,8 @@ pub fn drives(name: &str) -> bool {
     !words.iter().any(hangs)
 }
 
-/// The length of the legs of a take, cm: by the names of its points, else half of the body's largest extent; medians over the frames.
+/// The length of the legs of a take, cm: by the names of its points, else half of the body's
+/// largest extent; medians over the frames.
 pub fn leg_length(poses: &Poses) -> Option<f64> {
     let naming = PointNaming::of(&poses.points, poses.xyz.view(), &joints::cmu_names());
     let names = naming.model_names(&poses.points);

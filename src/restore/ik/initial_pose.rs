@@ -1,9 +1,11 @@
-//! A posture found bone by bone from the root outwards, in closed form: where the solver of P2 starts.
+//! A posture found bone by bone from the root outwards, in closed form: where the solver of P2
+//! starts.
 //!
-//! Each bone turns so that the joints it carries rigidly come as near as they can to where they are wanted, given the
-//! bones above it. A ball joint with one such joint is free to twist: it takes the twist that brings the next joints
-//! nearest, as far as they are bent enough to tell, and else keeps the twist of the frame before: a neck that nods through
-//! straight must not spin. For skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the
+//! Each bone turns so that the joints it carries rigidly come as near as they can to where they are
+//! wanted, given the bones above it. A ball joint with one such joint is free to twist: it takes
+//! the twist that brings the next joints nearest, as far as they are bent enough to tell, and else
+//! keeps the twist of the frame before: a neck that nods through straight must not spin. For
+//! skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the
 //! solution.
 
 use crate::pose::kinematics::Posture;
@@ -12,11 +14,11 @@ use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
 
-/// Shorter than this (centimetres) a bone has no direction.
+/// Shorter than this (centimeters) a bone has no direction.
 const NO_LENGTH: f64 = 1e-9;
-/// What holds a bone's twist to the frame before, and to that of its parent, against the next joints, as shares of its squared
-/// length. A neck bent by ten degrees has .03, an elbow at a right angle .3. The second is for straight limbs: it takes a
-/// hundred frames.
+/// What holds a bone's twist to the frame before, and to that of its parent, against the next
+/// joints, as shares of its squared length. A neck bent by ten degrees has .03, an elbow at a right
+/// angle .3. The second is for straight limbs: it takes a hundred frames.
 const TWIST_HELD: f64 = 0.1;
 const TWIST_REST: f64 = 0.001;
 
@@ -69,8 +71,8 @@ impl<'a> InitialPose<'a> {
         }
     }
 
-    /// Whether every bone that turns is a ball joint: then no search is needed. (Bones that slide stay where the frame before had
-    /// them, which is where a solver starts best.)
+    /// Whether every bone that turns is a ball joint: then no search is needed. (Bones that slide
+    /// stay where the frame before had them, which is where a solver starts best.)
     pub fn is_exact(&self) -> bool {
         let bones = self.skeleton.bones();
         bones.iter().enumerate().all(|(i, b)| {
@@ -80,8 +82,8 @@ impl<'a> InitialPose<'a> {
         })
     }
 
-    /// Sets `q`, which holds the values of the frame before; bones without targets keep theirs. `targets`: (3 T), NaN is
-    /// missing.
+    /// Sets `q`, which holds the values of the frame before; bones without targets keep theirs.
+    /// `targets`: (3 T), NaN is missing.
     pub fn apply(&self, targets: &[f64], q: &mut [f64]) {
         let mut posture = Posture::default();
         for (i, bone) in self.skeleton.bones().iter().enumerate() {
@@ -148,7 +150,8 @@ impl<'a> InitialPose<'a> {
         bone.offset + along * longer
     }
 
-    /// Where bone `i` starts and how it is turned, for its own values `q`, given what stands above it.
+    /// Where bone `i` starts and how it is turned, for its own values `q`, given what stands above
+    /// it.
     fn local(&self, i: usize, q: &[f64], before: DMat3, start: DVec3) -> (DVec3, DMat3) {
         let bone = &self.skeleton.bones()[i];
         let (mut turn, mut shift) = (DMat3::IDENTITY, DVec3::ZERO);
@@ -209,7 +212,8 @@ impl<'a> InitialPose<'a> {
         }
     }
 
-    /// One or two hinges: each in turn takes the angle that is best while the other stays, a few times over.
+    /// One or two hinges: each in turn takes the angle that is best while the other stays, a few
+    /// times over.
     fn set_hinges(&self, i: usize, arms: &[(DVec3, DVec3)], before: &DMat3, q: &mut [f64]) {
         let bone = &self.skeleton.bones()[i];
         if arms.is_empty() {
@@ -257,8 +261,9 @@ fn ball_axes(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
     axes.try_into().ok()
 }
 
-/// The global rotation of a ball joint that carries `direct` arms to where they are seen, and `indirect` ones near it. Without a
-/// turn of its own it would stand as its parent does, `before`; with the values of the frame before it would stand as `held`.
+/// The global rotation of a ball joint that carries `direct` arms to where they are seen, and
+/// `indirect` ones near it. Without a turn of its own it would stand as its parent does, `before`;
+/// with the values of the frame before it would stand as `held`.
 fn ball_rotation(
     direct: &[(DVec3, DVec3)],
     indirect: &[(DVec3, DVec3)],
@@ -325,7 +330,8 @@ mod tests {
     use super::*;
     use crate::pose::{Bone, Dof};
 
-    /// A trunk that forks, all ball joints: 0 root, 1 trunk, 2 and 3 arms on it, 4 a hand on 3, 5 a leg on the root.
+    /// A trunk that forks, all ball joints: 0 root, 1 trunk, 2 and 3 arms on it, 4 a hand on 3, 5 a
+    /// leg on the root.
     fn body() -> Skeleton {
         let axes = [Axis::X, Axis::Y, Axis::Z];
         let ball = axes.map(Channel::Rotate).to_vec();

@@ -1,9 +1,11 @@
-//! The missing values of a BVH file: solved for from the positions of its joints, with all that are there held.
+//! The missing values of a BVH file: solved for from the positions of its joints, with all that are
+//! there held.
 //!
-//! There are two estimates of where a joint is: its restored position, and where it comes to lie when each missing value follows a smooth
-//! path in time ([`channel_paths`](super::channel_paths)). They are weighed by their variances. The missing values of a frame are those
-//! that put the joints there, and where that leaves something open (the twist of a bone, a hand without children), that are nearest to
-//! the path.
+//! There are two estimates of where a joint is: its restored position, and where it comes to lie
+//! when each missing value follows a smooth path in time ([`channel_paths`](super::channel_paths)).
+//! They are weighed by their variances. The missing values of a frame are those that put the joints
+//! there, and where that leaves something open (the twist of a bone, a hand without children), that
+//! are nearest to the path.
 
 use super::channel_paths::{Joints, interpolated, variances};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
@@ -31,13 +33,15 @@ pub struct PositionSd<'a> {
     pub most: f64,
 }
 
-/// The motion of `bvh` (frames, channels; radians and centimetres) with its missing values, from `poses`, the positions of its joints
-/// (as many frames, cm, y up; NaN is missing; a value stays missing where its joint's children are, or where its channel has none in the
-/// whole take), and their standard deviations `sd` (frames, points; cm; NaN: measured), where they are
-/// known. `turn` carries the file's axes to y up.
+/// The motion of `bvh` (frames, channels; radians and centimeters) with its missing values, from
+/// `poses`, the positions of its joints (as many frames, cm, y up; NaN is missing; a value stays
+/// missing where its joint's children are, or where its channel has none in the whole take), and
+/// their standard deviations `sd` (frames, points; cm; NaN: measured), where they are known. `turn`
+/// carries the file's axes to y up.
 ///
 /// # Errors
-/// [`Error::Usage`]: another number of frames, no joint of the file among the points, or more than [`MAX_DOFS`] channels.
+/// [`Error::Usage`]: another number of frames, no joint of the file among the points, or more than
+/// [`MAX_DOFS`] channels.
 pub fn solve_missing_channels(
     bvh: &Bvh,
     poses: &Poses,
@@ -163,13 +167,14 @@ impl Solving<'_, '_> {
         frame
     }
 
-    /// The standard deviation of a restored position, cm; NaN where it was measured, or nothing is known of that.
+    /// The standard deviation of a restored position, cm; NaN where it was measured, or nothing is
+    /// known of that.
     fn sd(&self, frame: usize, point: usize) -> f64 {
         self.sd.map_or(f64::NAN, |sd| sd.sd[[frame, point]])
     }
 
-    /// Whether nothing says what a channel was: it has no value in the take, or the points that it moves are missing or too
-    /// unsure.
+    /// Whether nothing says what a channel was: it has no value in the take, or the points that it
+    /// moves are missing or too unsure.
     fn is_open(&self, t: usize, channel: usize) -> bool {
         let most = self.sd.map_or(f64::INFINITY, |sd| sd.most);
         let is_unknown = |&j: &usize| {
@@ -182,7 +187,8 @@ impl Solving<'_, '_> {
         !self.is_seen[channel] || self.children[channel].iter().any(is_unknown)
     }
 
-    /// Where the joints are in a frame by both estimates, and the weight of each coordinate; `along` is where the paths put them.
+    /// Where the joints are in a frame by both estimates, and the weight of each coordinate;
+    /// `along` is where the paths put them.
     fn targets(&self, t: usize, along: &[DVec3]) -> (Vec<f64>, Vec<f64>) {
         let mut targets = Vec::with_capacity(3 * along.len());
         let mut weights = Vec::with_capacity(3 * along.len());
@@ -218,7 +224,17 @@ mod tests {
 
     /// An arm of three joints that swings; rotations of the middle one are missing in some frames.
     fn arm(is_missing: impl Fn(usize) -> bool) -> (Bvh, Bvh) {
-        let head = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n OFFSET 0 30 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n JOINT c\n {\n OFFSET 0 25 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 5 10 0\n }\n }\n }\n}\nMOTION\nFrames: 40\nFrame Time: 0.01\n";
+        let head = "HIERARCHY\nROOT a\n{\
+            \n OFFSET 0 0 0\
+            \n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\
+            \n JOINT b\n {\n OFFSET 0 30 0\
+            \n CHANNELS 3 Zrotation Xrotation Yrotation\
+            \n JOINT c\n {\n OFFSET 0 25 0\
+            \n CHANNELS 3 Zrotation Xrotation Yrotation\
+            \n End Site\n {\n OFFSET 5 10 0\
+            \n }\n }\n }\n}\nMOTION\
+            \nFrames: 40\nFrame Time: 0.01\
+            \n";
         let text = |hide: bool| {
             let row = |t: usize| {
                 let s = (0.2 * t as f64).sin();

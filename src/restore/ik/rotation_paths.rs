@@ -1,9 +1,11 @@
 //! Rotations that were solved for, beside those that time alone gives.
 //!
-//! Where a rotation is missing for some frames, a cubic from the frames before to those after is a second estimate of it: in the
-//! rotation vectors from the last frame, with the speeds at both ends. A fifth of it makes solutions no worse on the whole and small
-//! motions twice as good (42 stretches of 14 CMU takes: 3.5 degrees rms, the straight way between the ends 7.7). A solution that leaves
-//! the straight way (slerp) farther than the joint ever does in the take was led astray, and the straight way takes its place.
+//! Where a rotation is missing for some frames, a cubic from the frames before to those after is a
+//! second estimate of it: in the rotation vectors from the last frame, with the speeds at both
+//! ends. A fifth of it makes solutions no worse on the whole and small motions twice as good (42
+//! stretches of 14 CMU takes: 3.5 degrees rms, the straight way between the ends 7.7). A solution
+//! that leaves the straight way (slerp) farther than the joint ever does in the take was led
+//! astray, and the straight way takes its place.
 
 use crate::io::Bvh;
 use crate::pose::Channel;
@@ -13,18 +15,21 @@ use ndarray::{Array2, ArrayView2};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Frames on either side that tell the speed there, and the share of it that lasts: a motion that goes on is rarer than one that turns.
+/// Frames on either side that tell the speed there, and the share of it that lasts: a motion that
+/// goes on is rarer than one that turns.
 const SIDE: usize = 4;
 const LASTING: f64 = 0.7;
 /// The share of the solution in the mixture.
 const SOLVED: f64 = 0.8;
-/// Stretches of the take that tell how far a joint leaves the straight way; a solution is astray that many times farther off.
+/// Stretches of the take that tell how far a joint leaves the straight way; a solution is astray
+/// that many times farther off.
 const COMPARED: usize = 60;
 const ASTRAY: f64 = 1.25;
 
-/// Mixes the rotations of `motion` (frames, channels; radians) that `bvh` lacks with the cubics through the frames around them, where
-/// `is_meant` says so of their first frame and channel; what was not solved for follows the cubic alone. Those of joints with other than
-/// three angles, and those at an end of the take, stay as they are.
+/// Mixes the rotations of `motion` (frames, channels; radians) that `bvh` lacks with the cubics
+/// through the frames around them, where `is_meant` says so of their first frame and channel; what
+/// was not solved for follows the cubic alone. Those of joints with other than three angles, and
+/// those at an end of the take, stay as they are.
 pub fn mix_with_paths(
     bvh: &Bvh,
     is_meant: impl Fn(usize, usize) -> bool,
@@ -91,7 +96,8 @@ impl RotationChannels {
         out
     }
 
-    /// The cubic over the frames `gap` from those around them; `None` where these lack the rotation too.
+    /// The cubic over the frames `gap` from those around them; `None` where these lack the rotation
+    /// too.
     fn cubic(&self, motion: ArrayView2<'_, f64>, gap: &Range<usize>) -> Option<Vec<DMat3>> {
         let (start, end) = (gap.start.checked_sub(1)?, gap.end);
         if end >= motion.nrows() || ![start, end].iter().all(|t| self.is_known(motion, *t)) {
@@ -133,7 +139,8 @@ impl RotationChannels {
         gap.clone().map(at).collect()
     }
 
-    /// How far the joint leaves the straight way at most, over stretches as long as `gap` elsewhere; `None` where there is no room.
+    /// How far the joint leaves the straight way at most, over stretches as long as `gap`
+    /// elsewhere; `None` where there is no room.
     fn farthest(&self, motion: ArrayView2<'_, f64>, length: usize) -> Option<f64> {
         let last = motion.nrows().checked_sub(length + 1)?;
         let leaves = |start: usize| {
@@ -210,7 +217,12 @@ mod tests {
             let s = |speed: f64| 40.0 * (speed * t as f64).sin();
             format!("{} {} {}\n", s(0.11), s(0.07), s(0.13))
         };
-        let text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n}\nMOTION\nFrames: 120\nFrame Time: 0.01\n".to_string()
+        let text = "HIERARCHY\nROOT a\n\
+            {\nOFFSET 0 0 0\n\
+            CHANNELS 3 Zrotation Xrotation Yrotation\n\
+            }\nMOTION\nFrames: 120\n\
+            Frame Time: 0.01\n"
+            .to_string()
             + &(0..120).map(row).collect::<String>();
         let input = Input::new("t", std::io::Cursor::new(text.into_bytes())).unwrap();
         let mut bvh = Bvh::read(input, 1.0, false).unwrap();

@@ -1,8 +1,9 @@
 //! A take fitted with a skeleton: Algorithm 1, then P2, frame after frame.
 //!
-//! Each frame starts from the one before, so that what the joints leave open (a twist) moves no more than it must.
-//! Where that ends far from the joints, it starts again: from the posture found bone by bone, then from ones in which
-//! the limbs that do not fit are turned at random (seeded, so that the same take gives the same values).
+//! Each frame starts from the one before, so that what the joints leave open (a twist) moves no
+//! more than it must. Where that ends far from the joints, it starts again: from the posture found
+//! bone by bone, then from ones in which the limbs that do not fit are turned at random (seeded, so
+//! that the same take gives the same values).
 
 use super::bone_normalization::BoneNormalizer;
 use super::initial_pose::InitialPose;
@@ -14,15 +15,17 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// Weight that holds the values that the joints leave open to the frame before, cm² a squared radian.
+/// Weight that holds the values that the joints leave open to the frame before, cm² a squared
+/// radian.
 const PREVIOUS_WEIGHT: f64 = 1e-4;
 /// Weight that draws them to the rest posture: so little that it takes a hundred frames.
 const REST_WEIGHT: f64 = 1e-6;
-/// A noisy take's share of its mean squared misfit: one centimetre of noise is about 0.4 radians of twist.
+/// A noisy take's share of its mean squared misfit: one centimeter of noise is about 0.4 radians of
+/// twist.
 const NOISE_WEIGHT: f64 = 5.0;
 /// How often the first frame follows itself.
 const FIRST_FRAME_ROUNDS: usize = 100;
-/// A root-mean-square misfit (centimetres a joint) below which nothing is searched for.
+/// A root-mean-square misfit (centimeters a joint) below which nothing is searched for.
 const FITS: f64 = 1e-4;
 
 /// How a take is fitted.
@@ -30,7 +33,8 @@ const FITS: f64 = 1e-4;
 pub struct SequenceSettings {
     /// The solver of each frame.
     pub solve: IkSettings,
-    /// Other starts for a frame that does not fit, the first frame apart, which has four times as many.
+    /// Other starts for a frame that does not fit, the first frame apart, which has four times as
+    /// many.
     pub restarts: usize,
     /// Where randomness starts.
     pub seed: u64,
@@ -49,9 +53,10 @@ impl Default for SequenceSettings {
 /// A take's values and how well they fit.
 #[derive(Debug, Clone, Default)]
 pub struct SequenceFit {
-    /// (frames, values of the skeleton), radians and centimetres.
+    /// (frames, values of the skeleton), radians and centimeters.
     pub values: Array2<f64>,
-    /// The mean distance of a fitted joint from its point, centimetres; NaN when no point is there.
+    /// The mean distance of a fitted joint from its point, centimeters; NaN when no point is
+    /// there.
     pub mean: f64,
     /// The largest.
     pub max: f64,
@@ -71,10 +76,11 @@ pub struct SequenceFit {
 
 /// Fits a skeleton to a take.
 ///
-/// `joints[k]` is the bone whose end is the point in columns 3 k to 3 k + 2 of `xyz` (frames, 3 K; centimetres; NaN is
-/// missing). Degrees of freedom that only missing points determine stay as they were in the frame before (at a take's
-/// start, as in the first frame that shows them). The root stays where its own point and all but two are missing.
-/// `watch` is called after each frame with the number of frames done.
+/// `joints[k]` is the bone whose end is the point in columns 3 k to 3 k + 2 of `xyz` (frames, 3 K;
+/// centimeters; NaN is missing). Degrees of freedom that only missing points determine stay as they
+/// were in the frame before (at a take's start, as in the first frame that shows them). The root
+/// stays where its own point and all but two are missing. `watch` is called after each frame with
+/// the number of frames done.
 ///
 /// # Errors
 /// [`Error::Usage`]: too many degrees of freedom, no joints, or columns that are not three a joint.
@@ -165,7 +171,7 @@ struct SequenceFitter<'a> {
     targets: Vec<f64>,
     fixed: Vec<bool>,
     root: Option<usize>,
-    /// The usual misfit a joint, squared centimetres.
+    /// The usual misfit a joint, squared centimeters.
     typical_misfit: f64,
     /// Frames to go before other starts are tried again, and how many it was the last time.
     pause: (usize, usize),
@@ -228,7 +234,8 @@ impl<'a> SequenceFitter<'a> {
         self.bones.normalize(y, &mut self.targets);
         let far = self.settings.restarts.saturating_mul(4);
         let mut q = self.rest.clone();
-        // The twist of each bone follows the frame before, here itself: settle it before it can be seen to move.
+        // The twist of each bone follows the frame before, here itself: settle it before it can be
+        // seen to move.
         for _ in 0..FIRST_FRAME_ROUNDS {
             self.initial_pose.apply(&self.targets, &mut q);
         }
@@ -284,7 +291,8 @@ impl<'a> SequenceFitter<'a> {
         } else {
             self.solve(before.clone(), previous_weight, REST_WEIGHT)
         };
-        // Near a pole the values must run far for a small turn, and what holds them costs a part of it: let go by steps.
+        // Near a pole the values must run far for a small turn, and what holds them costs a part of
+        // it: let go by steps.
         for _ in 0..3 {
             if fits(&best) {
                 break;
@@ -355,7 +363,8 @@ impl<'a> SequenceFitter<'a> {
 }
 
 impl SequenceFitter<'_> {
-    /// Other starts, until one fits to `limit`: the bones above the joints that do not fit are turned at random.
+    /// Other starts, until one fits to `limit`: the bones above the joints that do not fit are
+    /// turned at random.
     fn restart(
         &mut self,
         best: &mut FrameSolution,
@@ -365,7 +374,8 @@ impl SequenceFitter<'_> {
         limit: f64,
     ) {
         let seen = self.observed_count();
-        // A step costs the cube of the values: large skeletons get fewer tries, none of a body's size does.
+        // A step costs the cube of the values: large skeletons get fewer tries, none of a body's
+        // size does.
         let n = self.rest.len().max(1);
         for _ in 0..tries.min(1 + 4_000_000 / (n * n)) {
             if best.misfit <= limit * limit * seen as f64 {
@@ -382,7 +392,8 @@ impl SequenceFitter<'_> {
         }
     }
 
-    /// The angles of the three nearest turning bones above each joint that fits worst, or half as badly.
+    /// The angles of the three nearest turning bones above each joint that fits worst, or half as
+    /// badly.
     fn angles_above_misfits(&mut self, q: &[f64]) -> Vec<usize> {
         let posture = self.solver.posture(q);
         let far: Vec<f64> = self

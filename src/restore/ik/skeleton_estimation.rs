@@ -1,4 +1,5 @@
-//! A skeleton measured from a table: CMU's joints by name, bones as long as they are in the median frame.
+//! A skeleton measured from a table: CMU's joints by name, bones as long as they are in the median
+//! frame.
 //!
 //! Every bone is a ball joint. Its rest pose is CMU's: upright, facing z, arms level.
 
@@ -8,21 +9,23 @@ use crate::pose::{Body, Bone, Channel, Dof, Poses, Skeleton};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
-/// CMU's rest pose: the mean over 17 subjects, left and right made equal; centimetres from the root.
+/// CMU's rest pose: the mean over 17 subjects, left and right made equal; centimeters from the
+/// root.
 #[rustfmt::skip]
 const REST: [[f64; 3]; 23] = [
     [0.0, 0.0, 0.0],
     [9.2, -9.9, 4.1], [22.9, -47.5, 4.1], [37.7, -88.1, 4.1], [38.7, -90.9, 15.7],
     [-9.2, -9.9, 4.1], [-22.9, -47.5, 4.1], [-37.7, -88.1, 4.1], [-38.7, -90.9, 15.7],
-    [0.0, 11.6, -1.1], [0.0, 23.2, -1.1], [0.0, 34.9, -0.7], [0.0, 44.4, 0.1], [0.0, 53.9, -1.2], [0.0, 63.7, -1.8],
+    [0.0, 11.6, -1.1], [0.0, 23.2, -1.1], [0.0, 34.9, -0.7],
+    [0.0, 44.4, 0.1], [0.0, 53.9, -1.2], [0.0, 63.7, -1.8],
     [18.2, 41.1, -1.4], [48.1, 41.1, -1.4], [66.6, 41.1, -1.4], [75.8, 41.1, -1.4],
     [-18.2, 41.1, -1.4], [-48.1, 41.1, -1.4], [-66.6, 41.1, -1.4], [-75.8, 41.1, -1.4],
 ];
 
 /// The skeleton of a table's points; its bones have the points' names.
 ///
-/// Points that CMU does not know, or that hang on nothing the table shows, are no bones of it. Bones that no frame
-/// shows from end to end are as long as CMU's mean.
+/// Points that CMU does not know, or that hang on nothing the table shows, are no bones of it.
+/// Bones that no frame shows from end to end are as long as CMU's mean.
 ///
 /// # Errors
 /// [`Error::Usage`]: fewer than two points have the names of connected CMU joints.
@@ -42,7 +45,8 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
     let root = (0..names.len()).rev().max_by_key(|&k| below[k]);
     let Some(root) = root.filter(|&r| below[r] > 1) else {
         return Err(Error::usage(
-            "no skeleton is known for these point names; give the option `skeleton SUBJECT.asf` (or FILE.bvh)",
+            "no skeleton is known for these point names; give the option `skeleton SUBJECT.asf` \
+             (or FILE.bvh)",
         ));
     };
     let at = |k: usize| {

@@ -12,7 +12,8 @@ use crate::{Error, Result};
 use glam::DMat3;
 use ndarray::ArrayView2;
 
-/// Inverse kinematics of a take: the degrees of freedom of a skeleton from the positions of its joints.
+/// Inverse kinematics of a take: the degrees of freedom of a skeleton from the positions of its
+/// joints.
 ///
 /// ```
 /// use posing::io::{Amc, Asf};
@@ -22,7 +23,7 @@ use ndarray::ArrayView2;
 /// let mut take = Amc::open("testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
 /// take = take.slice(0..3);
 /// let fit = SkeletonFit::new(&asf.skeleton).fit(&take)?;
-/// assert!(fit.sequence.mean <= 0.1); // centimetres
+/// assert!(fit.sequence.mean <= 0.1); // centimeters
 /// let folder = tempfile::tempdir()?;
 /// fit.to_bvh()?.save(folder.path().join("walk.bvh"))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -49,7 +50,8 @@ impl<'a> SkeletonFit<'a> {
         }
     }
 
-    /// Fits the skeleton of a BVH file; [`FittedTake::to_bvh`] keeps that file's hierarchy, offsets and channels.
+    /// Fits the skeleton of a BVH file; [`FittedTake::to_bvh`] keeps that file's hierarchy, offsets
+    /// and channels.
     pub fn with_template(template: &'a BvhTemplate) -> SkeletonFit<'a> {
         SkeletonFit {
             target: Target::Template(template),
@@ -57,7 +59,8 @@ impl<'a> SkeletonFit<'a> {
         }
     }
 
-    /// Keeps the degrees of freedom within the skeleton's limits. Off by default: captured motion often exceeds them.
+    /// Keeps the degrees of freedom within the skeleton's limits. Off by default: captured motion
+    /// often exceeds them.
     pub fn limits(mut self, keep: bool) -> SkeletonFit<'a> {
         self.settings.solve.limits = keep;
         self
@@ -81,11 +84,12 @@ impl<'a> SkeletonFit<'a> {
         match_points(poses, &bones)
     }
 
-    /// Fits the skeleton to one take. A point that is missing leaves its joint's degrees of freedom as they were in
-    /// the frame before.
+    /// Fits the skeleton to one take. A point that is missing leaves its joint's degrees of freedom
+    /// as they were in the frame before.
     ///
     /// # Errors
-    /// [`Error::Usage`]: no point has the name of a joint, or the skeleton has too many degrees of freedom.
+    /// [`Error::Usage`]: no point has the name of a joint, or the skeleton has too many degrees of
+    /// freedom.
     pub fn fit(&self, poses: &Poses) -> Result<FittedTake<'a>> {
         self.fit_with_progress(poses, &mut |_| ())
     }
@@ -116,8 +120,8 @@ impl<'a> SkeletonFit<'a> {
     }
 }
 
-/// The bone of a BVH file whose end each point is, by name. Joints and bone ends have the same names, End Sites apart: where a table
-/// holds no End Site, it is what its lengths fit better.
+/// The bone of a BVH file whose end each point is, by name. Joints and bone ends have the same
+/// names, End Sites apart: where a table holds no End Site, it is what its lengths fit better.
 fn bones_of_template(template: &BvhTemplate, poses: &Poses) -> Vec<Option<usize>> {
     let bones = |which| template.bones_of(&poses.points, which);
     let (origins, ends) = (bones(BvhPoints::Origins), bones(BvhPoints::Ends));
@@ -152,12 +156,13 @@ pub struct FittedTake<'a> {
 }
 
 impl FittedTake<'_> {
-    /// (frames, degrees of freedom of the skeleton), radians and centimetres.
+    /// (frames, degrees of freedom of the skeleton), radians and centimeters.
     pub fn values(&self) -> ArrayView2<'_, f64> {
         self.sequence.values.view()
     }
 
-    /// How well the skeleton fits `poses`, the take that it was fitted to; `None` where the take shows none of its joints.
+    /// How well the skeleton fits `poses`, the take that it was fitted to; `None` where the take
+    /// shows none of its joints.
     pub fn quality(&self, poses: &Poses) -> Option<FitQuality> {
         let is_seen = |t: usize| self.sequence.by_target.get(t).is_some_and(|own| own.1 > 0);
         let counted: Vec<bool> = self.points.iter().map(|name| drives(name)).collect();
@@ -184,7 +189,8 @@ impl FittedTake<'_> {
         })
     }
 
-    /// The motion as a BVH with rotation channels Z, Y, X and the y axis up (a template keeps its own).
+    /// The motion as a BVH with rotation channels Z, Y, X and the y axis up (a template keeps its
+    /// own).
     ///
     /// # Errors
     /// [`Error::Usage`]: the take has no times, so that its rate is unknown.
@@ -195,8 +201,9 @@ impl FittedTake<'_> {
         self.to_bvh_with([Axis::Z, Axis::Y, Axis::X], DMat3::IDENTITY, rate)
     }
 
-    /// The motion as a BVH at `rate` frames a second. `order` is that of the rotation channels, the last turning first;
-    /// `turn` carries the file's axes to ours (y up). A template keeps its own order and axes.
+    /// The motion as a BVH at `rate` frames a second. `order` is that of the rotation channels, the
+    /// last turning first; `turn` carries the file's axes to ours (y up). A template keeps its
+    /// own order and axes.
     ///
     /// # Errors
     /// None for values that [`SkeletonFit`] made.

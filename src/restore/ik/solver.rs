@@ -1,13 +1,17 @@
-//! P2 of the posing paper: the values of a skeleton's own degrees of freedom that put its joints where they are wanted.
+//! P2 of the posing paper: the values of a skeleton's own degrees of freedom that put its joints
+//! where they are wanted.
 //!
-//! Minimises `E(q) = Σ wₜ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f the joints' places and
-//! y the wanted ones (centimetres, those that are not missing), w their weights (1 unless set), r the frame before, s the rest posture, a and b small
-//! weights. The paper solves `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's form of
-//! it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights settle what the joints leave
-//! open (the twist of a straight arm, how the spine's twist is shared) without pulling what they do determine: at
-//! 1e-4 cm² a squared radian an angle with a lever of 5 cm gives way by a hundred thousandth of its step.
+//! Minimizes `E(q) = Σ wₜ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f
+//! the joints' places and y the wanted ones (centimeters, those that are not missing), w their
+//! weights (1 unless set), r the frame before, s the rest posture, a and b small weights. The paper
+//! solves `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's form
+//! of it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights settle
+//! what the joints leave open (the twist of a straight arm, how the spine's twist is shared)
+//! without pulling what they do determine: at 1e-4 cm² a squared radian an angle with a lever of 5
+//! cm gives way by a hundred thousandth of its step.
 //!
-//! A step costs O(n depth²) for n free values. P2 is not convex: the answer is a local minimum near the start.
+//! A step costs O(n depth²) for n free values. P2 is not convex: the answer is a local minimum near
+//! the start.
 
 use super::tree_cholesky::solve_tree;
 use crate::pose::Skeleton;
@@ -46,7 +50,7 @@ impl Default for IkSettings {
 pub struct Regularization<'a> {
     /// r: the frame before.
     pub previous: &'a [f64],
-    /// a, cm² a squared radian (a hundredth of it a squared centimetre).
+    /// a, cm² a squared radian (a hundredth of it a squared centimeter).
     pub previous_weight: f64,
     /// s: the rest posture.
     pub rest: &'a [f64],
@@ -67,7 +71,8 @@ pub struct IkSolution {
     pub converged: bool,
 }
 
-/// Solves frame after frame for one skeleton and one set of joints, without allocating but for the small systems.
+/// Solves frame after frame for one skeleton and one set of joints, without allocating but for the
+/// small systems.
 pub struct IkSolver<'a> {
     skeleton: &'a Skeleton,
     joints: &'a [usize],
@@ -91,7 +96,8 @@ pub struct IkSolver<'a> {
     free: Vec<usize>,
     /// The nearest value above each in the system being solved.
     parents: Vec<Option<usize>>,
-    /// The system being solved, `JᵀJ + A + B` (lower triangle) and half the gradient of E, and what a step makes of them.
+    /// The system being solved, `JᵀJ + A + B` (lower triangle) and half the gradient of E, and
+    /// what a step makes of them.
     normal: Vec<f64>,
     gradient: Vec<f64>,
     factor: Vec<f64>,
@@ -188,8 +194,8 @@ impl<'a> IkSolver<'a> {
         (misfit + held, misfit)
     }
 
-    /// Improves `q` for `targets` (3 numbers a joint, NaN is missing). Values that no target moves stay as they are,
-    /// and so do those for which `fixed` is true.
+    /// Improves `q` for `targets` (3 numbers a joint, NaN is missing). Values that no target moves
+    /// stay as they are, and so do those for which `fixed` is true.
     pub fn solve(
         &mut self,
         targets: &[f64],
@@ -211,7 +217,8 @@ impl<'a> IkSolver<'a> {
             if !self.set_normal_equations(targets, regularization, q) {
                 break;
             }
-            // Steps that do not lower E are tried again, shorter; the step after one of them starts from what did.
+            // Steps that do not lower E are tried again, shorter; the step after one of them starts
+            // from what did.
             let mut relax = 0.1;
             loop {
                 out.iterations += 1;
@@ -333,7 +340,8 @@ impl<'a> IkSolver<'a> {
         self.gradient.iter().all(|v| v.is_finite())
     }
 
-    /// Sets the next trial values: whether anything moves, or `None` when the system cannot be solved.
+    /// Sets the next trial values: whether anything moves, or `None` when the system cannot be
+    /// solved.
     fn step(&mut self, damping: f64, q: &[f64]) -> Option<bool> {
         let n = self.free.len();
         let mut normal = std::mem::take(&mut self.factor);

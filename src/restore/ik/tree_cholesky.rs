@@ -1,12 +1,14 @@
-//! Linear systems of a tree: row i has entries in the columns of its ancestors only, as the normal equations of a skeleton do.
+//! Linear systems of a tree: row i has entries in the columns of its ancestors only, as the normal
+//! equations of a skeleton do.
 //!
-//! `H = Lᵀ L` from the leaves inwards keeps every zero (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.5), so
-//! that a solution costs O(n depth²), not O(n³ / 3).
+//! `H = Lᵀ L` from the leaves inwards keeps every zero (R. Featherstone, Rigid Body Dynamics
+//! Algorithms, 2008, section 6.5), so that a solution costs O(n depth²), not O(n³ / 3).
 
 /// Solves `H x = b` in place of `b`.
 ///
-/// `h`: the lower triangle of a symmetric matrix (n, n), row after row, which is lost; `parents[i] < i` is the next column of row
-/// i that is not zero, from the diagonal downwards. `false` where H is not positive definite to rounding, or not finite; then `b` is lost.
+/// `h`: the lower triangle of a symmetric matrix (n, n), row after row, which is lost; `parents[i]
+/// < i` is the next column of row i that is not zero, from the diagonal downwards. `false` where H
+/// is not positive definite to rounding, or not finite; then `b` is lost.
 pub fn solve_tree(h: &mut [f64], parents: &[Option<usize>], b: &mut [f64]) -> bool {
     let n = parents.len();
     let above = |k: usize| std::iter::successors(parents[k], |&i| parents[i]);

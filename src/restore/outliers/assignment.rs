@@ -1,7 +1,8 @@
 //! Assignments of the undecided points of a frame to clean or outlier, by beam search.
 //!
-//! The log weight of an assignment z is the sum in the head of [`super::frame_posterior`]. A Cholesky factor of c P +
-//! i I + R_z at each scale grows by three rows a point, so each step of the beam costs O(n²) for n coordinates.
+//! The log weight of an assignment z is the sum in the head of [`super::frame_posterior`]. A
+//! Cholesky factor of c P + i I + R_z at each scale grows by three rows a point, so each step of
+//! the beam costs O(n²) for n coordinates.
 
 use super::frame_state::FrameState;
 use super::rigid_likelihood::log_odds;
@@ -63,7 +64,8 @@ struct Hypothesis {
 struct Next {
     score: f64,
     corrupt: bool,
-    /// The last three values of each of its rows; those before do not depend on whether it is an outlier.
+    /// The last three values of each of its rows; those before do not depend on whether it is an
+    /// outlier.
     block: [[Scaled; 3]; 3],
     white: [Scaled; 3],
     log: Scaled,
@@ -85,7 +87,8 @@ impl Hypothesis {
         log_sum(&self.log) + self.more
     }
 
-    /// Extensions by the next point as clean and as outlier. Its rows before its own three values go to `rows`.
+    /// Extensions by the next point as clean and as outlier. Its rows before its own three values
+    /// go to `rows`.
     #[inline(always)]
     fn next(
         &self,
@@ -161,8 +164,8 @@ impl Hypothesis {
 }
 
 impl Next {
-    /// Adds the row of one axis of point `p`: `known` are its products with the earlier values of the rows of all
-    /// three axes, `off` that with the whitened residual.
+    /// Adds the row of one axis of point `p`: `known` are its products with the earlier values of
+    /// the rows of all three axes, `off` that with the whitened residual.
     #[inline(always)]
     fn add(
         &mut self,

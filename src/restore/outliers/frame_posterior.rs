@@ -1,15 +1,17 @@
 //! The posterior of a frame any points of which may be outliers, averaged over which they are.
 //!
-//! Rigid distances decide most points ([`super::rigid_likelihood`]). The undecided ones are hidden from the prior,
-//! which then expects them at N(m, P). An assignment z of them to clean or outlier has the weight
+//! Rigid distances decide most points ([`super::rigid_likelihood`]). The undecided ones are hidden
+//! from the prior, which then expects them at N(m, P). An assignment z of them to clean or outlier
+//! has the weight
 //!
 //! ```text
 //! Σ_s w_s N(y; m, c_s P + i_s I + R_z) · Π odds · Π densities of distances between clean ends
 //! ```
 //!
-//! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an outlier comes from
-//! its worst distances and from where the prior expects it (`leave_one_out`). The prior is asked again
-//! under each likely assignment; its log evidence, tempered, replaces the sum. The result is the weighted average.
+//! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an
+//! outlier comes from its worst distances and from where the prior expects it (`leave_one_out`).
+//! The prior is asked again under each likely assignment; its log evidence, tempered, replaces the
+//! sum. The result is the weighted average.
 //!
 //! Cost: one posterior for each likely assignment, and one more.
 
@@ -42,8 +44,8 @@ pub struct Found {
     pub lengths: Lengths,
 }
 
-/// Restores frames (rows of `y`, cm); `noise_variance` are the variances of clean coordinates (cm², infinite where
-/// missing).
+/// Restores frames (rows of `y`, cm); `noise_variance` are the variances of clean coordinates (cm²,
+/// infinite where missing).
 pub fn restore(
     prior: &dyn Prior,
     pairs: &RigidPairs,
@@ -78,7 +80,8 @@ pub fn restore(
         .collect()
 }
 
-/// The likely assignments of each frame, by where the prior expects the undecided points without seeing them.
+/// The likely assignments of each frame, by where the prior expects the undecided points without
+/// seeing them.
 fn assign(prior: &dyn Prior, frames: &mut [FrameState]) -> Vec<Vec<Assignment>> {
     let open: Vec<usize> = (0..frames.len())
         .filter(|&t| !frames[t].undecided.is_empty() || frames[t].corrupt.contains(&true))
@@ -158,7 +161,8 @@ fn average(frame: FrameState, assignments: Vec<Assignment>, posteriors: Vec<Post
     }
 }
 
-/// Noise variance of each coordinate: points that are not surely clean may move as far as an outlier.
+/// Noise variance of each coordinate: points that are not surely clean may move as far as an
+/// outlier.
 fn noise_with_outliers(frame: &FrameState, corrupt: &[f64]) -> Vec<f64> {
     let outlier_variance = &frame.likelihood.outlier_variance;
     let least = |p: usize| match corrupt[p] > SURE {

@@ -55,7 +55,8 @@ impl FrameState {
         self.y.len() / 3
     }
 
-    /// Decides by the distances. The [`MOST`] least certain points are undecided; the others are what they more likely are.
+    /// Decides by the distances. The [`MOST`] least certain points are undecided; the others are
+    /// what they more likely are.
     fn decide(&mut self) {
         let q = &self.likelihood.corrupt;
         self.corrupt = q.iter().map(|q| *q > 0.5).collect();
@@ -69,8 +70,8 @@ impl FrameState {
         self.undecided.sort_unstable();
     }
 
-    /// Noise variances under an assignment. Without one, undecided points are missing, and outliers have at least the
-    /// square of their worst distance.
+    /// Noise variances under an assignment. Without one, undecided points are missing, and outliers
+    /// have at least the square of their worst distance.
     pub fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
         let mut out: Vec<f64> = self
             .noise_variance
@@ -95,7 +96,8 @@ impl FrameState {
         out
     }
 
-    /// Log density of the distances between a clean point and the points decided to be clean so far.
+    /// Log density of the distances between a clean point and the points decided to be clean so
+    /// far.
     pub fn clean_terms(&self, assigned: &[bool], p: usize) -> f64 {
         let clean = |q: usize| match self.undecided.iter().position(|d| *d == q) {
             _ if q == p => true,

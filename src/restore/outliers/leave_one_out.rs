@@ -4,7 +4,8 @@ use super::frame_state::FrameState;
 use crate::prior::Posterior;
 use glam::DMat3;
 
-/// A posterior that keeps more than this share of the observation's variance has no information but that observation.
+/// A posterior that keeps more than this share of the observation's variance has no information but
+/// that observation.
 const MOST_OWN: f64 = 0.98;
 
 /// The expectation of a point from all observations but its own.
@@ -15,12 +16,14 @@ struct LeaveOneOut {
     covariance: [f64; 9],
 }
 
-/// Raises the variances of points that may be outliers to the squared distance from where the prior expects them. A
-/// distance measures a deviation along itself only. The variance stays below the square of the worst distance: a point
-/// with right distances is no outlier because the prior did not expect it.
+/// Raises the variances of points that may be outliers to the squared distance from where the prior
+/// expects them. A distance measures a deviation along itself only. The variance stays below the
+/// square of the worst distance: a point with right distances is no outlier because the prior did
+/// not expect it.
 ///
-/// `expected` is the posterior with [`FrameState::noise`] of no assignment, which this does not change. Variances only
-/// rise; the probabilities by distances keep the variances they were computed with.
+/// `expected` is the posterior with [`FrameState::noise`] of no assignment, which this does not
+/// change. Variances only rise; the probabilities by distances keep the variances they were
+/// computed with.
 pub fn raise_outlier_variances(frame: &mut FrameState, expected: &Posterior) {
     let shown = frame.noise(None);
     let may = |p: &usize| frame.corrupt[*p] || frame.undecided.contains(p);
@@ -38,9 +41,9 @@ pub fn raise_outlier_variances(frame: &mut FrameState, expected: &Posterior) {
     }
 }
 
-/// The expectation of a point with its own observation of variance `r` divided out (infinite `r`: it had none). `None`
-/// where the posterior leaves more than the observation's noise, as mixtures may, or nearly as much: the posterior
-/// then is the observation.
+/// The expectation of a point with its own observation of variance `r` divided out (infinite `r`:
+/// it had none). `None` where the posterior leaves more than the observation's noise, as mixtures
+/// may, or nearly as much: the posterior then is the observation.
 fn left_out(y: &[f64], belief: &Posterior, p: usize, r: f64) -> Option<LeaveOneOut> {
     // P_out = P (I − P/r)⁻¹ and y − m_out = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
@@ -81,8 +84,8 @@ mod tests {
 
     #[test]
     fn without_its_own_observation_a_point_is_expected_where_the_others_say() {
-        // x ~ N(m, S) in three coordinates, observed with noise r: dividing the observation out of the posterior gives
-        // N(m, S) back.
+        // x ~ N(m, S) in three coordinates, observed with noise r: dividing the observation out of
+        // the posterior gives N(m, S) back.
         let (m, y, r) = ([1.0, -2.0, 0.5], [3.0, -1.0, 0.0], 0.7);
         let s = [2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5];
         let mut a = s;
@@ -153,7 +156,8 @@ mod tests {
         }
     }
 
-    /// Squared deviation of a point from its expectation, a coordinate; the expectation itself has variance 1.
+    /// Squared deviation of a point from its expectation, a coordinate; the expectation itself has
+    /// variance 1.
     fn off(frame: &FrameState, pose: &[f64], p: usize) -> f64 {
         let square = |i: usize| (frame.y[i] - pose[i]).powi(2) - 1.0;
         (3 * p..3 * p + 3).map(square).sum::<f64>() / 3.0

@@ -1,8 +1,8 @@
 //! Outliers of a take: points that cannot be where they were measured.
 //!
 //! 1. `trajectory` finds spikes: points that leave their path for some frames. No model is needed.
-//! 2. The model is adapted to the body that the other points show. Rigid distances then say which frames hold outliers
-//!    ([`super::rigid::noise_floor`]), each frame together with its neighbors.
+//! 2. The model is adapted to the body that the other points show. Rigid distances then say which
+//!    frames hold outliers ([`super::rigid::noise_floor`]), each frame together with its neighbors.
 //! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
 
 mod assignment;
@@ -24,10 +24,11 @@ use std::ops::Range;
 const LEAST_NOISE: f64 = 0.01;
 /// Rounds of spike detection. Spikes inflate the noise estimate, which hides others.
 const ROUNDS: usize = 2;
-/// Frames on either side that count as evidence. In frames, not seconds: each is a measurement of its own.
+/// Frames on either side that count as evidence. In frames, not seconds: each is a measurement of
+/// its own.
 const NEIGHBORS: usize = 10;
-/// Evidence for outliers that suffices, in nats: of the frame alone; of the frame and its neighbors; of the neighbors on
-/// each side, where the frame has none itself.
+/// Evidence for outliers that suffices, in nats: of the frame alone; of the frame and its
+/// neighbors; of the neighbors on each side, where the frame has none itself.
 const ALONE: f64 = 3.0;
 const TOGETHER: f64 = 8.0;
 const EITHER_SIDE: f64 = 5.0;
@@ -40,7 +41,8 @@ const CHUNK: usize = 8;
 pub struct Outliers {
     /// Outliers of each frame, spikes included.
     pub points: Vec<Vec<usize>>,
-    /// Spikes of each frame, found by `trajectory`: the path says where the point should have been.
+    /// Spikes of each frame, found by `trajectory`: the path says where the point should have
+    /// been.
     pub spikes: Vec<Vec<usize>>,
 }
 
@@ -60,8 +62,9 @@ impl Outliers {
         gaps.iter().filter(is_outlier).cloned().collect()
     }
 
-    /// The outliers of a take (frames, 3 J; cm), and the model adapted to its body. `runs` are ranges of consecutive frames,
-    /// `rate` is in frames a second, `noise` is the standard deviation of a coordinate in cm if known.
+    /// The outliers of a take (frames, 3 J; cm), and the model adapted to its body. `runs` are
+    /// ranges of consecutive frames, `rate` is in frames a second, `noise` is the standard
+    /// deviation of a coordinate in cm if known.
     pub fn find<'m>(
         model: &'m LoadedModel,
         xyz: ArrayView2<'_, f64>,
@@ -101,8 +104,8 @@ impl Outliers {
     }
 }
 
-/// The outliers of a take in the table's order of points, and the model adapted to the take's body. Without a model, and for
-/// points that it does not know, only spikes are found.
+/// The outliers of a take in the table's order of points, and the model adapted to the take's body.
+/// Without a model, and for points that it does not know, only spikes are found.
 pub fn find_outliers<'m>(
     bound: Option<&BoundModel<'m>>,
     take: &Take<'_>,
@@ -129,8 +132,9 @@ pub fn find_outliers<'m>(
     (outliers, Some(adapted))
 }
 
-/// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm, NaN missing). `runs` are ranges of
-/// consecutive frames, `rate` is in frames a second. No model is needed.
+/// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
+/// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
+/// needed.
 pub fn spikes_of_take(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
@@ -159,7 +163,8 @@ pub fn remove(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
     }
 }
 
-/// The outliers of each frame by rigid distances and the prior; `noise` is that of most coordinates, cm.
+/// The outliers of each frame by rigid distances and the prior; `noise` is that of most
+/// coordinates, cm.
 fn by_distances(
     adapted: &AdaptedModel<'_>,
     xyz: &Array2<f64>,
@@ -200,10 +205,11 @@ fn by_distances(
     points
 }
 
-/// Which frames are searched for outliers, by the evidence for them in each frame (nats, not negative).
+/// Which frames are searched for outliers, by the evidence for them in each frame (nats, not
+/// negative).
 ///
-/// Under heavy noise one clean frame in eight shows some evidence, and its neighbors do not. An outlier that is no spike lasts
-/// for several frames, some of which may show no evidence.
+/// Under heavy noise one clean frame in eight shows some evidence, and its neighbors do not. An
+/// outlier that is no spike lasts for several frames, some of which may show no evidence.
 fn pooled_over_time(evidence: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
     let mut searched = vec![false; evidence.len()];
     for run in runs {

@@ -1,8 +1,8 @@
 //! The likelihood of outliers by rigid distances alone.
 //!
-//! Each point is clean or an outlier, z_j in {0, 1} (odds .8 : .2). A distance d_k between points i and j deviates
-//! from its length L_k by its own variance V_k, by the noise b² of both ends, and by the variance S of each end that
-//! is an outlier:
+//! Each point is clean or an outlier, z_j in {0, 1} (odds .8 : .2). A distance d_k between points i
+//! and j deviates from its length L_k by its own variance V_k, by the noise b² of both ends, and by
+//! the variance S of each end that is an outlier:
 //!
 //! ```text
 //! p(z, d) ∝ Π_j (.8 or .2) Π_k N(d_k − L_k; shift, V_k + b_i² + b_j² + z_i S_i + z_j S_j)
@@ -59,9 +59,9 @@ pub struct RigidLikelihood {
     pub lengths: Lengths,
 }
 
-/// Variance of a coordinate of each point if it is an outlier: its least squared deviation, as all distances of an
-/// outlier deviate, and only some of its neighbors'. Distances to likely outliers (`corrupt`) count where there are no
-/// others.
+/// Variance of a coordinate of each point if it is an outlier: its least squared deviation, as all
+/// distances of an outlier deviate, and only some of its neighbors'. Distances to likely outliers
+/// (`corrupt`) count where there are no others.
 fn outlier_variances(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
@@ -142,8 +142,8 @@ fn terms(
 }
 
 impl RigidLikelihood {
-    /// The likelihood of a frame (3 J, cm); `noise_variance` is that of clean coordinates, cm², infinite where
-    /// missing.
+    /// The likelihood of a frame (3 J, cm); `noise_variance` is that of clean coordinates, cm²,
+    /// infinite where missing.
     pub fn new(
         pairs: &RigidPairs,
         bodies: &BodyMixture,

@@ -1,12 +1,14 @@
-//! Spikes: points that leave their path for some frames. No part of a body jumps away and back, so no model is needed.
+//! Spikes: points that leave their path for some frames. No part of a body jumps away and back, so
+//! no model is needed.
 //!
-//! 1. Between two frames, a before and b after, a point moves on a straight line, but for A h² a b / 2 if its
-//!    acceleration is at most A (h seconds a frame), and for the noise. A point that agrees with too few pairs of its
-//!    neighbors in time is a spike.
-//! 2. The remaining points are on the cubic through two neighbors on either side, but for S h⁴ a b c d / 24 if the
-//!    fourth derivative of the path is at most S. The point with the largest deviation nearby is a spike, until none is
-//!    left.
-//! 3. Spikes after which the path does not continue as before are none: the point jumped and stays where it is.
+//! 1. Between two frames, a before and b after, a point moves on a straight line, but for A h² a b
+//!    / 2 if its acceleration is at most A (h seconds a frame), and for the noise. A point that
+//!    agrees with too few pairs of its neighbors in time is a spike.
+//! 2. The remaining points are on the cubic through two neighbors on either side, but for S h⁴ a b
+//!    c d / 24 if the fourth derivative of the path is at most S. The point with the largest
+//!    deviation nearby is a spike, until none is left.
+//! 3. Spikes after which the path does not continue as before are none: the point jumped and stays
+//!    where it is.
 
 use crate::numeric::parallel;
 use glam::DVec3;
@@ -35,8 +37,9 @@ const TIMES: usize = 3;
 /// Largest number of rounds of the second test.
 const ROUNDS: usize = 50;
 
-/// The spikes of each frame of a take (frames, 3 J; cm, NaN missing). `runs` are ranges of consecutive frames, `rate`
-/// is in frames a second, `noise` (J) the standard deviation of a coordinate of each point, cm.
+/// The spikes of each frame of a take (frames, 3 J; cm, NaN missing). `runs` are ranges of
+/// consecutive frames, `rate` is in frames a second, `noise` (J) the standard deviation of a
+/// coordinate of each point, cm.
 pub fn spikes(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
@@ -137,8 +140,8 @@ impl Path {
         spikes
     }
 
-    /// Where a path jumps and stays, the frames on either side of the jump disagree with their neighbors: they are no
-    /// spikes.
+    /// Where a path jumps and stays, the frames on either side of the jump disagree with their
+    /// neighbors: they are no spikes.
     fn release(&self, spikes: &mut [bool]) {
         let mut from = 0;
         while let Some(first) = (from..spikes.len()).find(|t| spikes[*t]) {
@@ -161,7 +164,8 @@ impl Path {
         !before.is_empty() && !after.is_empty() && !leads(before, after) && !leads(after, before)
     }
 
-    /// Adds the largest deviations from the cubics through their neighbors; returns whether there are any.
+    /// Adds the largest deviations from the cubics through their neighbors; returns whether there
+    /// are any.
     fn add_worst(&self, spikes: &mut [bool]) -> bool {
         let off: Vec<f64> = (0..spikes.len())
             .map(|t| self.off_cubic(t, spikes))
@@ -178,8 +182,8 @@ impl Path {
         some
     }
 
-    /// Deviation from the cubic through the neighbors, relative to the largest allowed; 0 for spikes and where
-    /// neighbors lack.
+    /// Deviation from the cubic through the neighbors, relative to the largest allowed; 0 for
+    /// spikes and where neighbors lack.
     fn off_cubic(&self, t: usize, spikes: &[bool]) -> f64 {
         if !self.places[t].is_finite() || spikes[t] {
             return 0.0;
@@ -230,14 +234,15 @@ impl Path {
         self.agrees(b, a, c) && pairs(near).all(|(i, j)| !self.agrees(t, i, j))
     }
 
-    /// `is_loose` for the frame beside the end of a run. The end itself may be off: it has to be a known spike, or
-    /// to agree with the others.
+    /// `is_loose` for the frame beside the end of a run. The end itself may be off: it has to be a
+    /// known spike, or to agree with the others.
     fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], spikes: &[bool]) -> bool {
         let is_known = || spikes[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
         self.is_loose(t, near) && is_known()
     }
 
-    /// The nearest frames before and after `t` that are seen and not in `spikes`, the nearest first.
+    /// The nearest frames before and after `t` that are seen and not in `spikes`, the nearest
+    /// first.
     fn neighbors(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
         let is_spike = |i: usize| spikes.get(i).is_some_and(|is| *is);
         let counts = |i: &usize| self.places[*i].is_finite() && !is_spike(*i);

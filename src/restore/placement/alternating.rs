@@ -1,13 +1,14 @@
 //! P1: a pose and its placement, found in turn (equations 7 to 13 of the posing paper).
 //!
 //! ```text
-//! min over x, R, t   Σ wᵢ |R (A x)ᵢ + t − yᵢ|² + Σ Wₖ (τₖ − τ₀ₖ)²    with at most kappa entries of x
+//! min over x, R, t   Σ wᵢ |R (A x)ᵢ + t − yᵢ|² + Σ Wₖ (τₖ − τ₀ₖ)²
+//!     with at most kappa entries of x
 //! ```
 //!
-//! y are the observed points (cm), w their precisions (1/cm²), R = Rz Ry Rx of the angles τ (radians). For fixed (R,
-//! t) the sparse code of the points in the model's space is P1a. For fixed x the placement is P1b: closed form (Horn)
-//! without a rotation prior W, damped Gauss-Newton with one. The code keeps its support where a new one would be
-//! worse, so the objective never rises.
+//! y are the observed points (cm), w their precisions (1/cm²), R = Rz Ry Rx of the angles τ
+//! (radians). For fixed (R, t) the sparse code of the points in the model's space is P1a. For fixed
+//! x the placement is P1b: closed form (Horn) without a rotation prior W, damped Gauss-Newton with
+//! one. The code keeps its support where a new one would be worse, so the objective never rises.
 
 use super::{PlacementSolution, PlacementSolver};
 use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
@@ -51,7 +52,8 @@ impl Alternation<'_> {
             let next = self.place(&placement, &fit);
             let next_fit = code(&next, Some(&fit));
             let next_objective = next_fit.objective + cost(&next);
-            // Rounding aside the objective cannot rise; where it does not fall the search has ended.
+            // Rounding aside the objective cannot rise; where it does not fall the search has
+            // ended.
             if !(next_objective < objective) {
                 break;
             }
@@ -113,8 +115,9 @@ impl Alternation<'_> {
         }
     }
 
-    /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; each accepted step lowers the objective.
-    /// (The paper's gradient (13) lacks the factor 2 and is not the derivative; this one is.)
+    /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; each accepted step
+    /// lowers the objective. (The paper's gradient (13) lacks the factor 2 and is not the
+    /// derivative; this one is.)
     fn rotate_with_prior(
         &self,
         pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,

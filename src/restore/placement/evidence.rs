@@ -1,14 +1,16 @@
 //! A placement by maximum evidence: where the prior explains the observation best.
 //!
-//! Alternating as in P1 stops at once for a prior that can reproduce any six points wherever they stand: its fit
-//! leaves no residual to rotate by. The log evidence of each placement still differs:
+//! Alternating as in P1 stops at once for a prior that can reproduce any six points wherever they
+//! stand: its fit leaves no residual to rotate by. The log evidence of each placement still
+//! differs:
 //!
 //! ```text
 //! max over R, t   log p(Rᵀ (y − t)) − ½ Σ Wₖ (τₖ − τ₀ₖ)²
 //! ```
 //!
-//! y are the observed points (cm), W a rotation prior. Levenberg-Marquardt steps δ (rotation, radians) and ε (shift,
-//! cm) move y to Rᵀ (exp(−δ) (y − c − ε) + c − t), with c the center of the observed points.
+//! y are the observed points (cm), W a rotation prior. Levenberg-Marquardt steps δ (rotation,
+//! radians) and ε (shift, cm) move y to Rᵀ (exp(−δ) (y − c − ε) + c − t), with c the center of the
+//! observed points.
 
 use super::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
@@ -20,8 +22,8 @@ use crate::prior::{EvidenceGradient, Prior};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// A step expected to gain less, nats, is the last: it moves the points by a seventieth of the placement's
-/// uncertainty.
+/// A step expected to gain less, nats, is the last: it moves the points by a seventieth of the
+/// placement's uncertainty.
 const SETTLED: f64 = 1e-4;
 /// A search that comes this close to a known maximum, radians and cm, would end there.
 const SAME_TOP: (f64, f64) = (0.1, 3.0);
@@ -82,7 +84,8 @@ pub fn maximize(
             };
             let next = climber.moved(&now, &step);
             if gain <= SETTLED && damping <= UNDAMPED {
-                // The gain is below the precision of the evidence: another gradient is not worth its cost.
+                // The gain is below the precision of the evidence: another gradient is not worth
+                // its cost.
                 slope.log_evidence = value + gain + cost(&next);
                 now = next;
                 break 'steps;
@@ -288,7 +291,8 @@ mod tests {
         let free = top(&PlacementSolver::default(), start, &[]).unwrap();
         assert!((free.placement.shift - stands.shift).length() <= 1e-5);
         assert!(free.objective <= 1e-9 && free.iterations < 20);
-        // Another start leads to the same maximum and stops early; a known maximum far away changes nothing.
+        // Another start leads to the same maximum and stops early; a known maximum far away changes
+        // nothing.
         let elsewhere = Similarity {
             rotation: from_rotation_vector(DVec3::new(0.1, -0.9, 0.0)),
             ..start

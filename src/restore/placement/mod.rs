@@ -1,9 +1,10 @@
-//! Placement: the rotation R (3, 3) and shift t (3, cm) from the model's space to the world, found together with the
-//! pose.
+//! Placement: the rotation R (3, 3) and shift t (3, cm) from the model's space to the world, found
+//! together with the pose.
 //!
-//! Where a prior gives the gradient of its evidence ([`Prior::evidence_gradient`]), `evidence` maximizes that; for sparse
-//! codes `alternating` solves P1 of the posing paper; [`orthographic`] places 2-D input. The problem is not convex: starting
-//! placements come from fitting representative poses to the points, so a rotated observation gives the rotated result.
+//! Where a prior gives the gradient of its evidence ([`Prior::evidence_gradient`]), `evidence`
+//! maximizes that; for sparse codes `alternating` solves P1 of the posing paper; [`orthographic`]
+//! places 2-D input. The problem is not convex: starting placements come from fitting
+//! representative poses to the points, so a rotated observation gives the rotated result.
 
 mod alternating;
 mod evidence;
@@ -49,8 +50,8 @@ impl Default for PlacementSolver {
 pub struct PlacementSolution {
     /// Transform from the model's space to the world.
     pub placement: Similarity,
-    /// The code in the model's space, with objective (7) without the rotation prior; `None` where evidence was
-    /// maximized.
+    /// The code in the model's space, with objective (7) without the rotation prior; `None` where
+    /// evidence was maximized.
     pub fit: Option<Reconstruction>,
     /// Objective (7) with the rotation prior; −2 times the log evidence where that was maximized.
     pub objective: f64,
@@ -71,8 +72,8 @@ impl PlacementSolution {
 }
 
 impl PlacementSolver {
-    /// Solves P1 from `known` placements (that of the pelvis, that of the frame before), or else from representative
-    /// poses.
+    /// Solves P1 from `known` placements (that of the pelvis, that of the frame before), or else
+    /// from representative poses.
     ///
     /// `None` when the points do not determine a rotation: fewer than three, or all on a line.
     pub fn solve(
@@ -95,7 +96,8 @@ impl PlacementSolver {
         for start in starts {
             let solved = match evidence::maximize(self, prior, seen, start, &tops) {
                 Ascent::Top(solved) => {
-                    // A rotation prior depends on the start, and a search that ran out of iterations is at no maximum.
+                    // A rotation prior depends on the start, and a search that ran out of
+                    // iterations is at no maximum.
                     let is_top = solved.iterations < self.iterations;
                     if is_top && self.rotation_prior == DVec3::ZERO {
                         tops.push(solved.placement);
@@ -112,8 +114,8 @@ impl PlacementSolver {
         best
     }
 
-    /// Solves P1 from the solution of the frame before, as while a point is dragged. Its atoms stay where new ones
-    /// would be worse.
+    /// Solves P1 from the solution of the frame before, as while a point is dragged. Its atoms stay
+    /// where new ones would be worse.
     ///
     /// `None` as for [`PlacementSolver::solve`].
     pub fn follow(
@@ -139,7 +141,8 @@ impl PlacementSolver {
         }
     }
 
-    /// The starting placements: the known ones, or those of the best fitting representative poses, far apart.
+    /// The starting placements: the known ones, or those of the best fitting representative poses,
+    /// far apart.
     fn headings(
         &self,
         prior: &dyn Prior,
@@ -200,7 +203,8 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    /// Atoms of six points of a body that turns a little, and a pose of them placed elsewhere, without its last point.
+    /// Atoms of six points of a body that turns a little, and a pose of them placed elsewhere,
+    /// without its last point.
     fn scene() -> (crate::prior::SparseCodingPrior, Anchor, Vec<f64>, Vec<f64>) {
         let names = ["root", "lhipjoint", "rhipjoint", "thorax", "head", "lhand"];
         let names = names.map(String::from);

@@ -1,12 +1,15 @@
-//! 2-D input of the posing paper: only two coordinates of some points are observed, as in a picture.
+//! 2-D input of the posing paper: only two coordinates of some points are observed, as in a
+//! picture.
 //!
 //! ```text
-//! min over x, R, t   Σ wᵢ (aᵢᵀ (R (A x)ᵢ + t) − yᵢ)²    over the observed coordinates yᵢ (cm) along the axes aᵢ
+//! min over x, R, t   Σ wᵢ (aᵢᵀ (R (A x)ᵢ + t) − yᵢ)²
+//!     over the observed coordinates yᵢ (cm) along the axes aᵢ
 //! ```
 //!
-//! The rotation has no closed form, and rotating a point mixes observed coordinates with missing ones. So the model is
-//! rotated in place of the points: for fixed R the code of the rotated atoms is P1a; for fixed x, (R, t) follow by
-//! damped Gauss-Newton. The scale is that of the code, as atoms pass through the origin.
+//! The rotation has no closed form, and rotating a point mixes observed coordinates with missing
+//! ones. So the model is rotated in place of the points: for fixed R the code of the rotated atoms
+//! is P1a; for fixed x, (R, t) follow by damped Gauss-Newton. The scale is that of the code, as
+//! atoms pass through the origin.
 
 use super::PlacementSolver;
 use crate::numeric::linalg::cholesky_solve;
@@ -17,8 +20,8 @@ use crate::prior::{Posterior, Prior, Reconstruction, Want};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// The posterior of a frame with partly observed points, in world axes, and its placement: from a `known` one or else from
-/// representative poses. `None` with fewer than four points.
+/// The posterior of a frame with partly observed points, in world axes, and its placement: from a
+/// `known` one or else from representative poses. `None` with fewer than four points.
 pub fn restore(
     prior: &dyn Prior,
     seen: Observation<'_>,
@@ -135,7 +138,8 @@ fn descend(
     (fit, rotation, shift)
 }
 
-/// Rotates and shifts `pose` (already rotated by `rotation`) onto the coordinates, by damped Gauss-Newton.
+/// Rotates and shifts `pose` (already rotated by `rotation`) onto the coordinates, by damped
+/// Gauss-Newton.
 fn place(
     coordinates: &[(usize, f64, f64)],
     pose: &[f64],
@@ -203,15 +207,15 @@ pub struct OrthographicView {
     pub rotation: DMat3,
     /// In the picture's unit.
     pub shift: DVec3,
-    /// The picture's unit over a centimetre.
+    /// The picture's unit over a centimeter.
     pub scale: f64,
 }
 
-/// The best scaled orthographic view of each representative pose of a prior on the points that `seen` has x and y of, the best fits
-/// first, at most so many.
+/// The best scaled orthographic view of each representative pose of a prior on the points that
+/// `seen` has x and y of, the best fits first, at most so many.
 ///
-/// The affine map M (2, 3) of a pose onto the picture is linear least squares; the nearest pair of orthonormal rows is
-/// the rotation.
+/// The affine map M (2, 3) of a pose onto the picture is linear least squares; the nearest pair of
+/// orthonormal rows is the rotation.
 pub fn views(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<OrthographicView> {
     let planar: Vec<(usize, DVec3)> = (0..seen.values.len() / 3)
         .filter(|j| seen.variance[3 * j].is_finite() && seen.variance[3 * j + 1].is_finite())

@@ -1,12 +1,13 @@
 //! Lengths of rigid pairs: a mixture over the bodies that a pose may show.
 //!
-//! Each known body has a share and a Gaussian N(L, V) of its n lengths (cm, cm²); an unknown body has the mean of the
-//! known lengths and 6% of each as its standard deviation.
+//! Each known body has a share and a Gaussian N(L, V) of its n lengths (cm, cm²); an unknown body
+//! has the mean of the known lengths and 6% of each as its standard deviation.
 
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
-/// Share of unknown bodies, and the standard deviation of their lengths relative to the mean of the known ones.
+/// Share of unknown bodies, and the standard deviation of their lengths relative to the mean of the
+/// known ones.
 const STRANGER: (f64, f64) = (0.02, 0.06);
 
 /// Independent Gaussians of n lengths.
@@ -84,7 +85,8 @@ impl BodyMixture {
         self.has_stranger && body + 1 == self.all.len()
     }
 
-    /// Mean and variance of the lengths, given the log weight of each body up to a constant, shares included.
+    /// Mean and variance of the lengths, given the log weight of each body up to a constant, shares
+    /// included.
     pub fn given(&self, logs: &[f64]) -> Lengths {
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: Vec<f64> = logs.iter().map(|l| (l - best).exp()).collect();

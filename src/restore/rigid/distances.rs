@@ -25,7 +25,8 @@ pub fn base_of(noise_variance: &[f64], p: usize) -> f64 {
     (noise_variance[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
 }
 
-/// Index, distance (cm) and noise variance of the distance (cm²) of each pair whose ends are both seen.
+/// Index, distance (cm) and noise variance of the distance (cm²) of each pair whose ends are both
+/// seen.
 pub fn deviations<'a>(
     pairs: &'a RigidPairs,
     y: &'a [f64],

@@ -1,4 +1,5 @@
-//! The Jacobian H (n, D) of n rigid distances at a pose of D coordinates, and its products with a covariance.
+//! The Jacobian H (n, D) of n rigid distances at a pose of D coordinates, and its products with a
+//! covariance.
 //!
 //! A row of H has six entries: the unit vector u at the first end, −u at the second.
 
@@ -39,7 +40,8 @@ pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
     ends.iter().map(of).collect()
 }
 
-/// H P' (n, D), where P' is the covariance with its correlations scaled, plus `extra` (D) on the diagonal.
+/// H P' (n, D), where P' is the covariance with its correlations scaled, plus `extra` (D) on the
+/// diagonal.
 pub fn times_covariance(
     rows: &[JacobianRow],
     uncertainty: Uncertainty<'_>,
@@ -105,8 +107,8 @@ pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64>
     a
 }
 
-/// The terms of H diag(i) Hᵀ: (index into the lower triangle by rows of n, the point that two distances share, factors
-/// of i for its three coordinates).
+/// The terms of H diag(i) Hᵀ: (index into the lower triangle by rows of n, the point that two
+/// distances share, factors of i for its three coordinates).
 pub fn shared_ends(rows: &[JacobianRow]) -> Vec<(usize, usize, [f64; 3])> {
     let n = rows.len();
     let mut out = Vec::new();

@@ -1,10 +1,11 @@
 //! Rigid distances: what they say about outliers, noise and lengths, on top of any prior.
 //!
-//! n pairs of points keep their distance L (cm, variance V): bones, and whatever else is stiff. A frame y is restored
-//! in two steps, in the model's space:
+//! n pairs of points keep their distance L (cm, variance V): bones, and whatever else is stiff. A
+//! frame y is restored in two steps, in the model's space:
 //!
 //! ```text
-//! no outliers:  prior posterior N(m, P) of y                          -> projection onto |x_i − x_j| = L
+//! no outliers:  prior posterior N(m, P) of y
+//!     -> projection onto |x_i − x_j| = L
 //! outliers:     distances -> likely outliers -> posterior under each  -> average -> projection
 //! ```
 //!
@@ -48,7 +49,8 @@ pub enum OutlierMode {
 }
 
 impl OutlierMode {
-    /// The mode for such noise variances: outliers are searched for where everything is seen and nearly clean.
+    /// The mode for such noise variances: outliers are searched for where everything is seen and
+    /// nearly clean.
     pub fn for_noise(noise_variance: &[f64]) -> OutlierMode {
         match Task::of(noise_variance) {
             Task::Sparse => OutlierMode::Search,
@@ -83,9 +85,10 @@ pub struct RigidModel {
     noise_floors: NoiseFloorSearch,
 }
 
-/// Standard deviation of a person's lengths relative to the model's. Chosen among 0, .02, .04, .05 and .06 on single
-/// frames of subjects 02, 07, 08, 35 and 49, one take each, with the built-in model: at .05 clean frames change by an
-/// MSE of 5e-7 to .005 asf² (.007 to .09 at 0), and sparse noise leaves .016 to .033 (.023 to .11).
+/// Standard deviation of a person's lengths relative to the model's. Chosen among 0, .02, .04, .05
+/// and .06 on single frames of subjects 02, 07, 08, 35 and 49, one take each, with the built-in
+/// model: at .05 clean frames change by an MSE of 5e-7 to .005 asf² (.007 to .09 at 0), and sparse
+/// noise leaves .016 to .033 (.023 to .11).
 const ANYONES_SHARE: f64 = 0.05;
 
 impl RigidModel {
@@ -119,8 +122,9 @@ impl RigidModel {
         RigidPairs::read(model, source).map(RigidModel::of)
     }
 
-    /// The distances of another body. `from` and `to` (k, 3 J) are poses before and after their transform to it;
-    /// `length_sd` gives the standard deviation (cm) of the distance between two points.
+    /// The distances of another body. `from` and `to` (k, 3 J) are poses before and after their
+    /// transform to it; `length_sd` gives the standard deviation (cm) of the distance between
+    /// two points.
     pub fn mapped(
         &self,
         from: ArrayView2<'_, f64>,
@@ -135,8 +139,8 @@ impl RigidModel {
         RigidModel::of(pairs)
     }
 
-    /// The distances of a person who has not been measured. The known bodies do not show how people differ: their
-    /// bones were all scaled to the model's.
+    /// The distances of a person who has not been measured. The known bodies do not show how people
+    /// differ: their bones were all scaled to the model's.
     pub fn for_unknown_body(&self) -> RigidModel {
         let mut pairs = self.pairs.clone();
         for (pair, lengths) in pairs.pairs.iter_mut().zip(self.pairs.bodies.columns()) {
@@ -157,14 +161,14 @@ impl RigidModel {
         self.pairs.is_empty()
     }
 
-    /// The noise floor of a frame (3 J, cm; NaN missing). `None` where too few distances are seen, or no known body
-    /// fits.
+    /// The noise floor of a frame (3 J, cm; NaN missing). `None` where too few distances are seen,
+    /// or no known body fits.
     pub fn noise_floor(&self, y: &[f64]) -> Option<NoiseFloor> {
         self.noise_floors.base(&self.pairs, &self.bodies, y)
     }
 
-    /// The probability of each point (J) to be an outlier by the distances alone; `noise` is the variance of clean
-    /// coordinates, infinite where missing. Needs no placement.
+    /// The probability of each point (J) to be an outlier by the distances alone; `noise` is the
+    /// variance of clean coordinates, infinite where missing. Needs no placement.
     pub fn outlier_probabilities(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
         if !self.can_search(y.len() / 3) {
             return vec![0.0; y.len() / 3];
@@ -180,8 +184,9 @@ impl RigidModel {
         points <= MOST_MASKED && 2 * tied.iter().filter(|t| **t).count() > points
     }
 
-    /// Restores poses in the prior's space: rows of `y` (cm) with noise variances (cm², infinite where missing). Exact
-    /// coordinates stay as they are, unless their point is found to be an outlier.
+    /// Restores poses in the prior's space: rows of `y` (cm) with noise variances (cm², infinite
+    /// where missing). Exact coordinates stay as they are, unless their point is found to be an
+    /// outlier.
     pub fn restore(
         &self,
         prior: &dyn Prior,
@@ -260,17 +265,17 @@ impl RigidModel {
     }
 }
 
-/// The share of the noise variance that a posterior leaves open, for a pose like the training poses and for one unlike
-/// them.
+/// The share of the noise variance that a posterior leaves open, for a pose like the training poses
+/// and for one unlike them.
 const KNOWN: f64 = 0.09;
 const UNKNOWN: f64 = 0.15;
 
 /// How much of a posterior's correlations the projection uses under dense noise, from 0 to 1.
 ///
-/// A posterior that leaves little open ([`KNOWN`] of the noise variance) is that of a pose like the training poses,
-/// and its correlations hold. One that leaves much ([`UNKNOWN`]) is that of a pose unlike any, and its correlations
-/// are wrong more often than right. Measured: using them always costs 7% on unseen takes; using them never costs 10%
-/// on frames of training takes.
+/// A posterior that leaves little open ([`KNOWN`] of the noise variance) is that of a pose like the
+/// training poses, and its correlations hold. One that leaves much ([`UNKNOWN`]) is that of a pose
+/// unlike any, and its correlations are wrong more often than right. Measured: using them always
+/// costs 7% on unseen takes; using them never costs 10% on frames of training takes.
 fn known(variance: f64, noise_variance: &[f64]) -> f64 {
     let left = variance / noise_variance.iter().sum::<f64>();
     ((UNKNOWN - left) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)
@@ -301,7 +306,7 @@ mod tests {
         out
     }
 
-    fn learnt(poses: &Array2<f64>) -> (RigidModel, GaussianMixturePrior) {
+    fn learned(poses: &Array2<f64>) -> (RigidModel, GaussianMixturePrior) {
         let half = poses.nrows() / 2;
         let xyz = poses.mapv(|v| v as f32);
         let rigid = RigidModel::learn(xyz.view(), &[0..half, half..poses.nrows()]);
@@ -334,7 +339,7 @@ mod tests {
     #[test]
     fn nothing_corrupt_nothing_changed() {
         let poses = swinging(200);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         assert_eq!(rigid.pairs.pairs.len(), 7);
         let noise_variance = Array2::zeros(poses.dim());
         for (t, answer) in rigid
@@ -359,7 +364,7 @@ mod tests {
     #[test]
     fn a_corrupt_point_is_found_and_put_back() {
         let poses = swinging(200);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         let (y, which) = hit(&poses);
         for base in [0.0, 0.08] {
             let noise_variance = Array2::from_elem(poses.dim(), base);
@@ -384,7 +389,7 @@ mod tests {
     fn corrupt_points_are_found_among_noisy_ones() {
         // This much noise leaves most points undecided by their distances.
         let (poses, sd) = (swinging(200), 0.4);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         let (mut y, which) = hit(&poses);
         let mut generator = crate::numeric::parallel::rng(9, 0);
         y.mapv_inplace(|v| v + sd * rand::Rng::sample::<f64, _>(&mut generator, StandardNormal));
@@ -409,7 +414,7 @@ mod tests {
     #[test]
     fn rigid_distances_are_kept() {
         let poses = swinging(200);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         let mut noise_variance = Array2::zeros((10, 24));
         // Only the ends of the chain and its middle are seen.
         for p in [1, 2, 3, 5, 6] {
@@ -434,7 +439,7 @@ mod tests {
     #[test]
     fn the_threads_change_nothing() {
         let poses = swinging(90);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         let (y, _) = hit(&poses);
         // Exact points, and noisy ones, which are scored twice.
         for base in [0.0, 0.3] {
@@ -464,7 +469,7 @@ mod tests {
     #[test]
     fn missing_points_and_frames_of_nothing_are_answered() {
         let poses = swinging(60);
-        let (rigid, prior) = learnt(&poses);
+        let (rigid, prior) = learned(&poses);
         let mut y = poses.slice(s![..3, ..]).to_owned();
         y.slice_mut(s![0, 6..9]).fill(f64::NAN);
         y.row_mut(1).fill(f64::NAN);
@@ -488,7 +493,7 @@ mod tests {
     #[test]
     fn without_pairs_the_prior_answers_alone() {
         let poses = swinging(40);
-        let (_, prior) = learnt(&poses);
+        let (_, prior) = learned(&poses);
         let noise_variance = Array2::from_elem(poses.dim(), 1.0);
         let plain = posterior_rows(&prior, poses.view(), noise_variance.view(), Want::Variances);
         for mode in [OutlierMode::Ignore, OutlierMode::Search] {

@@ -1,7 +1,7 @@
 //! The noise floor of a frame: the noise of most of its points, by rigid distances alone.
 //!
-//! A distance d_k deviates from its length L_k by its own variance V_k and by the noise floor b² of both ends; an
-//! outlier at either end adds a variance S:
+//! A distance d_k deviates from its length L_k by its own variance V_k and by the noise floor b² of
+//! both ends; an outlier at either end adds a variance S:
 //!
 //! ```text
 //! p(d | b) ∝ Π_k [ .64 N(d_k − L_k; V_k + 2 b²) + .36 Σ_s w_s N(d_k − L_k; V_k + 2 b² + S_s) ]
@@ -20,8 +20,8 @@ use crate::prior::rigid_pairs::RigidPairs;
 const BASES: [f64; 12] = [
     0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
 ];
-/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker taken for another is off by much
-/// more than one shifted by a few pixels.
+/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker taken for
+/// another is off by much more than one shifted by a few pixels.
 const SLABS: [(f64, f64); 4] = [
     (0.5, MIN_OUTLIER_VARIANCE),
     (0.25, 4.0 * MIN_OUTLIER_VARIANCE),
@@ -51,7 +51,8 @@ impl NoiseFloor {
     }
 }
 
-/// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), outliers or not.
+/// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), outliers
+/// or not.
 pub fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
     let of = |(share, l): &(f64, Lengths)| {
         let logs = seen.iter().map(|&(k, d, base)| {
@@ -119,7 +120,8 @@ impl DistanceDensities {
         }
     }
 
-    /// Log likelihood of the distances `seen` with any outliers, by the `squares` of all deviations. `sums` is scratch.
+    /// Log likelihood of the distances `seen` with any outliers, by the `squares` of all
+    /// deviations. `sums` is scratch.
     fn log_likelihood(&self, seen: &[usize], squares: &[f64], sums: &mut Vec<f64>) -> f64 {
         sums.clear();
         sums.resize(squares.len(), 0.0);
@@ -154,8 +156,8 @@ impl NoiseFloorSearch {
         )
     }
 
-    /// The most likely noise floor of a frame. `None` where too few distances are seen, or the unknown body fits best:
-    /// its lengths would explain anything.
+    /// The most likely noise floor of a frame. `None` where too few distances are seen, or the
+    /// unknown body fits best: its lengths would explain anything.
     pub fn base(&self, pairs: &RigidPairs, bodies: &BodyMixture, y: &[f64]) -> Option<NoiseFloor> {
         let all = vec![EXACT_VARIANCE; y.len()];
         let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
@@ -175,13 +177,15 @@ impl NoiseFloorSearch {
             let clean: Vec<f64> = noise_floors.iter().map(of_clean).collect();
             let best = clean.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             without = without.max(share + best);
-            // Outliers explain what noise would have to: with them the noise is no larger than without.
+            // Outliers explain what noise would have to: with them the noise is no larger than
+            // without.
             let largest = clean.iter().rposition(|c| *c == best).unwrap_or(0);
             let mut log = |base: usize| {
                 let densities: &DistanceDensities = &noise_floors[base];
                 share + densities.log_likelihood(&which, &squares, &mut sums)
             };
-            // Most bodies are so unlikely at the best noise floor so far that no other makes up for it.
+            // Most bodies are so unlikely at the best noise floor so far that no other makes up for
+            // it.
             if log(likeliest) < with.0 - HOPELESS {
                 continue;
             }
@@ -256,7 +260,8 @@ mod tests {
         assert!((0.1..=0.8).contains(&found(0.3).sd), "{:?}", found(0.3));
         assert!(found(0.3).has_outliers());
         assert!(found(6.0).sd >= 2.0);
-        // Noise on all points is no outlier; a point far off is no noise and does not raise the floor.
+        // Noise on all points is no outlier; a point far off is no noise and does not raise the
+        // floor.
         let y: Vec<f64> = (0..21).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
         let mut far = y.clone();
         for off in [9.0, 30.0, 90.0, 300.0] {

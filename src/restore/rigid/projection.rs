@@ -1,22 +1,25 @@
-//! Projection of a Gaussian N(m, P) of a pose (D coordinates) onto n rigid distances, by iterated Kalman updates.
+//! Projection of a Gaussian N(m, P) of a pose (D coordinates) onto n rigid distances, by iterated
+//! Kalman updates.
 //!
 //! With g(x) the distances, H their Jacobian and L the lengths (variances V):
 //!
 //! ```text
-//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, at most ten times
+//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))
+//!     until nothing moves, at most ten times
 //! ```
 //!
-//! I (diagonal) is what the posterior underestimates: i for a coordinate that was not observed, 1/(1/i + 1/R) for one
-//! observed with noise variance R. The i and the body (L, V) are the most likely ones given the distances of m.
-//! [`Uncertainty`] says how much of P's correlations is used. Cost: n² (n/3 + 36) a step and 3 n² D for the variances.
-//! Fails (and returns m) where the lengths cannot be met.
+//! I (diagonal) is what the posterior underestimates: i for a coordinate that was not observed,
+//! 1/(1/i + 1/R) for one observed with noise variance R. The i and the body (L, V) are the most
+//! likely ones given the distances of m. [`Uncertainty`] says how much of P's correlations is used.
+//! Cost: n² (n/3 + 36) a step and 3 n² D for the variances. Fails (and returns m) where the lengths
+//! cannot be met.
 
 use super::body_lengths::{BodyMixture, Lengths};
 use super::jacobian::{JacobianRow, jacobian, products, shared_ends, times_covariance};
 use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
-use crate::numeric::small_linalg::{backward, factorise, forward};
+use crate::numeric::small_linalg::{backward, factorize, forward};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{EXACT_VARIANCE, Posterior};
@@ -27,7 +30,8 @@ const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 const STEPS: usize = 10;
 /// Steps that compute the Jacobian anew; later steps are too small to need it.
 const TURNS: usize = 3;
-/// Largest move of a coordinate in a step, cm: on a straight limb the gradient of a distance is misleading.
+/// Largest move of a coordinate in a step, cm: on a straight limb the gradient of a distance is
+/// misleading.
 const FARTHEST: f64 = 3.0;
 /// A step that moves no coordinate by more, cm, is the last.
 const SETTLED: f64 = 2e-3;
@@ -41,8 +45,8 @@ pub enum BodyChoice<'a> {
     Known(&'a Lengths),
 }
 
-/// Projects a mean (D) with its uncertainty; `noise` holds the variances of the observation (cm², infinite where
-/// missing).
+/// Projects a mean (D) with its uncertainty; `noise` holds the variances of the observation (cm²,
+/// infinite where missing).
 pub fn project(
     pairs: &RigidPairs,
     bodies: &BodyMixture,
@@ -153,7 +157,7 @@ impl Step {
         for k in 0..n {
             factor[k * n + k] += lengths.variance[k];
         }
-        factorise(&mut factor, n);
+        factorize(&mut factor, n);
         Step {
             rows,
             times_covariance,
@@ -177,8 +181,8 @@ impl Step {
         to
     }
 
-    /// Variances of the updated mean: the diagonal of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, which holds for any gain
-    /// K.
+    /// Variances of the updated mean: the diagonal of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, which
+    /// holds for any gain K.
     fn variances(
         mut self,
         uncertainty: Uncertainty<'_>,
@@ -266,13 +270,14 @@ fn choose(
             all[*at] += sum;
         }
         let mut logs = Vec::with_capacity(bodies.all.len());
-        // Known bodies share their variances, and so one factorization; the unknown body has another.
+        // Known bodies share their variances, and so one factorization; the unknown body has
+        // another.
         for alike in bodies.all.chunk_by(|a, b| a.1.variance == b.1.variance) {
             a.copy_from_slice(&all);
             for (k, variance) in alike[0].1.variance.iter().enumerate() {
                 a[k * n + k] += variance;
             }
-            factorise(&mut a, n);
+            factorize(&mut a, n);
             let log_det: f64 = (0..n).map(|k| a[k * n + k].ln()).sum();
             let far = lengths_off(&a, rows, alike);
             logs.extend((alike.iter().zip(far)).map(|((share, _), f)| share - 0.5 * f - log_det));

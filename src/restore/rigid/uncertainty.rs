@@ -10,8 +10,8 @@ pub enum Uncertainty<'a> {
     Variances(&'a [f64]),
     /// The covariance, and the factor of its correlations, from 0 to 1.
     Covariance(&'a Array2<f64>, f64),
-    /// A covariance used for the mean only. The variances stay: posteriors under dense noise reflect the lengths
-    /// already.
+    /// A covariance used for the mean only. The variances stay: posteriors under dense noise
+    /// reflect the lengths already.
     Settled(&'a Array2<f64>, f64),
 }
 

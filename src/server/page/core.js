@@ -29,7 +29,7 @@ function drawAll(time) {
 }
 
 const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
-/** Centimetres as text: one digit while they are few. */
+/** Centimeters as text: one digit while they are few. */
 const cm = value => (Math.abs(value) < 9.95 ? value.toFixed(1) : value.toFixed(0)) + " cm";
 /** A coordinate as text, without a minus before nothing. */
 const fixed = value => (Math.round(10 * value) / 10 || 0).toFixed(1);

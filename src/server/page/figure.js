@@ -115,7 +115,7 @@ function drawSquare(ctx, x, y, half, full) {
 }
 
 /** From a joint to the place that it cannot reach, with the distance. */
-function drawMissed(ctx, project, at, labelled) {
+function drawMissed(ctx, project, at, labeled) {
   for (const name of Object.keys(now.missed)) {
     const p = at[name], goal = placeWanted(name), away = missedBy(name);
     if (!p || !goal || away < .1) continue;
@@ -129,7 +129,7 @@ function drawMissed(ctx, project, at, labelled) {
     ctx.stroke();
     // To the right of the line: below one that rises, above one that falls.
     const below = (q[0] - p[0]) * (q[1] - p[1]) < 0;
-    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 + (below ? 16 : -7), cm(away), ink.rejected);
+    if (labeled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 + (below ? 16 : -7), cm(away), ink.rejected);
   }
 }
 
@@ -188,7 +188,7 @@ function drawView(view) {
 function ghosts() {
   const list = [];
   if (now.gesture) list.push({ pose: now.gesture.from, color: "pale", alpha: .3 });
-  if (!now.gesture) list.push(...neighbourGhosts());
+  if (!now.gesture) list.push(...neighborGhosts());
   const other = otherGhost();
   if (other) list.push({ pose: other, color: "changed", alpha: .95, dashes: [6, 5] });
   return list;

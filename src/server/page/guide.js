@@ -88,7 +88,7 @@ function speak(text) { $("spoken").textContent = text; }
 /** Where a joint is, in words. */
 function speakJoint(name) {
   if (!name) return;
-  const at = now.pose[name], words = [inWords(name), `height ${at[1].toFixed(0)} centimetres`];
+  const at = now.pose[name], words = [inWords(name), `height ${at[1].toFixed(0)} centimeters`];
   if (isPinned(name)) words.push("pinned");
   else if (now.pins[name]) words.push("partly pinned");
   speak(words.join(", "));

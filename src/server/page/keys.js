@@ -170,7 +170,7 @@ function followBody(share) {
 }
 
 /** The keys before and after, as ghosts. */
-function neighbourGhosts() {
+function neighborGhosts() {
   const { keys } = now.state;
   if (!motion.onion || others.at >= 0 || !keys.length || motion.playing || photo.on) return [];
   const before = keys.filter(key => key.time < motion.cursor - 5e-4).at(-1), after = keys.find(key => key.time > motion.cursor + 5e-4);

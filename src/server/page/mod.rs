@@ -1,4 +1,5 @@
-//! The page of `posing edit`: HTML, complete in itself; it talks to the program that served it and to nothing else.
+//! The page of `posing edit`: HTML, complete in itself; it talks to the program that served it and
+//! to nothing else.
 
 use crate::draw::player::parts::{PAPER, Part, parts};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -50,12 +51,13 @@ pub fn page() -> String {
         .replace("{{script}}", &SCRIPT)
 }
 
-/// The content security policy to serve the page with: its own style and script, requests to its own server, pictures that
-/// the person chose, and nothing else.
+/// The content security policy to serve the page with: its own style and script, requests to its
+/// own server, pictures that the person chose, and nothing else.
 pub fn policy() -> String {
     let hash = |source: &str| BASE64_STANDARD.encode(Sha256::digest(source.as_bytes()));
     format!(
-        "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src blob: data:; connect-src 'self'; \
+        "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src blob: data:; \
+         connect-src 'self'; \
          frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
         hash(&SCRIPT),
         hash(STYLE),

@@ -199,7 +199,7 @@ function showPhoto() {
   $("opacity-words").textContent = Math.round($("opacity").value * 100) + "%";
   $("focal").style.setProperty("--done", ($("focal").value - 23) / 77 * 100 + "%");
   $("focal-words").textContent = photo.focal ? photo.focal + " mm" : "unknown";
-  $("focal").setAttribute("aria-valuetext", photo.focal ? photo.focal + " millimetres" : "unknown: weak perspective");
+  $("focal").setAttribute("aria-valuetext", photo.focal ? photo.focal + " millimeters" : "unknown: weak perspective");
 }
 
 $("marks").addEventListener("click", event => {

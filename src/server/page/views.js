@@ -16,7 +16,7 @@ function readInk() {
   big.look.readColors(["page", "pale", "line", "soft", "middle", "left", "right", "behind", "changed", "inferred", "rejected", "missing"]);
   ask();
 }
-/** The small view's grid is drawn in the colours of the large one. */
+/** The small view's grid is drawn in the colors of the large one. */
 function shareInk() { Object.assign(small.look.ink, ink); }
 
 /** Sizes of the body, for the cameras; all that is drawn is measured against them. */

@@ -1,7 +1,9 @@
-//! The best of many atoms: the one with the largest key c² / e, in each lane of a vector and then of all.
+//! The best of many atoms: the one with the largest key c² / e, in each lane of a vector and then
+//! of all.
 //!
-//! Atoms come in any order, so whether the next is better cannot be predicted: lanes need no branch. Keys are compared by
-//! products, so that nothing waits for a division; by rounding, two keys that differ by 1e-7 may change places.
+//! Atoms come in any order, so whether the next is better cannot be predicted: lanes need no
+//! branch. Keys are compared by products, so that nothing waits for a division; by rounding, two
+//! keys that differ by 1e-7 may change places.
 
 use super::packed_atoms::Wide;
 use pulp::Simd;
@@ -28,8 +30,8 @@ impl<S: Simd> LaneArgmax<S> {
         }
     }
 
-    /// Compares atoms, one per lane, with the best so far. Of equal atoms of a lane the first to be compared stays. A NaN, for an
-    /// atom that is excluded, never wins.
+    /// Compares atoms, one per lane, with the best so far. Of equal atoms of a lane the first to be
+    /// compared stays. A NaN, for an atom that is excluded, never wins.
     #[inline(always)]
     pub fn compare(&mut self, simd: S, over: S::f32s, under: S::f32s, atoms: S::f32s) {
         let (new, old) = (

@@ -1,7 +1,8 @@
-//! A ball tree over the atoms. A leaf holds 16 atoms that are near one another; a ball around its center bounds their scores.
-//! Inner balls hold 16 balls of the layer below.
+//! A ball tree over the atoms. A leaf holds 16 atoms that are near one another; a ball around its
+//! center bounds their scores. Inner balls hold 16 balls of the layer below.
 //!
-//! The tree stores the atoms' PCA coordinates only (see [`super::pca_projection`]): they decide for almost all atoms.
+//! The tree stores the atoms' PCA coordinates only (see [`super::pca_projection`]): they decide for
+//! almost all atoms.
 
 use super::pca_projection::{COORDINATES, LEADING, PcaProjection, Projected, ROUNDING};
 use crate::numeric::parallel;
@@ -62,8 +63,8 @@ pub struct BallTree {
     pub basis: PcaProjection,
     pub leaves: Vec<Leaf>,
     pub details: Vec<LeafDetails>,
-    /// Layer 0 has a ball for each leaf; each further layer has a ball for each group of the layer before. The last is the
-    /// top.
+    /// Layer 0 has a ball for each leaf; each further layer has a ball for each group of the layer
+    /// before. The last is the top.
     pub layers: Vec<Vec<Balls>>,
 }
 
@@ -101,7 +102,8 @@ fn in_order(projected: &[Projected]) -> Vec<u32> {
     order
 }
 
-/// Splits atoms at the median of their coordinate along the direction of largest variance, recursively, down to leaves.
+/// Splits atoms at the median of their coordinate along the direction of largest variance,
+/// recursively, down to leaves.
 fn split(order: &mut [u32], projected: &[Projected]) {
     if order.len() <= LEAF {
         return;
@@ -130,7 +132,8 @@ fn split(order: &mut [u32], projected: &[Projected]) {
     }
 }
 
-/// The direction of largest variance of the PCA coordinates, approximately: a few steps of the power method.
+/// The direction of largest variance of the PCA coordinates, approximately: a few steps of the
+/// power method.
 fn widest(order: &[u32], projected: &[Projected]) -> [f32; LEADING] {
     let some = order.iter().step_by(order.len().div_ceil(SPLIT_SAMPLE));
     let rows: Vec<&[f32; LEADING]> = some.map(|a| projected[*a as usize].leading()).collect();
@@ -180,7 +183,8 @@ struct Ball {
     radius: f64,
 }
 
-/// The ball around the mean of some atoms' leading coordinates; the norms beyond those coordinates count for its radius.
+/// The ball around the mean of some atoms' leading coordinates; the norms beyond those coordinates
+/// count for its radius.
 fn ball(atoms: &[u32], projected: &[Projected]) -> Ball {
     let points = || atoms.iter().map(|a| &projected[*a as usize]);
     let center: [f32; LEADING] =

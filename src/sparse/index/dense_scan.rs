@@ -1,18 +1,20 @@
 //! Dense scan: which atom does each pose of a tile take next?
 //!
-//! For a pose with residual r (after k atoms, weighted and of unit norm at the start) and the orthonormal directions
-//! q_1..q_k of its chosen atoms, an atom a (weighted too) has
+//! For a pose with residual r (after k atoms, weighted and of unit norm at the start) and the
+//! orthonormal directions q_1..q_k of its chosen atoms, an atom a (weighted too) has
 //!
 //! ```text
 //! c = <a, r>              the correlation:      c <- c - <q_k, r> <a, q_k>
 //! e = |(I - P) a|^2       its remainder:        e <- e - <a, q_k>^2
 //! ```
 //!
-//! and taking it lowers the squared residual by c^2 / e. The optimised rule takes the largest c^2 / e, the plain rule the
-//! largest c^2 / |a|^2. Either way a step needs one product <a, q_k> per atom: it is summed in registers for a few poses and a
-//! panel of atoms, and used up there ([`super::panel_kernel`]).
+//! and taking it lowers the squared residual by c^2 / e. The optimized rule takes the largest c^2 /
+//! e, the plain rule the largest c^2 / |a|^2. Either way a step needs one product <a, q_k> per
+//! atom: it is summed in registers for a few poses and a panel of atoms, and used up there
+//! ([`super::panel_kernel`]).
 //!
-//! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
+//! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one
+//! of many.
 
 use super::super::SelectionRule;
 use super::argmax::{LaneArgmax, StoredArgmax};
@@ -147,8 +149,8 @@ impl WithSimd for Reduce<'_> {
     }
 }
 
-/// The coordinates in which some vector of a tile is not 0. Where all poses miss the same coordinates, atoms need not be read
-/// whole.
+/// The coordinates in which some vector of a tile is not 0. Where all poses miss the same
+/// coordinates, atoms need not be read whole.
 #[derive(Default)]
 struct ObservedRows {
     rows: Vec<u32>,

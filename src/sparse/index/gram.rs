@@ -1,9 +1,9 @@
-//! The Gram matrix of the atoms, <a_i, a_j>, and matching pursuit with its rows. Rows are computed when first used, or all at
-//! once if many poses are coded.
+//! The Gram matrix of the atoms, <a_i, a_j>, and matching pursuit with its rows. Rows are computed
+//! when first used, or all at once if many poses are coded.
 //!
-//! The direction that an atom adds is a combination of the atoms taken, q = Σ w_j a_j. So its products with all atoms are the
-//! same combination of rows of the Gram matrix: k multiplications per atom, where a dense scan needs D (Rubinstein,
-//! Zibulevsky, Elad 2008).
+//! The direction that an atom adds is a combination of the atoms taken, q = Σ w_j a_j. So its
+//! products with all atoms are the same combination of rows of the Gram matrix: k multiplications
+//! per atom, where a dense scan needs D (Rubinstein, Zibulevsky, Elad 2008).
 
 use super::dense_scan::DenseScan;
 use super::packed_atoms::{PackedAtoms, Row};
@@ -11,8 +11,8 @@ use crate::numeric::parallel;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// The largest Gram matrix in bytes: that of 2,048 atoms. Rows of a larger one are so far from the cache that a dense scan is
-/// as fast.
+/// The largest Gram matrix in bytes: that of 2,048 atoms. Rows of a larger one are so far from the
+/// cache that a dense scan is as fast.
 const MEMORY: usize = 16 << 20;
 /// The number of rows computed together on demand: as many as the kernel holds in registers.
 const TOGETHER: usize = 6;

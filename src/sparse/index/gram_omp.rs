@@ -1,11 +1,12 @@
-//! Steps of pursuit for one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the nearest cache.
+//! Steps of pursuit for one pose after its first, by rows of the Gram matrix: c and e of the pose
+//! stay in the nearest cache.
 
 use super::super::SelectionRule;
 use super::argmax::LaneArgmax;
 use super::dense_scan::DenseScan;
 use super::gram::Term;
 use super::packed_atoms::{PLACES, PackedAtoms, Row, WIDTH};
-use super::panel_kernel::{self, Optimised, Plain, Update, Vectors};
+use super::panel_kernel::{self, Optimized, Plain, Update, Vectors};
 use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
@@ -42,7 +43,8 @@ impl GramOmp {
         self.correlations[atom as usize / WIDTH].0[atom as usize % WIDTH] = f32::NAN;
     }
 
-    /// The best atom after the newest direction, the sum of `terms`, along which the residual had `−part`.
+    /// The best atom after the newest direction, the sum of `terms`, along which the residual had
+    /// `−part`.
     pub fn next(&mut self, terms: &[Term<'_>], part: f32, rule: SelectionRule) -> Option<u32> {
         simd::dispatch_widest(Step {
             rule,
@@ -70,7 +72,7 @@ impl WithSimd for Step<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
         match self.rule {
             SelectionRule::Omp => self.of_rule::<S, Plain<true>>(simd),
-            SelectionRule::Oomp => self.of_rule::<S, Optimised<true>>(simd),
+            SelectionRule::Oomp => self.of_rule::<S, Optimized<true>>(simd),
         }
     }
 }

@@ -9,10 +9,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// The ball tree is built for this many poses: building it costs what as many dense scans cost.
 const WORTH_TREE: usize = 1024;
-/// The ball tree serves poses of up to this many coordinates: the cost of its basis grows with their square.
+/// The ball tree serves poses of up to this many coordinates: the cost of its basis grows with
+/// their square.
 const MOST_NUMBERS: usize = 384;
 
-/// The search structures of a dictionary, and the number of poses coded with it, which decides when to build them.
+/// The search structures of a dictionary, and the number of poses coded with it, which decides when
+/// to build them.
 pub struct IndexCache {
     panels: OnceLock<PackedAtoms>,
     /// The Gram matrix; `None` if it would be too large.
@@ -46,7 +48,8 @@ impl IndexCache {
         self.panels.get_or_init(|| PackedAtoms::new(atoms))
     }
 
-    /// Computes all rows of the Gram matrix, if coding `poses` more poses with up to `sparsity` atoms is likely to use many.
+    /// Computes all rows of the Gram matrix, if coding `poses` more poses with up to `sparsity`
+    /// atoms is likely to use many.
     pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
         let coded = self.coded.load(Ordering::Relaxed).saturating_add(poses);
         let asked = coded.saturating_mul(sparsity - 1);
@@ -63,9 +66,11 @@ impl IndexCache {
         self.gram.is_none() && all >= WORTH_TREE && d <= MOST_NUMBERS
     }
 
-    /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread builds it.
+    /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread
+    /// builds it.
     pub fn tree(&self, atoms: ArrayView2<'_, f32>) -> Option<&BallTree> {
-        // Not inside the lock: a thread that waits for the parallel build may take up other work that asks for the tree.
+        // Not inside the lock: a thread that waits for the parallel build may take up other work
+        // that asks for the tree.
         if self.tree.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
             let _ = self.tree.set(BallTree::new(atoms));
         }

@@ -2,10 +2,10 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | [`packed_atoms`], [`panel_kernel`], [`argmax`] | atoms side by side, their products with poses, the best of them |
+//! | [`packed_atoms`], [`panel_kernel`], [`argmax`] | atoms side by side, products, the best |
 //! | [`dense_scan`] | compares all atoms, for a tile of poses |
 //! | [`gram`], [`gram_omp`] | products of atoms with one another, and steps of pursuit by them |
-//! | [`pca_projection`], [`ball_tree`], [`tree_search`] | atoms near one another together, and search by bounds |
+//! | [`pca_projection`], [`ball_tree`], [`tree_search`] | near atoms together, search by bounds |
 //! | [`index_cache`] | the structures of a dictionary, built when first used |
 
 mod argmax;

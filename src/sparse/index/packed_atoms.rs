@@ -6,7 +6,8 @@ use pulp::Simd;
 /// The number of atoms in a panel: four registers of 16 lanes, eight of 8, or sixteen of 4.
 pub const WIDTH: usize = 64;
 
-/// One number for each atom of a panel. Aligned, because loads across two cache lines cost a third of the speed.
+/// One number for each atom of a panel. Aligned, because loads across two cache lines cost a third
+/// of the speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Row(pub [f32; WIDTH]);

@@ -1,16 +1,18 @@
 //! The inner loop: one panel of atoms against a few poses, and what becomes of the products.
 //!
-//! A tile of products <a, q> is summed in registers, coordinate after coordinate, each term fused into the sum; it is used
-//! up there. So a product has the same bits whatever poses are beside it, and whatever the vectors are: only a machine
-//! that cannot fuse (x86 before AVX2) rounds otherwise.
+//! A tile of products <a, q> is summed in registers, coordinate after coordinate, each term fused
+//! into the sum; it is used up there. So a product has the same bits whatever poses are beside it,
+//! and whatever the vectors are: only a machine that cannot fuse (x86 before AVX2) rounds
+//! otherwise.
 
 use super::super::SelectionRule;
 use super::argmax::StoredArgmax;
 use super::packed_atoms::{PLACES, Row, WIDTH};
 use pulp::{Simd, WithSimd};
 
-/// What is left of an atom counts as at least this share of its squared norm. Below it the difference of f32 numbers
-/// is rounding; a smaller value would let a copy of a chosen atom win by noise.
+/// What is left of an atom counts as at least this share of its squared norm. Below it the
+/// difference of f32 numbers is rounding; a smaller value would let a copy of a chosen atom win by
+/// noise.
 pub const FLOOR: f32 = 1e-6;
 
 /// An atom with at most this share of its squared norm (1) on what is observed is not seen at all.
@@ -23,7 +25,7 @@ pub enum Step {
     Norms,
     /// c is the product itself.
     First,
-    /// c changes, and e falls by the optimised rule.
+    /// c changes, and e falls by the optimized rule.
     Next(SelectionRule),
 }
 
@@ -83,9 +85,9 @@ impl PanelKernel<'_> {
             }
             Step::Next(SelectionRule::Omp) => self.go::<S, Plain<false>, POSES, VECTORS>(simd),
             Step::Next(SelectionRule::Oomp) if unit => {
-                self.go::<S, Optimised<true>, POSES, VECTORS>(simd)
+                self.go::<S, Optimized<true>, POSES, VECTORS>(simd)
             }
-            Step::Next(SelectionRule::Oomp) => self.go::<S, Optimised<false>, POSES, VECTORS>(simd),
+            Step::Next(SelectionRule::Oomp) => self.go::<S, Optimized<false>, POSES, VECTORS>(simd),
         }
     }
 
@@ -266,10 +268,10 @@ fn norm<S: Simd, const UNIT: bool>(simd: S, e: Option<&mut S::f32s>) -> S::f32s 
     }
 }
 
-/// The optimised rule. `UNIT`: all atoms have norm 1.
-pub struct Optimised<const UNIT: bool>;
+/// The optimized rule. `UNIT`: all atoms have norm 1.
+pub struct Optimized<const UNIT: bool>;
 
-impl<const UNIT: bool> Update for Optimised<UNIT> {
+impl<const UNIT: bool> Update for Optimized<UNIT> {
     #[inline(always)]
     fn update<S: Simd>(
         simd: S,

@@ -1,7 +1,7 @@
 //! Projection on the atoms' principal directions, with the norm of the remainder.
 //!
-//! Poses fill few dimensions. With p(a) the first K PCA coordinates of an atom and t(a) the norm of the rest, Cauchy-Schwarz
-//! bounds its product with any vector v:
+//! Poses fill few dimensions. With p(a) the first K PCA coordinates of an atom and t(a) the norm of
+//! the rest, Cauchy-Schwarz bounds its product with any vector v:
 //!
 //! ```text
 //! |<a, v>| <= |<p(a), p(v)>| + t(a) t(v)
@@ -14,9 +14,11 @@ use rand::Rng;
 
 /// The number of PCA coordinates of an atom.
 pub const COORDINATES: usize = 32;
-/// The number of PCA coordinates of a ball's center. More do not separate balls better, which are wider than that.
+/// The number of PCA coordinates of a ball's center. More do not separate balls better, which are
+/// wider than that.
 pub const LEADING: usize = 16;
-/// Added to norms that serve as upper bounds: more than the rounding of numbers up to 1 to single precision.
+/// Added to norms that serve as upper bounds: more than the rounding of numbers up to 1 to single
+/// precision.
 pub const ROUNDING: f64 = 1e-6;
 /// The largest number of atoms from which the basis is computed.
 const SAMPLE: usize = 4_096;
@@ -100,17 +102,20 @@ fn sum_of_squares(values: &[f64]) -> f64 {
     values.iter().map(|v| v * v).sum()
 }
 
-/// Upper bound of a norm, of which the square was found as a difference: 1e-13 is more than its rounding, some D 2^-53.
+/// Upper bound of a norm, of which the square was found as a difference: 1e-13 is more than its
+/// rounding, some D 2^-53.
 #[inline(always)]
 fn upper_norm(squared: f64) -> f32 {
     ((squared.max(0.0) + 1e-13).sqrt() * (1.0 + ROUNDING)) as f32
 }
 
-/// [`COORDINATES`] orthonormal vectors near the leading eigenvectors of a symmetric matrix, in columns; 0 beyond its rank.
-/// Their accuracy affects only the speed. (LAPACK would be exact, but loading it takes 4 ms.)
+/// [`COORDINATES`] orthonormal vectors near the leading eigenvectors of a symmetric matrix, in
+/// columns; 0 beyond its rank. Their accuracy affects only the speed. (LAPACK would be exact, but
+/// loading it takes 4 ms.)
 fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; COORDINATES]> {
     let d = matrix.nrows();
-    // Random, because a start along a coordinate that is 0 in all atoms, or equal to another, would be lost.
+    // Random, because a start along a coordinate that is 0 in all atoms, or equal to another, would
+    // be lost.
     let mut random = parallel::rng(0, 0);
     let start = |_| random.random::<f64>() - 0.5;
     let mut vectors = Array2::from_shape_fn((COORDINATES.min(d), d), start);
@@ -150,7 +155,8 @@ mod tests {
 
     #[test]
     fn coordinates_hold_all_of_few_dimensions_whatever_the_basis_of_the_poses() {
-        // Poses like those of a skeleton: three coordinates that are always 0, and others that are the same point's twice.
+        // Poses like those of a skeleton: three coordinates that are always 0, and others that are
+        // the same point's twice.
         let (few, mix) = (random(400, COORDINATES, 1), random(COORDINATES, 60, 2));
         let mut atoms = few.dot(&mix);
         atoms.slice_mut(s![.., ..3]).fill(0.0);

@@ -1,20 +1,26 @@
 //! Branch-and-bound search of the ball tree for the best atom of a pose.
 //!
-//! With r̂ the residual of unit length, q_1..q_k the orthonormal directions of the atoms taken, and a⊥ the part of an atom a
-//! outside their span, the score of a is the squared cosine of the angle between a⊥ and r̂:
+//! With r̂ the residual of unit length, q_1..q_k the orthonormal directions of the atoms taken, and
+//! a⊥ the part of an atom a outside their span, the score of a is the squared cosine of the angle
+//! between a⊥ and r̂:
 //!
 //! ```text
-//! <a, r̂>² / |a⊥|²,     |a⊥|² = 1 - Σ_i <a, q_i>²            (plain OMP: <a, r̂>², without directions)
+//! <a, r̂>² / |a⊥|²,     |a⊥|² = 1 - Σ_i <a, q_i>²
+//!     (plain OMP: <a, r̂>², without directions)
 //! ```
 //!
-//! 1. The best leaf of the previous pose, and the leaf found by descending to the best center, give a first score.
-//! 2. Atoms that reach the score cos²α lie in the cone of angle α around ±r̂. A ball of radius ρ around m is skipped if it lies
-//!    outside: if (|<m, r̂>| + ρ sin α)² < cos²α (|m⊥|² - ρ²).
-//! 3. In each leaf that is left, the leading PCA coordinates, then all of them, bound the scores of the atoms from above.
-//! 4. Atoms that may still be the best are scored in double precision. The first of equal atoms is taken.
+//! 1. The best leaf of the previous pose, and the leaf found by descending to the best center, give
+//!    a first score.
+//! 2. Atoms that reach the score cos²α lie in the cone of angle α around ±r̂. A ball of radius ρ
+//!    around m is skipped if it lies outside: if (|<m, r̂>| + ρ sin α)² < cos²α (|m⊥|² - ρ²).
+//! 3. In each leaf that is left, the leading PCA coordinates, then all of them, bound the scores of
+//!    the atoms from above.
+//! 4. Atoms that may still be the best are scored in double precision. The first of equal atoms is
+//!    taken.
 //!
-//! Bounds are computed in single precision and widened by more than their rounding, so the result is always the best atom. Poses
-//! that follow one another in time visit nearly the same leaves, which are then in the cache.
+//! Bounds are computed in single precision and widened by more than their rounding, so the result
+//! is always the best atom. Poses that follow one another in time visit nearly the same leaves,
+//! which are then in the cache.
 
 use super::super::SelectionRule;
 use super::super::active_set::ActiveSet;
@@ -26,10 +32,12 @@ use pulp::{Simd, WithSimd};
 
 /// The largest number of atoms of a code: with more directions, dense scans cost less.
 pub const MOST_ATOMS: usize = 4;
-/// More than the rounding of both sides of a bound, which are at most about 1: sums of up to 32 products of unit vectors err by
-/// at most 40 · 2^-24 (Higham, Accuracy and Stability of Numerical Algorithms, 3.1).
+/// More than the rounding of both sides of a bound, which are at most about 1: sums of up to 32
+/// products of unit vectors err by at most 40 · 2^-24 (Higham, Accuracy and Stability of Numerical
+/// Algorithms, 3.1).
 const SLACK: f32 = 2e-5;
-/// Centers nearer to the span of the directions count as this far, as a squared distance, when a start is chosen.
+/// Centers nearer to the span of the directions count as this far, as a squared distance, when a
+/// start is chosen.
 const NEAR_SPAN: f32 = 1e-3;
 
 /// Searches for one pose after the other, with their scratch memory.
@@ -248,7 +256,8 @@ impl Search<'_> {
         self.passing::<S, V>(simd, &bounds)
     }
 
-    /// The mask of bounds that allow a score as good as the best so far. Empty places never pass: their |m|² is infinite.
+    /// The mask of bounds that allow a score as good as the best so far. Empty places never pass:
+    /// their |m|² is infinite.
     #[inline(always)]
     fn passing<S: Simd, const V: usize>(&self, simd: S, bounds: &ScoreBounds<S, V>) -> u32 {
         let cos2 = simd.splat_f32s(self.best.cos2);
@@ -293,8 +302,9 @@ impl Search<'_> {
         }
     }
 
-    /// Bounds of the scores of a leaf's atoms. Adds the products of the PCA coordinates in `rows` to `sums`; `beyond` are norms
-    /// of the atoms beyond the coordinates summed. `LEVEL` 0: the leading coordinates; 1: the others.
+    /// Bounds of the scores of a leaf's atoms. Adds the products of the PCA coordinates in `rows`
+    /// to `sums`; `beyond` are norms of the atoms beyond the coordinates summed. `LEVEL` 0: the
+    /// leading coordinates; 1: the others.
     #[inline(always)]
     fn bounds<S: Simd, const V: usize, const LEVEL: usize>(
         &self,
@@ -372,7 +382,8 @@ fn most_product<S: Simd, const V: usize, const LEVEL: usize>(
     most
 }
 
-/// The products of the atoms or balls of a group with a vector, as four sums that do not wait for one another.
+/// The products of the atoms or balls of a group with a vector, as four sums that do not wait for
+/// one another.
 #[inline(always)]
 fn products<S: Simd, const V: usize>(simd: S, rows: &[Lanes], vector: &[f32]) -> [S::f32s; V] {
     let mut sums = [[simd.splat_f32s(0.0); V]; 4];
@@ -402,7 +413,8 @@ fn lanes<S: Simd, const V: usize>(lanes: &Lanes) -> [S::f32s; V] {
     )
 }
 
-/// A mask as one bit per lane. AVX-512 masks have bits already; other masks have as many bytes per lane as a number.
+/// A mask as one bit per lane. AVX-512 masks have bits already; other masks have as many bytes per
+/// lane as a number.
 #[inline(always)]
 fn bits<S: Simd>(mask: S::m32s) -> u32 {
     let bytes = pulp::bytemuck::bytes_of(&mask);
@@ -481,7 +493,8 @@ mod tests {
                         break;
                     };
                     assert!(free(&(atom as usize)));
-                    // The sums of this test are rounded otherwise. A remainder may be as small as FLOOR.
+                    // The sums of this test are rounded otherwise. A remainder may be as small as
+                    // FLOOR.
                     assert!(scores[atom as usize] >= most * (1.0 - 1e-8) - 1e-20);
                     let equal = |a: &usize| dictionary.row(*a as u32) == dictionary.row(atom);
                     assert_eq!((0..n).filter(free).find(equal), Some(atom as usize));
@@ -513,7 +526,8 @@ mod tests {
         ] {
             assert_best(&random(n, d, 9), &random(30, d, 10));
         }
-        // Three layers of balls, the last of each not full; then bounds that exclude next to nothing.
+        // Three layers of balls, the last of each not full; then bounds that exclude next to
+        // nothing.
         assert_best(&flat(40_000, 40, 1), &flat(3, 40, 1));
         assert_best(&random(1500, 69, 6), &random(10, 69, 7));
         let mut poses = flat(20, 12, 8) * 3.0;

@@ -3,7 +3,7 @@
 
     amc2xyz --space body --asf 07.asf --fps 120 07_01.amc | python3 make.py
 
-Every coordinate gets a little noise that needs no generator (so that no variance is zero). Centimetres.
+Every coordinate gets a little noise that needs no generator (so that no variance is zero). Centimeters.
 """
 import csv, math, sys
 from pathlib import Path

@@ -80,7 +80,8 @@ pub fn median(runs: usize, mut work: impl FnMut()) -> f64 {
     times[runs / 2]
 }
 
-/// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
+/// So many atoms of frames that are not coded, and beyond that of frames between two of them that
+/// are near in time.
 pub fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
     let mut chance = parallel::rng(0, n as u64);
     let mut rows = Array2::zeros((n, takes.ncols()));

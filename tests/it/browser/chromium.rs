@@ -1,4 +1,5 @@
-//! Headless Chromium, driven by its debugging protocol over a pipe: JSON messages, each ended by NUL.
+//! Headless Chromium, driven by its debugging protocol over a pipe: JSON messages, each ended by
+//! NUL.
 
 use crate::common::skipped;
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -149,7 +150,8 @@ impl Browser {
     }
 }
 
-/// What an event tells that should not be: an exception, an error or a warning on the console, what a policy refused.
+/// What an event tells that should not be: an exception, an error or a warning on the console, what
+/// a policy refused.
 fn fault(event: &Value) -> Option<String> {
     let params = &event["params"];
     let is_bad = |level: &Value| matches!(level.as_str(), Some("error" | "warning" | "assert"));
@@ -526,7 +528,8 @@ impl Page {
 
     // ---- what is seen ----
 
-    /// A picture of an area (left, top, width, height) of the window, PNG in base64; none: of all of it.
+    /// A picture of an area (left, top, width, height) of the window, PNG in base64; none: of all
+    /// of it.
     fn picture(&self, area: Option<[f64; 4]>) -> String {
         let mut params = json!({ "format": "png" });
         if let Some([x, y, width, height]) = area {
@@ -576,7 +579,8 @@ impl Page {
         }
     }
 
-    /// Keeps a picture of the window in the folder `SHOTS`, if that is set, for a person to look at.
+    /// Keeps a picture of the window in the folder `SHOTS`, if that is set, for a person to look
+    /// at.
     pub fn shot(&self, name: &str) {
         if let Some(folder) = std::env::var_os("SHOTS") {
             self.drawn();
@@ -587,7 +591,8 @@ impl Page {
     }
 }
 
-/// Reads the pixels of a picture: the number of colors, the share that is not of the commonest, a digest.
+/// Reads the pixels of a picture: the number of colors, the share that is not of the commonest, a
+/// digest.
 const LOOK: &str = "async data => {
   const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0)), image = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
   const ctx = new OffscreenCanvas(image.width, image.height).getContext('2d', { willReadFrequently: true });

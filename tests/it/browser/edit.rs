@@ -265,7 +265,8 @@ fn the_dot_is_drawn_in_the_next_frame() {
     page.sound();
 }
 
-/// Notes each move of the pointer, each answer, and what each frame draws; `frame` counts frames that have begun.
+/// Notes each move of the pointer, each answer, and what each frame draws; `frame` counts frames
+/// that have begun.
 const WATCH_FRAMES: &str = "joint => {
   const events = [], draws = [], answers = {}, next = requestAnimationFrame.bind(window), send = fetch.bind(window);
   let frame = 0, last = -1;
@@ -659,7 +660,8 @@ fn mirror_both_sides_together_and_a_limb_that_is_reset() {
 fn a_pose_from_a_photograph() {
     let Some(page) = Editor::new() else { return };
     let pose = page.state()["pose"].clone();
-    // A photograph of the present pose from the front, 3 pixels a centimeter; only its marks matter.
+    // A photograph of the present pose from the front, 3 pixels a centimeter; only its marks
+    // matter.
     let joints = [
         "lhipjoint",
         "rhipjoint",

@@ -1,5 +1,5 @@
-//! Every page that the commands write or serve, opened in headless Chromium: nothing goes wrong in it, what it is for is
-//! drawn, and it answers mouse, fingers and keys.
+//! Every page that the commands write or serve, opened in headless Chromium: nothing goes wrong in
+//! it, what it is for is drawn, and it answers mouse, fingers and keys.
 //!
 //! `CHROMIUM` names another browser; `SHOTS` a folder for pictures of the pages.
 

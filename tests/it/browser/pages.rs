@@ -5,7 +5,8 @@ use crate::common::evaluations::{Folder, takes};
 use crate::common::{command, meshes, run, take, text};
 use std::path::{Path, PathBuf};
 
-/// Tests of pages: the name, what makes the page in a folder, and the elements that are drawn on it.
+/// Tests of pages: the name, what makes the page in a folder, and the elements that are drawn on
+/// it.
 macro_rules! pages {
     ($($name:ident: $make:ident, $drawn:expr;)*) => {
         mod each { $(

@@ -1,4 +1,4 @@
-//! The page on which pairs are labelled.
+//! The page on which pairs are labeled.
 
 use super::chromium::{Page, WIDE};
 use super::pages::{address, pairs};

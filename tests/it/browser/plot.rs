@@ -15,8 +15,8 @@ const GAPS: [(usize, usize, usize, &str, f64); 3] = [
 ];
 const FRAMES: usize = 1000;
 
-/// A take of three points at 100 frames a second. `told`: how gaps were filled stands beside the points; else gaps are empty
-/// cells.
+/// A take of three points at 100 frames a second. `told`: how gaps were filled stands beside the
+/// points; else gaps are empty cells.
 fn table(told: bool) -> String {
     let columns = match told {
         true => &["x", "y", "z", "status", "sd", "method"][..],

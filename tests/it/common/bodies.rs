@@ -4,7 +4,7 @@ use glam::DVec3;
 use std::io::Read;
 use std::path::Path;
 
-/// The shared meshes, centimetres.
+/// The shared meshes, centimeters.
 #[allow(dead_code)] // Every user takes a part of it.
 pub struct Bodies {
     pub poses: Vec<Vec<DVec3>>,
@@ -27,7 +27,7 @@ fn numbers(archive: &mut zip::ZipArchive<std::fs::File>, name: &str, size: usize
     bytes[head..].chunks_exact(size).map(number).collect()
 }
 
-/// Reads the shared archive, whose coordinates are whole multiples of 50 micrometres.
+/// Reads the shared archive, whose coordinates are whole multiples of 50 micrometers.
 pub fn read(path: &Path) -> Bodies {
     let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
     let faces = numbers(&mut archive, "faces", 2);

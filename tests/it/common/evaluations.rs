@@ -4,7 +4,8 @@ use super::run;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The takes of a subject: its one take of testdata cut into `parts`, named SUBJECT_a, SUBJECT_b, ...
+/// The takes of a subject: its one take of testdata cut into `parts`, named SUBJECT_a, SUBJECT_b,
+/// ...
 pub fn takes(subject: &str, take: &str, parts: usize) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("testdata/cmu")

@@ -1,4 +1,5 @@
-//! The files that the examples of the help texts and the recipes of README.md name, and a shell that runs them.
+//! The files that the examples of the help texts and the recipes of README.md name, and a shell
+//! that runs them.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -29,7 +30,7 @@ cut_takes 09 run.csv > my-takes.csv
 cp truth.csv mine.csv
 posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
 awk -F, -v OFS=, 'NR > 160 { $1 = "rest" } 1' truth.csv > two-takes.csv
-# Labelled pairs of the frames of poses.csv.
+# Labeled pairs of the frames of poses.csv.
 { echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 30); do echo "07_01,$k,07_01,$((k + 100)),1"; echo "07_01,$k,07_01,$((k + 60)),0"; done; } > pairs.csv
 posing rdsr-train -q --unlabelled 100 --pairs pairs.csv -o metric.npz poses.csv
 for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle LElbow=lhumerus LHand=lwrist LHip=lhipjoint LKnee=lfemur \

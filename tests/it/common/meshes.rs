@@ -5,7 +5,8 @@ use posing::io::{Mesh, MeshFormat};
 use std::io::Write;
 use std::path::Path;
 
-/// A closed mesh of eight triangles, 2 m high and in metres, turned by an angle (radians) about the vertical.
+/// A closed mesh of eight triangles, 2 m high and in meters, turned by an angle (radians) about the
+/// vertical.
 pub fn octahedron(turned: f64) -> Mesh {
     let (sin, cos) = turned.sin_cos();
     let around = [[cos, sin], [-sin, cos], [-cos, -sin], [sin, -cos]];

@@ -1,4 +1,5 @@
-//! What the tests of the commands share: where the binaries and the takes are, and tables in memory.
+//! What the tests of the commands share: where the binaries and the takes are, and tables in
+//! memory.
 
 pub mod bodies;
 pub mod edit_program;
@@ -68,7 +69,8 @@ pub fn fails(name: &str, args: &[&str], input: &[u8], code: i32) -> String {
     said
 }
 
-/// Records that the running test, or a part of it, is skipped, and why; `make test` prints the list at its end.
+/// Records that the running test, or a part of it, is skipped, and why; `make test` prints the list
+/// at its end.
 pub fn skipped(why: &str) {
     let thread = std::thread::current();
     let test = thread.name().unwrap_or("a test");
@@ -82,7 +84,8 @@ pub fn skipped(why: &str) {
     std::io::Write::write_all(&mut file.unwrap(), line.as_bytes()).unwrap();
 }
 
-/// A file of the larger collection beside the repository; `None`, recorded as skipped, where it is absent.
+/// A file of the larger collection beside the repository; `None`, recorded as skipped, where it is
+/// absent.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../shared")
@@ -94,8 +97,8 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// A file of CMU's takes such as `07/07.asf`: from testdata, else from the larger collection; `None`, recorded as
-/// skipped, where neither has it.
+/// A file of CMU's takes such as `07/07.asf`: from testdata, else from the larger collection;
+/// `None`, recorded as skipped, where neither has it.
 pub fn cmu(file: &str) -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("testdata/cmu")
@@ -235,7 +238,8 @@ impl Numbers {
         out
     }
 
-    /// Two thirds of the frames lack a leg and the back; of both points beside and of another one there are one or two numbers.
+    /// Two thirds of the frames lack a leg and the back; of both points beside and of another one
+    /// there are one or two numbers.
     pub fn lacking_parts(&self) -> Numbers {
         let mut out = self.clone();
         for (t, row) in out.rows.iter_mut().enumerate().filter(|(t, _)| t % 3 > 0) {

@@ -23,18 +23,24 @@ use std::path::PathBuf;
 
 /// Animate a body from a take of markers
 ///
-/// Fits one shape to the whole take, and the rotations of the parts to each frame, which starts from the one before. Which vertex
-/// each marker is on comes from --on; or it is learnt, with the marker's distance from the skin, from a mesh of the person (--scan) and
-/// the frame at which it was taken.
+/// Fits one shape to the whole take, and the rotations of the parts to each frame, which starts
+/// from the one before. Which vertex each marker is on comes from --on; or it is learned, with the
+/// marker's distance from the skin, from a mesh of the person (--scan) and the frame at which it
+/// was taken.
 ///
-/// The meshes are the model's own (the predicted ones of body-fit): markers off the skin do not dent them. --shape moves the
-/// take to another body.
+/// The meshes are the model's own (the predicted ones of body-fit): markers off the skin do not
+/// dent them. --shape moves the take to another body.
 #[derive(Parser)]
 #[command(
     name = "body-animate",
     version,
-    after_help = "Examples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv",
-    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is on, counted from 0\n\nExamples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv"
+    after_help = "Examples:\n  posing body-animate -m body.npz --on on.csv -o frames/ \
+                  markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o \
+                  other.npz --rotations rotations.csv markers.csv",
+    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is \
+                       on, counted from 0\n\nExamples:\n  posing body-animate -m body.npz --on \
+                       on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on \
+                       on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -50,7 +56,8 @@ pub struct Args {
         conflicts_with = "scan"
     )]
     on: Option<PathBuf>,
-    /// Mesh of the person, of the model's topology (from mesh-register or body-scan), where the markers are at frame --scan-frame
+    /// Mesh of the person, of the model's topology (from mesh-register or body-scan), where the
+    /// markers are at frame --scan-frame
     #[arg(long, value_name = "MESH", requires_all = ["scan_frame", "scan_units"])]
     scan: Option<PathBuf>,
     /// Frame of the table, counted from 0, at which the scan was taken
@@ -68,11 +75,17 @@ pub struct Args {
     /// Shape of another body: comma-separated numbers, or a table of one row
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
-    /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /) for a file a frame
+    /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending
+    /// in /) for a file a frame
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder [default: ply]
-    #[arg(long, value_name = "FORMAT", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        value_parser = ["obj", "ply", "stl"],
+        help_heading = "Output"
+    )]
     mesh_format: Option<String>,
     /// Write the rotations and the root position as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]

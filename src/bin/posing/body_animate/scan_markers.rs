@@ -1,4 +1,4 @@
-//! Which vertex each marker is on, learnt from a mesh of the person.
+//! Which vertex each marker is on, learned from a mesh of the person.
 
 use posing::body::decomposition::fit_rotations;
 use posing::body::{BodyModel, Marker};
@@ -9,14 +9,15 @@ use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
-/// A point farther than this from the skin is on no body, centimetres.
+/// A point farther than this from the skin is on no body, centimeters.
 const ON_BODY: f64 = 10.0;
 
-/// The points of frame `frame` of a table that are near a mesh of the person in that frame: their names, the vertices nearest to them,
-/// and their offsets.
+/// The points of frame `frame` of a table that are near a mesh of the person in that frame: their
+/// names, the vertices nearest to them, and their offsets.
 ///
 /// # Errors
-/// [`Error::Data`]: the mesh has another topology than the body, or hardly a point is near it. [`Error::Usage`]: the table has no such
+/// [`Error::Data`]: the mesh has another topology than the body, or hardly a point is near it.
+/// [`Error::Usage`]: the table has no such
 /// frame.
 pub fn markers_on_scan(
     body: &BodyModel,
@@ -62,7 +63,8 @@ pub fn markers_on_scan(
     }
     if markers.len() < posing::body::fit::FEWEST {
         return fail(format!(
-            "has only {} points of frame {frame} within {ON_BODY} cm; check --scan-units and --scan-frame",
+            "has only {} points of frame {frame} within {ON_BODY} cm; check --scan-units and \
+             --scan-frame",
             markers.len()
         ));
     }

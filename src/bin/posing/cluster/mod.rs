@@ -18,14 +18,17 @@ use std::path::PathBuf;
 
 /// Group poses by hierarchical k-means
 ///
-/// Adds the column cluster, counted from 0; with --split, writes one table per cluster. The distance is Euclidean over
-/// all coordinates. Rows are used as they are: to ignore position and heading, convert with amc2xyz --space body.
-/// Missing values are an error.
+/// Adds the column cluster, counted from 0; with --split, writes one table per cluster. The
+/// distance is Euclidean over all coordinates. Rows are used as they are: to ignore position and
+/// heading, convert with amc2xyz --space body. Missing values are an error.
 #[derive(Parser)]
 #[command(
     name = "cluster",
     version,
-    after_help = "Examples:\n  posing cluster -k 8 poses.csv > grouped.csv\n  posing cluster -k 8 --balance --split parts poses.csv\n  posing cluster -k 2000 --branch 10 --save centroids.npz -o grouped.csv poses.npy"
+    after_help = "Examples:\
+        \n  posing cluster -k 8 poses.csv > grouped.csv\
+        \n  posing cluster -k 8 --balance --split parts poses.csv\
+        \n  posing cluster -k 2000 --branch 10 --save centroids.npz -o grouped.csv poses.npy"
 )]
 pub struct Args {
     #[command(flatten)]

@@ -19,11 +19,17 @@ pub struct KMeansArgs {
     /// Split clusters into B at a time, as a tree, 2 or more; much faster for large K
     #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
     pub branch: Option<u32>,
-    /// Make clusters of equal size (to within one pose), so that the parts of --split take about equally long to train
+    /// Make clusters of equal size (to within one pose), so that the parts of --split take about
+    /// equally long to train
     #[arg(long, conflicts_with = "branch")]
     pub balance: bool,
     /// Number of runs from different starts; the best is kept
-    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     pub restarts: u32,
 }
 
@@ -75,7 +81,8 @@ impl SplitFolder<'_> {
         format!("{part:0width$}.{extension}")
     }
 
-    /// Fails if the folder has parts of another split, which would be mistaken for parts of this one.
+    /// Fails if the folder has parts of another split, which would be mistaken for parts of this
+    /// one.
     ///
     /// # Errors
     /// When there are such files, or the folder cannot be read.
@@ -93,15 +100,16 @@ impl SplitFolder<'_> {
             if is_part && !own.contains(&name) {
                 return Err(Error::data(
                     Place::file(entry.path().display().to_string()),
-                    "is from another split and would be mixed up with this one; move it, or choose another folder",
+                    "is from another split and would be mixed up with this one; move it, or \
+                     choose another folder",
                 ));
             }
         }
         Ok(())
     }
 
-    /// Writes the frames with label i into part i, with all their columns. No part appears before all are written: parts of two
-    /// splits are never mixed.
+    /// Writes the frames with label i into part i, with all their columns. No part appears before
+    /// all are written: parts of two splits are never mixed.
     ///
     /// # Errors
     /// When a file cannot be written.

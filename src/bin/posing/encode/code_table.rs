@@ -10,15 +10,18 @@ use posing::sparse::{Encoder, SparseCodes};
 use posing::{Error, Result};
 use std::ops::Range;
 
-/// Poses that all threads encode together, while the next are read: enough for the first batch to build the search index.
+/// Poses that all threads encode together, while the next are read: enough for the first batch to
+/// build the search index.
 const BATCH: usize = 1 << 10;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
-/// Encodes the poses of a stream with at most `sparsity` atoms each, and writes the header and a line a pose.
+/// Encodes the poses of a stream with at most `sparsity` atoms each, and writes the header and a
+/// line a pose.
 ///
 /// # Errors
-/// When a pose cannot be read or encoded, or a line cannot be written; all lines before it are written.
+/// When a pose cannot be read or encoded, or a line cannot be written; all lines before it are
+/// written.
 pub fn write(
     stream: RowStream<'_>,
     encoder: &Encoder,

@@ -14,14 +14,17 @@ use std::path::PathBuf;
 
 /// Convert poses to sparse codes
 ///
-/// Writes one row per pose: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0, and unused cells are empty. The column
-/// rms is the root mean square error of a coordinate, in centimetres, over the values that are not missing; it is empty
-/// if all are missing. Rows are used as they are: convert with amc2xyz --space body first.
+/// Writes one row per pose: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0, and unused cells are
+/// empty. The column rms is the root mean square error of a coordinate, in centimeters, over the
+/// values that are not missing; it is empty if all are missing. Rows are used as they are: convert
+/// with amc2xyz --space body first.
 #[derive(Parser)]
 #[command(
     name = "encode",
     version,
-    after_help = "Examples:\n  posing encode -m dict.npz poses.npy > codes.csv\n  posing encode -m dict.npz --sparsity 5 --pursuit omp poses.csv"
+    after_help = "Examples:\
+        \n  posing encode -m dict.npz poses.npy > codes.csv\
+        \n  posing encode -m dict.npz --sparsity 5 --pursuit omp poses.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -30,7 +33,12 @@ pub struct Args {
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
     /// Largest number of atoms per pose, 1 to 1000
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..=1000)
+    )]
     sparsity: u32,
     /// Rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]

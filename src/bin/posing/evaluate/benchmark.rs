@@ -1,4 +1,5 @@
-//! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of results, the progress bar.
+//! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of
+//! results, the progress bar.
 
 use clap::Args;
 use posing::cli::args::InputArgs;
@@ -35,8 +36,8 @@ const LARGEST_RESULTS: u64 = 1 << 30;
 #[derive(Debug, Clone, Default, PartialEq, Args, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BenchmarkArgs {
-    /// Comma-separated models to train: kinds of prior-train, and ksvd and ksvd-omp, K-SVD as published; a dictionary takes
-    /// :n=ATOMS and :k=SPARSITY (default: all)
+    /// Comma-separated models to train: kinds of prior-train, and ksvd and ksvd-omp, K-SVD as
+    /// published; a dictionary takes :n=ATOMS and :k=SPARSITY (default: all)
     #[arg(long, value_name = "LIST", value_parser = list)]
     pub models: Option<::std::vec::Vec<String>>,
     /// Trained model to test as it is; may be repeated
@@ -54,17 +55,20 @@ pub struct BenchmarkArgs {
     /// First seed (default: 0)
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Largest number of test frames per split, and of training frames that are scored (default: 800)
+    /// Largest number of test frames per split, and of training frames that are scored (default:
+    /// 800)
     #[arg(long, value_name = "N")]
     pub frames: Option<usize>,
-    /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with a unit (default: 0)
+    /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with
+    /// a unit (default: 0)
     #[arg(long, value_name = "LIST", value_parser = lengths)]
     #[serde(deserialize_with = "lengths_of_file")]
     pub base: Option<::std::vec::Vec<f64>>,
     /// Comma-separated joints that are visible in the task complete (default: the paper's six)
     #[arg(long, value_name = "LIST", value_parser = list)]
     pub observe: Option<::std::vec::Vec<String>>,
-    /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished results there
+    /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished
+    /// results there
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     pub output: Option<PathBuf>,
     /// Tables of poses; in the file only.
@@ -76,10 +80,12 @@ pub struct BenchmarkArgs {
 }
 
 impl BenchmarkArgs {
-    /// These flags, and what the TOML file says where a flag is absent. The file's paths are relative to its folder.
+    /// These flags, and what the TOML file says where a flag is absent. The file's paths are
+    /// relative to its folder.
     ///
     /// # Errors
-    /// [`Error::Data`] with file and line, also for an unknown key; also if the file cannot be read.
+    /// [`Error::Data`] with file and line, also for an unknown key; also if the file cannot be
+    /// read.
     pub fn or_file(self, path: Option<&Path>) -> Result<BenchmarkArgs> {
         let Some(path) = path else {
             return Ok(self);
@@ -141,7 +147,7 @@ impl BenchmarkArgs {
     }
 }
 
-/// Lengths in a TOML file, cm: `"0.05asf"`, or a number of centimetres.
+/// Lengths in a TOML file, cm: `"0.05asf"`, or a number of centimeters.
 fn lengths_of_file<'de, D: Deserializer<'de>>(
     file: D,
 ) -> std::result::Result<Option<Vec<f64>>, D::Error> {
@@ -173,7 +179,8 @@ fn pretrained(path: &Path) -> Result<Method> {
     let model = input::open_model(path)?;
     let source = path.display().to_string();
     if model.meta.space != "body" {
-        let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
+        let what = "is a model in world space; evaluate compares models in body space (train it \
+                    with --space body)";
         return Err(Error::data(Place::file(&source), what));
     }
     let choice = OpenOptions::default();
@@ -189,7 +196,8 @@ fn pretrained(path: &Path) -> Result<Method> {
     };
     if provenance.digests.is_empty() {
         messages::info(&format!(
-            "{source}: has no digests of its training data; overlap with test takes is detected only from poses it stores"
+            "{source}: has no digests of its training data; overlap with test takes is detected \
+             only from poses it stores"
         ));
     }
     let pretrained = PretrainedModel {
@@ -237,7 +245,8 @@ pub fn run_share(bench: &Benchmark<'_>, share: Share, cache: ResultCache) -> Res
     let cases = bench.cases_of(share);
     if cases.is_empty() {
         messages::info(
-            "nothing to run in this share: there are more shares than models, splits and seeds to train",
+            "nothing to run in this share: there are more shares than models, splits and seeds to \
+             train",
         );
     }
     run_cases(bench, &cases, Some(cache))?;
@@ -263,7 +272,8 @@ pub fn merge(bench: &Benchmark<'_>, folders: &[PathBuf], cache: &mut ResultCache
         return Ok(());
     };
     let what = format!(
-        "{} of {} results are missing, the first {}; name the folders of all --cells, each run to its end",
+        "{} of {} results are missing, the first {}; name the folders of all --cells, each run to \
+         its end",
         missing.len(),
         cases.len(),
         first.describe()
@@ -388,7 +398,11 @@ mod tests {
 
     #[test]
     fn a_file_is_parsed() {
-        let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
+        let text = "tables = [\"01.csv\"]\n\
+            models = [\"sparse\", \"ksvd:n=500\"]\n\
+            seeds = 3\n\
+            base = [0, \"0.05asf\"]\n\
+            [subjects]\nwalk = \"anna\"\n";
         let config = toml_file::parse::<BenchmarkArgs>(text, "x.toml").unwrap();
         assert_eq!(config.seeds, Some(3));
         assert_eq!(

@@ -23,11 +23,18 @@ const STEPS: f64 = 1000.0;
 pub struct EvaluateMetricArgs {
     #[command(flatten)]
     input: InputArgs,
-    /// What is done in each take, and by whom: take,class,subject; without a subject it is the take's name up to the first _
+    /// What is done in each take, and by whom: take,class,subject; without a subject it is the
+    /// take's name up to the first _
     #[arg(long, value_name = "CLASSES.csv")]
     classes: PathBuf,
     /// Comma-separated rules that label pairs: class, phase, blend
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = rule, default_value = "class,phase,blend")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        value_parser = rule,
+        default_value = "class,phase,blend"
+    )]
     labels: Vec<LabelRule>,
     /// Comma-separated subjects to test on (default: every second one)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -38,7 +45,8 @@ pub struct EvaluateMetricArgs {
     /// Compare published distances only: no table of learners, ranks and numbers of poses
     #[arg(long)]
     short: bool,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",
@@ -62,7 +70,8 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 /// Tests distances of poses, and prints tables.
 ///
 /// # Errors
-/// [`Error::Data`]: a file cannot be read, a take has no class, or there is nothing to learn from or to test on.
+/// [`Error::Data`]: a file cannot be read, a take has no class, or there is nothing to learn from
+/// or to test on.
 pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
     input::check_single_stdin_with(&args.input, [&args.classes])?;
     let map = joint_map(&args.map)?;

@@ -1,4 +1,4 @@
-//! Compares models on poses they have not learnt from.
+//! Compares models on poses they have not learned from.
 
 mod benchmark;
 mod metric;
@@ -18,27 +18,38 @@ use std::path::PathBuf;
 
 /// Compare models on poses they were not trained on
 ///
-/// Runs every model on every task, split and seed. A model is trained on the training part of a split and restores
-/// damaged poses of the test part. The score is the mean squared error (MSE) over all coordinates, in asf² (1 asf =
-/// 5.644 cm). Tables must be in body space (posing amc2xyz --space body); frames with missing points are left out.
+/// Runs every model on every task, split and seed. A model is trained on the training part of a
+/// split and restores damaged poses of the test part. The score is the mean squared error (MSE)
+/// over all coordinates, in asf² (1 asf = 5.644 cm). Tables must be in body space (posing amc2xyz
+/// --space body); frames with missing points are left out.
 ///
-/// Tasks: dense (noise of 1 asf on every coordinate, of known variance); sparse (noise of 1 asf on each joint with
-/// probability 0.2; the model does not know which, and assumes the noise it was tuned to, or else the mean variance);
-/// complete (only the joints of --observe are visible).
+/// Tasks: dense (noise of 1 asf on every coordinate, of known variance); sparse (noise of 1 asf on
+/// each joint with probability 0.2; the model does not know which, and assumes the noise it was
+/// tuned to, or else the mean variance); complete (only the joints of --observe are visible).
 ///
-/// Splits: frames (a random half; test frames then have neighbours in the training half); takes (whole takes are held
-/// out, a third of each subject's, at least two); subjects (whole subjects are held out). A take's subject is its name up
-/// to the first _. With takes and subjects, copies, overlaps and mirrored takes are detected and stay on one side of the
-/// split, and a model file trained on one of the takes is an error.
+/// Splits: frames (a random half; test frames then have neighbors in the training half); takes
+/// (whole takes are held out, a third of each subject's, at least two); subjects (whole subjects
+/// are held out). A take's subject is its name up to the first _. With takes and subjects, copies,
+/// overlaps and mirrored takes are detected and stay on one side of the split, and a model file
+/// trained on one of the takes is an error.
 ///
-/// Prints one table per split: the MSE of each task (* marks the best), its 95% interval (bootstrap over takes; with
-/// frames, over frames), and the training MSE.
+/// Prints one table per split: the MSE of each task (* marks the best), its 95% interval (bootstrap
+/// over takes; with frames, over frames), and the training MSE.
 #[derive(Parser)]
 #[command(
     name = "evaluate",
     version,
     args_conflicts_with_subcommands = true,
-    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --splits takes --seeds 5 --cells 3/8 -o cells/3 01.csv 02.csv 07.csv\n  posing evaluate --splits takes --seeds 5 01.csv 02.csv 07.csv --merge cells/* -o bench\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv takes.csv",
+    after_help = "Examples:\
+        \n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\
+        \n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete \
+        --base 0,0.05asf 07.csv\
+        \n  posing evaluate --splits takes -m mine.npz my-takes.csv\
+        \n  posing evaluate --splits takes --seeds 5 --cells 3/8 -o cells/3 01.csv 02.csv 07.csv\
+        \n  posing evaluate --splits takes --seeds 5 01.csv 02.csv 07.csv --merge cells/* -o bench\
+        \n  posing evaluate --config bench.toml\
+        \n  posing evaluate takes -o bench two-people.csv\
+        \n  posing evaluate metric --classes classes.csv takes.csv",
     after_long_help = include_str!("help.txt")
 )]
 pub struct Args {
@@ -51,12 +62,20 @@ pub struct Args {
     config: Option<PathBuf>,
     #[command(flatten)]
     benchmark: BenchmarkArgs,
-    /// Run nothing; compare the finished run in RUN (a DIR of -o) with the paper's Tables 1 to 4, and write tables.html and
-    /// tables.csv into DIR. May be repeated: the run with most subjects gives Table 1, runs of one subject Tables 2 to 4
-    #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
+    /// Run nothing; compare the finished run in RUN (a DIR of -o) with the paper's Tables 1 to 4,
+    /// and write tables.html and tables.csv into DIR. May be repeated: the run with most
+    /// subjects gives Table 1, runs of one subject Tables 2 to 4
+    #[arg(
+        long,
+        value_name = "RUN",
+        help_heading = "Output",
+        requires = "output",
+        conflicts_with_all = ["config", "fresh"]
+    )]
     paper: Vec<PathBuf>,
-    /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I from 1 to N, and write only
-    /// the cache DIR/cells.jsonl: for several machines, each with a DIR of its own. --merge joins them
+    /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I
+    /// from 1 to N, and write only the cache DIR/cells.jsonl: for several machines, each with
+    /// a DIR of its own. --merge joins them
     #[arg(
         long,
         value_name = "I/N",
@@ -65,10 +84,17 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     cells: Option<Share>,
-    /// Run nothing; take the results that --cells left in these folders, and write the report into the DIR of -o. Tables and
-    /// flags must be those of --cells: results of others do not count, and missing ones are an error. Name the tables before
-    /// --merge
-    #[arg(long, value_name = "DIR", num_args = 1.., help_heading = "Output", requires = "output", conflicts_with_all = ["cells", "paper", "fresh"])]
+    /// Run nothing; take the results that --cells left in these folders, and write the report into
+    /// the DIR of -o. Tables and flags must be those of --cells: results of others do not
+    /// count, and missing ones are an error. Name the tables before --merge
+    #[arg(
+        long,
+        value_name = "DIR",
+        num_args = 1..,
+        help_heading = "Output",
+        requires = "output",
+        conflicts_with_all = ["cells", "paper", "fresh"]
+    )]
     merge: Vec<PathBuf>,
     /// Ignore the results cached in DIR
     #[arg(long, help_heading = "Output")]
@@ -79,29 +105,35 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Tested {
-    /// Test how well takes are restored: gaps and noise, beside PCHIP, linear, a Gaussian and a Butterworth filter
+    /// Test how well takes are restored: gaps and noise, beside PCHIP, linear, a Gaussian and a
+    /// Butterworth filter
     ///
-    /// Cuts gaps into copies of stretches of the takes (at most 12.5 s), fills them, and compares with what was cut out. Adds
-    /// noise to a stretch of each take and removes it. Each subject is restored by a model trained here on all other subjects,
-    /// unless -m or --self is given. Tables are in world space, with times.
+    /// Cuts gaps into copies of stretches of the takes (at most 12.5 s), fills them, and compares
+    /// with what was cut out. Adds noise to a stretch of each take and removes it. Each subject
+    /// is restored by a model trained here on all other subjects, unless -m or --self is given.
+    /// Tables are in world space, with times.
     ///
-    /// Prints the RMS error in gaps beside that of the rivals (* marks the lowest), its ratio to the best of them with a 95%
-    /// interval (bootstrap over gaps), the share of coordinates within one and two of the stated standard deviations, and
-    /// the error left of noise.
+    /// Prints the RMS error in gaps beside that of the rivals (* marks the lowest), its ratio to
+    /// the best of them with a 95% interval (bootstrap over gaps), the share of coordinates
+    /// within one and two of the stated standard deviations, and the error left of noise.
     Takes {
         #[command(flatten)]
         args: EvaluateTakesArgs,
         #[command(flatten)]
         common: CommonArgs,
     },
-    /// Test distances of poses: published ones, and learners by features, on people that they have not learnt from
+    /// Test distances of poses: published ones, and learners by features, on people that they have
+    /// not learned from
     ///
-    /// Distances learn from pairs of poses of some subjects and are tested on the others. Rules label the pairs in the place
-    /// of people. class: poses are retrieved across people, and one found is right when its take is of the query's class.
-    /// phase and blend: pairs are decided by one threshold. phase: alike at the same share of one action; blend: alike
-    /// where a cross-fade keeps bone lengths, planted feet and accelerations within the clips' own ranges.
+    /// Distances learn from pairs of poses of some subjects and are tested on the others. Rules
+    /// label the pairs in the place of people. class: poses are retrieved across people, and
+    /// one found is right when its take is of the query's class. phase and blend: pairs are
+    /// decided by one threshold. phase: alike at the same share of one action; blend: alike
+    /// where a cross-fade keeps bone lengths, planted feet and accelerations within the clips' own
+    /// ranges.
     ///
-    /// Prints the precision of each distance with a 95% interval (bootstrap over takes); * marks the highest.
+    /// Prints the precision of each distance with a 95% interval (bootstrap over takes); * marks
+    /// the highest.
     Metric {
         #[command(flatten)]
         args: EvaluateMetricArgs,

@@ -18,15 +18,21 @@ const STEPS: f64 = 1000.0;
 pub struct EvaluateTakesArgs {
     #[command(flatten)]
     input: InputArgs,
-    /// Model to test, which must not have been trained on these takes (default: for each subject, one trained here on all
-    /// other subjects; a take's subject is its name up to the first _)
+    /// Model to test, which must not have been trained on these takes (default: for each subject,
+    /// one trained here on all other subjects; a take's subject is its name up to the first _)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
     model: Option<PathBuf>,
     /// Test without a model: takes restored by their own frames alone
     #[arg(long = "self", conflicts_with = "model", help_heading = "Model")]
     take_alone: bool,
     /// Comma-separated lengths of gaps, in seconds; end: lost a second before a stretch ends
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = gap_length, default_value = "0.1,0.3,0.6,1,2")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        value_parser = gap_length,
+        default_value = "0.1,0.3,0.6,1,2"
+    )]
     lengths: Vec<GapLength>,
     /// Comma-separated numbers of points in a gap
     #[arg(
@@ -39,9 +45,15 @@ pub struct EvaluateTakesArgs {
     /// Number of gaps for each length and number of points
     #[arg(long, value_name = "N", default_value_t = 20)]
     gaps: usize,
-    /// Comma-separated standard deviations of noise on every coordinate, in cm or with a unit; the largest is also put on a
-    /// fifth of the points
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_length, default_value = "0,0.1,0.3,1,5")]
+    /// Comma-separated standard deviations of noise on every coordinate, in cm or with a unit; the
+    /// largest is also put on a fifth of the points
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        value_parser = parse_length,
+        default_value = "0,0.1,0.3,1,5"
+    )]
     noise: Vec<f64>,
     /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 0)]

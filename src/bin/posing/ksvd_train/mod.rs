@@ -15,15 +15,18 @@ use std::path::PathBuf;
 
 /// Train a sparse dictionary of poses by K-SVD
 ///
-/// Finds unit-norm atoms such that every pose is approximately a weighted sum of at most K of them (Aharon, Elad and
-/// Bruckstein 2006). Frames with missing points are skipped and counted. denoise, complete and encode use the
-/// dictionary as a model; prior-train makes more accurate ones.
+/// Finds unit-norm atoms such that every pose is approximately a weighted sum of at most K of them
+/// (Aharon, Elad and Bruckstein 2006). Frames with missing points are skipped and counted. denoise,
+/// complete and encode use the dictionary as a model; prior-train makes more accurate ones.
 #[derive(Parser)]
 #[command(
     name = "ksvd-train",
     version,
     group = ArgGroup::new("size").required(true).args(["atoms", "error"]),
-    after_help = "Examples:\n  posing ksvd-train -n 1000 -o dict.npz poses.csv\n  posing ksvd-train --error 1.5 --valid other.csv --log train.jsonl --checkpoint train.ck -o dict.npz poses.npy"
+    after_help = "Examples:\
+        \n  posing ksvd-train -n 1000 -o dict.npz poses.csv\
+        \n  posing ksvd-train --error 1.5 --valid other.csv --log train.jsonl \
+        --checkpoint train.ck -o dict.npz poses.npy"
 )]
 pub struct Args {
     #[command(flatten)]

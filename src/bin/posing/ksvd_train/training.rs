@@ -20,14 +20,24 @@ use std::time::Instant;
 #[derive(Debug, Clone, clap::Args)]
 pub struct KsvdArgs {
     /// Number of atoms, at most the number of poses
-    #[arg(short = 'n', long = "atoms", value_name = "ATOMS", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        short = 'n',
+        long = "atoms",
+        value_name = "ATOMS",
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     pub atoms: Option<u32>,
-    /// Choose the number of atoms: grow the dictionary until the training RMS of a coordinate, in cm, is at most this (the
-    /// paper's search: delta 2, growth 1.5)
+    /// Choose the number of atoms: grow the dictionary until the training RMS of a coordinate, in
+    /// cm, is at most this (the paper's search: delta 2, growth 1.5)
     #[arg(long, value_name = "RMS", value_parser = parse_positive)]
     pub error: Option<f64>,
     /// Largest number of atoms per pose, 1 to 1000
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..=1000)
+    )]
     pub sparsity: u32,
     /// Number of iterations
     #[arg(long, value_name = "N", default_value_t = 30)]
@@ -35,10 +45,12 @@ pub struct KsvdArgs {
     /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]
     pub pursuit: PursuitFlag,
-    /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random poses)
+    /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random
+    /// poses)
     #[arg(long, value_name = "DICT.npz|TABLE")]
     pub init: Option<PathBuf>,
-    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest error (default: off)
+    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest
+    /// error (default: off)
     #[arg(long, value_name = "C", value_parser = parse_positive)]
     pub coherence: Option<f64>,
     /// Validation table; its error is reported after each iteration
@@ -50,7 +62,7 @@ pub struct KsvdArgs {
     /// Write one line of JSON per iteration
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
-    /// Space in which poses are learnt
+    /// Space in which poses are learned
     #[arg(long, value_enum, default_value = "world")]
     pub space: Space,
 }
@@ -74,7 +86,8 @@ impl KsvdArgs {
     /// The dictionary of `--init`: a model's atoms, or a table's poses.
     ///
     /// # Errors
-    /// Data: the points or the space differ from those of the training poses. Usage: `-n` contradicts the number of atoms.
+    /// Data: the points or the space differ from those of the training poses. Usage: `-n`
+    /// contradicts the number of atoms.
     pub fn initial(&self, flags: &InputArgs, poses: &TrainingSet) -> Result<Option<Dictionary>> {
         let Some(path) = &self.init else {
             return Ok(None);
@@ -219,8 +232,8 @@ impl TrainingRun<'_> {
         }
     }
 
-    /// A new run starts its log afresh. One that goes on after iteration `resumed` keeps the lines up to that one: the run that was
-    /// stopped may have logged one more.
+    /// A new run starts its log afresh. One that goes on after iteration `resumed` keeps the lines
+    /// up to that one: the run that was stopped may have logged one more.
     fn open_log(&self, resumed: Option<usize>) -> Result<Option<(std::fs::File, PathBuf)>> {
         let Some(path) = self.log else {
             return Ok(None);
@@ -235,7 +248,8 @@ impl TrainingRun<'_> {
         Ok(Some((file, path.to_path_buf())))
     }
 
-    /// The state after an iteration is its dictionary and history: its codes are those of coding anew.
+    /// The state after an iteration is its dictionary and history: its codes are those of coding
+    /// anew.
     fn save(&self, state: &TrainingState) -> Result<()> {
         let Some(path) = self.checkpoint else {
             return Ok(());

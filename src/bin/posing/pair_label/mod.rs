@@ -14,23 +14,28 @@ use std::path::PathBuf;
 
 /// Propose pairs of poses, and label them alike or not on a page
 ///
-/// Writes one HTML page that needs no network. It shows each pair in motion, side by side, one over the other, and cut from one
-/// to the other. A click or key answers alike or not; Save writes a_take,a_frame,b_take,b_frame,label (1 alike, 0 not; frames
-/// count from 0 within their take).
+/// Writes one HTML page that needs no network. It shows each pair in motion, side by side, one over
+/// the other, and cut from one to the other. A click or key answers alike or not; Save writes
+/// a_take,a_frame,b_take,b_frame,label (1 alike, 0 not; frames count from 0 within their take).
 ///
-/// The pairs are hard ones: their mean joint distance is small, without place and heading, with all bodies at one height. Two
-/// poses of one take are at least 1 s apart. The pairs are spread over takes and distances, and no two of them are within 0.25 s
-/// of each other on both sides.
+/// The pairs are hard ones: their mean joint distance is small, without place and heading, with all
+/// bodies at one height. Two poses of one take are at least 1 s apart. The pairs are spread over
+/// takes and distances, and no two of them are within 0.25 s of each other on both sides.
 #[derive(Parser)]
 #[command(
     name = "pair-label",
     version,
-    after_help = "Examples:\n  posing pair-label -o pairs.html walk.csv\n  posing pair-label --other-takes --count 40 --seconds 0.3 -o pairs.html two-people.csv\n  posing pair-label --near 8 --csv pairs.csv walk.csv\n  posing pair-label --map joints.toml -o pairs.html mine.csv"
+    after_help = "Examples:\
+        \n  posing pair-label -o pairs.html walk.csv\
+        \n  posing pair-label --other-takes --count 40 --seconds 0.3 -o pairs.html two-people.csv\
+        \n  posing pair-label --near 8 --csv pairs.csv walk.csv\
+        \n  posing pair-label --map joints.toml -o pairs.html mine.csv"
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",

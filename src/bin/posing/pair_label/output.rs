@@ -1,4 +1,5 @@
-//! `pair-label` around the library: the format of the output, the motion of takes, the pairs as CSV, messages.
+//! `pair-label` around the library: the format of the output, the motion of takes, the pairs as
+//! CSV, messages.
 
 use posing::cli::messages;
 use posing::cli::metric_takes::MetricTakes;

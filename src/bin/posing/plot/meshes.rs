@@ -16,8 +16,8 @@ const MOST_STILLS: usize = 100;
 /// The flags of meshes.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshArgs {
-    /// Comma-separated arrays of an NPZ file to draw, such as predicted; each is a figure (default: vertices; of body-fit's
-    /// files, completed)
+    /// Comma-separated arrays of an NPZ file to draw, such as predicted; each is a figure
+    /// (default: vertices; of body-fit's files, completed)
     #[arg(
         long,
         value_name = "LIST",
@@ -27,8 +27,8 @@ pub struct MeshArgs {
     pub array: Vec<String>,
 }
 
-/// Whether `--units` is typed. Stands before the flags that it looks at: they are taken out of the matches when they are
-/// read.
+/// Whether `--units` is typed. Stands before the flags that it looks at: they are taken out of the
+/// matches when they are read.
 #[derive(Debug, Clone, Copy)]
 pub struct UnitsTyped(pub bool);
 
@@ -83,8 +83,8 @@ impl MeshPlot<'_> {
     /// The drawing.
     ///
     /// # Errors
-    /// Those of reading meshes, of [`svg`] and of [`page`]; usage: a flag that does not fit meshes, names that are not as
-    /// many as the figures.
+    /// Those of reading meshes, of [`svg`] and of [`page`]; usage: a flag that does not fit meshes,
+    /// names that are not as many as the figures.
     pub fn draw(&self, to: PlotFormat, table: Option<Table>) -> Result<String> {
         self.check_flags()?;
         let files = MeshFiles {
@@ -158,7 +158,8 @@ impl MeshPlot<'_> {
             if chosen.len() > MOST_STILLS {
                 let count = chosen.len();
                 let what = format!(
-                    "{count} meshes in one row of an SVG; at most {MOST_STILLS} are possible, see --every"
+                    "{count} meshes in one row of an SVG; at most {MOST_STILLS} are possible, see \
+                     --every"
                 );
                 return Err(Error::usage(what));
             }

@@ -21,21 +21,30 @@ use std::path::PathBuf;
 
 /// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
-/// Several tables are drawn side by side; they must have the same frames and points, matched by name. Bones connect the
-/// CMU joints and of the skeletons of complete --map; a BVH file is drawn with its own bones; for other points, use --bones.
-/// If a table has the columns NAME.status (denoise --status, complete
-/// --status), changed and inferred points are marked. A page has curves of a joint and a list of the gaps to click; NAME.sd
-/// and NAME.method say there how each gap was filled, and how surely.
+/// Several tables are drawn side by side; they must have the same frames and points, matched by
+/// name. Bones connect the CMU joints and of the skeletons of complete --map; a BVH file is drawn
+/// with its own bones; for other points, use --bones. If a table has the columns NAME.status
+/// (denoise --status, complete --status), changed and inferred points are marked. A page has curves
+/// of a joint and a list of the gaps to click; NAME.sd and NAME.method say there how each gap was
+/// filled, and how surely.
 ///
-/// Meshes are OBJ, PLY or STL files, folders of them, or NPZ files with vertices (frames, V, 3) and faces (F, 3), such as
-/// body-fit's. An SVG shows some of them, shaded, from the front. A page plays them with WebGL: each folder and NPZ file is
-/// a sequence of one topology, and all other files together are one more. Lengths are shown if the unit is known: give
-/// --units (body-fit's files are in cm).
+/// Meshes are OBJ, PLY or STL files, folders of them, or NPZ files with vertices (frames, V, 3) and
+/// faces (F, 3), such as body-fit's. An SVG shows some of them, shaded, from the front. A page
+/// plays them with WebGL: each folder and NPZ file is a sequence of one topology, and all other
+/// files together are one more. Lengths are shown if the unit is known: give --units (body-fit's
+/// files are in cm).
 #[derive(Parser)]
 #[command(
     name = "plot",
     version,
-    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  posing plot -o old.html old.bvh\n  posing plot --units m -o bodies.svg scan.obj body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html fits.npz"
+    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 \
+                  --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A \
+                  walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv \
+                  restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  \
+                  posing plot -o old.html old.bvh\n  posing plot --units m -o bodies.svg scan.obj \
+                  body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ \
+                  bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html \
+                  fits.npz"
 )]
 pub struct Args {
     // Before `input`, whose flags it looks at.
@@ -46,7 +55,8 @@ pub struct Args {
     /// Comma-separated names of the figures (default: the file names)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     names: Vec<String>,
-    /// Comma-separated pairs of points to connect, such as head-neck,neck-chest (default: the CMU bones)
+    /// Comma-separated pairs of points to connect, such as head-neck,neck-chest (default: the CMU
+    /// bones)
     #[arg(long, value_name = "LIST")]
     bones: Option<String>,
     /// Show every N-th frame

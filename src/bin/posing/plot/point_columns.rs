@@ -11,7 +11,7 @@ use posing::{Error, Place, Result};
 pub struct PointColumns {
     /// `NAME.status`; a point without it is observed.
     pub status: Option<Array2<Status>>,
-    /// `NAME.sd` in centimetres; NaN where nothing is stated.
+    /// `NAME.sd` in centimeters; NaN where nothing is stated.
     pub sd: Option<Array2<f64>>,
     /// `NAME.method`; `None` where a point was not filled.
     pub method: Option<Array2<Option<FillMethod>>>,
@@ -30,7 +30,7 @@ impl PointColumns {
 
 /// Reads them row by row.
 pub struct PointColumnsReader {
-    /// Centimetres in the unit of the table.
+    /// Centimeters in the unit of the table.
     unit: f64,
     /// The places of status, deviation and method among the columns, for each point.
     places: Vec<[Option<usize>; 3]>,
@@ -40,7 +40,8 @@ pub struct PointColumnsReader {
 }
 
 impl PointColumnsReader {
-    /// Finds the columns. Without a status, a column of the other two names may hold anything, so it is left alone.
+    /// Finds the columns. Without a status, a column of the other two names may hold anything, so
+    /// it is left alone.
     pub fn new(columns: &Columns, unit: f64) -> PointColumnsReader {
         let place = |point: &str, ending: &str| {
             let wanted = format!("{point}.{ending}");

@@ -1,4 +1,5 @@
-//! `plot` around the library: pose tables with statuses, bones by name, a table of text, the flags of an SVG.
+//! `plot` around the library: pose tables with statuses, bones by name, a table of text, the flags
+//! of an SVG.
 
 use super::point_columns::{PointColumns, PointColumnsReader};
 use posing::cli::args::InputArgs;
@@ -62,7 +63,8 @@ pub struct SvgArgs {
     /// Draw all frames in one panel, at their positions in the world
     #[arg(long, help_heading = "SVG")]
     pub trail: bool,
-    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of meshes, 0)
+    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of
+    /// meshes, 0)
     #[arg(
         long,
         value_name = "DEGREES",
@@ -246,7 +248,8 @@ fn bvh(path: &Path) -> Result<Option<Input>> {
         .then_some(input))
 }
 
-/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of [`joints::bones`].
+/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of
+/// [`joints::bones`].
 pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
     let Some(list) = list else {
         return Ok(joints::bones(points));

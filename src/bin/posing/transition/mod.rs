@@ -15,21 +15,27 @@ use std::path::{Path, PathBuf};
 
 /// Find frames at which one take can go over into another
 ///
-/// Writes a_take, a_frame, b_take, b_frame, distance, bones, feet, acceleration, good: the frames at which the poses of two takes
-/// are nearest, and whether a blend of the takes there is good. Frames count from 0 within their take.
+/// Writes a_take, a_frame, b_take, b_frame, distance, bones, feet, acceleration, good: the frames
+/// at which the poses of two takes are nearest, and whether a blend of the takes there is good.
+/// Frames count from 0 within their take.
 ///
-/// The distance is that of a metric of rdsr-train, or without one of coordinates and velocities. bones, feet and acceleration
-/// are shares of limits; good is 1 where none is above 1. bones: no bone leaves the range of its lengths in both takes by more
-/// than 5% of its length. feet: no planted foot (slower than 20 cm/s, within 10 cm of its lowest height) is drawn faster than 30
+/// The distance is that of a metric of rdsr-train, or without one of coordinates and velocities.
+/// bones, feet and acceleration are shares of limits; good is 1 where none is above 1. bones: no
+/// bone leaves the range of its lengths in both takes by more than 5% of its length. feet: no
+/// planted foot (slower than 20 cm/s, within 10 cm of its lowest height) is drawn faster than 30
 /// cm/s. acceleration: no joint's is above its largest in either take.
 ///
-/// A blend is the first take up to the transition, a cross-fade of the points about it, and the rest of the second take, turned
-/// about the vertical and moved on the ground to where the first one is.
+/// A blend is the first take up to the transition, a cross-fade of the points about it, and the
+/// rest of the second take, turned about the vertical and moved on the ground to where the first
+/// one is.
 #[derive(Parser)]
 #[command(
     name = "transition",
     version,
-    after_help = "Examples:\n  posing transition two-takes.csv > transitions.csv\n  posing transition -m metric.npz --good --blend joined.csv two-takes.csv\n  posing transition --within walk.csv > loops.csv"
+    after_help = "Examples:\
+        \n  posing transition two-takes.csv > transitions.csv\
+        \n  posing transition -m metric.npz --good --blend joined.csv two-takes.csv\
+        \n  posing transition --within walk.csv > loops.csv"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -37,7 +43,8 @@ pub struct Args {
     /// Metric, by rdsr-train (default: coordinates and velocities)
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file; a metric has its own
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file; a metric has its own
     #[arg(
         long,
         value_name = "CMU|NAME|FILE.toml",
@@ -58,7 +65,12 @@ pub struct Args {
     #[arg(long, value_name = "A,B", value_parser = frames)]
     at: Option<[usize; 2]>,
     /// Transitions of each pair of takes, at most
-    #[arg(short, value_name = "N", default_value = "10", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        short,
+        value_name = "N",
+        default_value = "10",
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     n: u32,
     /// Good transitions only: looks past others until N are found
     #[arg(long, conflicts_with = "at")]

@@ -1,5 +1,5 @@
-//! Transitions between the takes of a table: which pairs of takes, their candidate frames, whether these are good, the table
-//! of them, and the blended take.
+//! Transitions between the takes of a table: which pairs of takes, their candidate frames, whether
+//! these are good, the table of them, and the blended take.
 
 use super::take_pairs::{check_rates, take_pairs};
 use ndarray::Array2;
@@ -76,7 +76,8 @@ impl<'a> Transitions<'a> {
     /// Prepares the takes that the settings name.
     ///
     /// # Errors
-    /// [`Error::Usage`]: there are no two takes, or takes of different rates. [`Error::Data`]: a take is not there, or no frame has
+    /// [`Error::Usage`]: there are no two takes, or takes of different rates. [`Error::Data`]: a
+    /// take is not there, or no frame has
     /// room for a cross-fade.
     pub fn new(
         takes: &'a MetricTakes,
@@ -130,7 +131,8 @@ impl<'a> Transitions<'a> {
         Ok(())
     }
 
-    /// The transitions of all pairs of takes, those of a pair nearest first; or the one that is wanted.
+    /// The transitions of all pairs of takes, those of a pair nearest first; or the one that is
+    /// wanted.
     ///
     /// # Errors
     /// [`Error::Usage`]: the frames that are wanted have no room for a cross-fade.
@@ -172,7 +174,8 @@ impl<'a> Transitions<'a> {
             let can_fade = self.ends[&take].can_fade.get(frame);
             if can_fade != Some(&true) {
                 return Err(Error::usage(format!(
-                    "--at: frame {frame} of take {} has no {} s before and after it that show all joints",
+                    "--at: frame {frame} of take {} has no {} s before and after it that show all \
+                     joints",
                     excerpt(&self.takes.names[take]),
                     self.settings.over / 2.0
                 )));

@@ -7,8 +7,8 @@ use posing::{Error, Place, Result};
 /// Most names that an error lists.
 const LISTED: usize = 8;
 
-/// Pairs of takes, in the order of the table: from each, or the one named, to each other, or the one named; with `within`, or
-/// where both are named alike, also a take with itself.
+/// Pairs of takes, in the order of the table: from each, or the one named, to each other, or the
+/// one named; with `within`, or where both are named alike, also a take with itself.
 ///
 /// # Errors
 /// [`Error::Data`]: a named take is not there. [`Error::Usage`]: no pair is left.
@@ -28,7 +28,8 @@ pub fn take_pairs(
     let pairs: Vec<[usize; 2]> = all.filter(|[a, b]| a != b || with_itself).collect();
     match pairs.is_empty() {
         true => Err(Error::usage(format!(
-            "{}: transitions need two takes; give another, or --within for those of a take into itself",
+            "{}: transitions need two takes; give another, or --within for those of a take into \
+             itself",
             takes.source
         ))),
         false => Ok(pairs),
@@ -59,7 +60,8 @@ pub fn check_rates(takes: &MetricTakes, pairs: &[[usize; 2]]) -> Result<()> {
         if (x - y).abs() > 1e-3 * x.max(y) {
             let [a, b] = pair.map(|take| excerpt(&takes.names[take]));
             return Err(Error::usage(format!(
-                "{}: takes {a} and {b} have {x} and {y} frames per second; blending needs one rate: choose other takes with --from and --to, or write both at one rate",
+                "{}: takes {a} and {b} have {x} and {y} frames per second; blending needs one \
+                 rate: choose other takes with --from and --to, or write both at one rate",
                 takes.source
             )));
         }

@@ -1,6 +1,8 @@
-//! Triangle meshes as SVG: chosen frames side by side, seen by parallel rays, shaded in a few greys.
+//! Triangle meshes as SVG: chosen frames side by side, seen by parallel rays, shaded in a few
+//! greys.
 //!
-//! The picture holds shapes only, and only those that are seen: a body of 27,000 triangles takes some 90 KB.
+//! The picture holds shapes only, and only those that are seen: a body of 27,000 triangles takes
+//! some 90 KB.
 
 mod outline;
 mod visible;
@@ -33,8 +35,8 @@ pub struct Still {
     pub caption: String,
 }
 
-/// A row of meshes on one ground. Frames of one figure keep their heights above it; meshes of several figures, which need
-/// not share an origin, all stand on it.
+/// A row of meshes on one ground. Frames of one figure keep their heights above it; meshes of
+/// several figures, which need not share an origin, all stand on it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Row {
     /// What stands above it; may be empty.
@@ -43,11 +45,13 @@ pub struct Row {
     pub stills: Vec<Still>,
 }
 
-/// Draws rows of meshes as an SVG document, all at one scale: as seen from the front (+z) and a little from above, unless
-/// the options say otherwise. The layout of the options does not count. The same scene gives the same bytes.
+/// Draws rows of meshes as an SVG document, all at one scale: as seen from the front (+z) and a
+/// little from above, unless the options say otherwise. The layout of the options does not count.
+/// The same scene gives the same bytes.
 ///
 /// # Errors
-/// As [`MeshScene::check`] and [`Options::check`]. [`Error::Usage`]: a row names a figure or frame that is not there.
+/// As [`MeshScene::check`] and [`Options::check`]. [`Error::Usage`]: a row names a figure or frame
+/// that is not there.
 pub fn svg(scene: &MeshScene<'_>, rows: &[Row], options: &Options) -> Result<String> {
     scene.check()?;
     options.check()?;
@@ -254,7 +258,8 @@ fn heading(scene: &MeshScene<'_>, scale: f64, size: f64) -> (String, f64) {
         let (line, x) = (n(y + 6.0), n(EDGE + length * scale + 8.0));
         let below = n(y + 10.0);
         out += &format!(
-            "<path d=\"M{EDGE} {line}m0 -3v6m0 -3h{wide}m0 -3v6\" fill=\"none\" stroke=\"{PALE}\"/>\n\
+            "<path d=\"M{EDGE} {line}m0 -3v6m0 -3h{wide}m0 -3v6\" \
+             fill=\"none\" stroke=\"{PALE}\"/>\n\
              <text x=\"{x}\" y=\"{below}\" fill=\"{PALE}\">{text}</text>\n"
         );
         y += 26.0;
@@ -264,9 +269,10 @@ fn heading(scene: &MeshScene<'_>, scale: f64, size: f64) -> (String, f64) {
 
 /// A mesh with its upper left corner at a place of the picture.
 fn solid(panel: &Panel<'_>, window: &Window, at: &str) -> String {
-    // The stroke closes the hair lines between neighbouring areas.
+    // The stroke closes the hair lines between neighboring areas.
     let mut out = format!(
-        "<g transform=\"translate({at}) scale({})\" stroke-width=\"4\" stroke-linejoin=\"round\">\n",
+        "<g transform=\"translate({at}) scale({})\" \
+         stroke-width=\"4\" stroke-linejoin=\"round\">\n",
         1.0 / UNITS
     );
     for layer in layers(panel.vertices.view(), panel.faces, window) {

@@ -5,10 +5,12 @@ use std::fmt::Write;
 
 type At = [i32; 2];
 
-/// The path (SVG) around triangles that all turn the same way: edges between two of them are not drawn.
+/// The path (SVG) around triangles that all turn the same way: edges between two of them are not
+/// drawn.
 ///
-/// Each edge is directed. Two that run in opposite directions cancel out; what is left closes into loops, which wind
-/// around each place as often as triangles cover it, in whatever order they are linked.
+/// Each edge is directed. Two that run in opposite directions cancel out; what is left closes into
+/// loops, which wind around each place as often as triangles cover it, in whatever order they are
+/// linked.
 pub fn path(triangles: &[[At; 3]]) -> String {
     let mut left: HashMap<(At, At), u32> = HashMap::new();
     let edges = triangles

@@ -12,7 +12,8 @@ const LIGHT: [f64; 3] = [-0.42, 0.58, 0.698];
 /// Triangles whose normals have a smaller cosine are shaded apart: edges of a box stay sharp.
 const SHARP: f64 = 0.5;
 
-/// Triangles that are painted together: they are of one shade, and nothing else of their layer covers them.
+/// Triangles that are painted together: they are of one shade, and nothing else of their layer
+/// covers them.
 pub struct Layer {
     /// From 0 (dark).
     pub shade: usize,
@@ -28,12 +29,13 @@ struct Triangle {
     shade: usize,
 }
 
-/// The triangles that are seen of a mesh, from back to front. Vertices are right, up, towards the viewer.
+/// The triangles that are seen of a mesh, from back to front. Vertices are right, up, towards the
+/// viewer.
 ///
-/// Triangles that face away are left out, and so are those that a z-buffer finds hidden. The rest is painted in the order
-/// of the mean depths of the triangles, so that of triangles which pass through each other one covers the other. Only
-/// where they lie on top of each other does the order matter: a triangle comes into the lowest layer above all others
-/// that it covers.
+/// Triangles that face away are left out, and so are those that a z-buffer finds hidden. The rest
+/// is painted in the order of the mean depths of the triangles, so that of triangles which pass
+/// through each other one covers the other. Only where they lie on top of each other does the order
+/// matter: a triangle comes into the lowest layer above all others that it covers.
 pub fn layers(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) -> Vec<Layer> {
     let mut triangles = facing(vertices, faces, window);
     let mut raster = Raster::new(window);
@@ -122,7 +124,8 @@ fn faces_around(faces: &[[u32; 3]], vertices: usize) -> Vec<Vec<u32>> {
     around
 }
 
-/// From 0 to 1: diffuse light, and less of it where the surface turns away, so that outlines are seen on white.
+/// From 0 to 1: diffuse light, and less of it where the surface turns away, so that outlines are
+/// seen on white.
 fn lightness(normal: [f64; 3]) -> f64 {
     let diffuse = 0.25 + 0.75 * dot(normal, LIGHT).max(0.0);
     diffuse * (0.55 + 0.45 * (2.0 * normal[2]).clamp(0.0, 1.0))

@@ -1,4 +1,5 @@
-//! One self-contained HTML page that plays meshes with WebGL 2: nothing is fetched, the meshes are inside.
+//! One self-contained HTML page that plays meshes with WebGL 2: nothing is fetched, the meshes are
+//! inside.
 //!
 //! The page shares the controls and the looks of the page of poses.
 
@@ -36,15 +37,16 @@ const UNKNOWN_RATE: f64 = 10.0;
 /// Where the camera stands at first, degrees: 0 at +z, 90 at +x.
 const AZIMUTH: f64 = 30.0;
 
-/// The page that plays meshes: HTML, complete in itself, the same bytes for the same scene. It has one frame of every
-/// `every`; `None`: as many as 24 MB of compressed coordinates allow. A figure of one frame stands beside the others
-/// throughout.
+/// The page that plays meshes: HTML, complete in itself, the same bytes for the same scene. It has
+/// one frame of every `every`; `None`: as many as 24 MB of compressed coordinates allow. A figure
+/// of one frame stands beside the others throughout.
 ///
-/// Coordinates are rounded to 1/25,000 of the largest side of the figure's box: 0.04 mm at most for a body of 2 m.
+/// Coordinates are rounded to 1/25,000 of the largest side of the figure's box: 0.04 mm at most for
+/// a body of 2 m.
 ///
 /// # Errors
-/// As [`MeshScene::check`]. [`Error::Data`]: figures of several frames differ in their number; a single frame is larger
-/// than 24 MB. [`Error::Usage`]: `every` is 0.
+/// As [`MeshScene::check`]. [`Error::Data`]: figures of several frames differ in their number; a
+/// single frame is larger than 24 MB. [`Error::Usage`]: `every` is 0.
 pub fn page(scene: &MeshScene<'_>, every: Option<usize>) -> Result<String> {
     page_within(scene, every, LIMIT)
 }
@@ -92,7 +94,8 @@ fn frames(scene: &MeshScene<'_>) -> Result<usize> {
     let differs = |f: &&MeshFigure<'_>| f.frames() != 1 && f.frames() != frames;
     if let Some(other) = scene.figures.iter().find(differs) {
         let what = format!(
-            "has {} meshes, {} has {frames}; sequences played together have the same number, or one",
+            "has {} meshes, {} has {frames}; sequences played together have the same number, or \
+             one",
             other.frames(),
             longest.name
         );
@@ -161,7 +164,8 @@ fn embedded(scene: &MeshScene<'_>, frames: usize, every: usize, packed: &[Packed
     })
 }
 
-/// Height of the ground, where a figure's lowest vertex is in its lowest frames, and the usual diagonal of its box.
+/// Height of the ground, where a figure's lowest vertex is in its lowest frames, and the usual
+/// diagonal of its box.
 fn ground_and_size(figure: &MeshFigure<'_>) -> (f64, f64) {
     let boxes: Vec<_> = (0..figure.frames()).map(|t| figure.extent(t)).collect();
     let mut lows: Vec<f32> = boxes.iter().map(|b| b[1][0]).collect();

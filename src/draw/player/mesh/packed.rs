@@ -1,9 +1,10 @@
 //! Meshes as compressed text, as the script of the page reads them.
 //!
-//! Coordinates are whole numbers of steps, 16 bits each: those of a frame count from the frame's own origin. Smooth motion
-//! of smooth surfaces is compressed well when each coordinate is predicted: from the two frames before (as if its speed
-//! stayed the same), and the error of that from the errors of its neighbours with smaller numbers. What is left is
-//! written as unsigned numbers (0, -1, 1, -2, ...), for each frame and axis all low bytes and then all high bytes, and
+//! Coordinates are whole numbers of steps, 16 bits each: those of a frame count from the frame's
+//! own origin. Smooth motion of smooth surfaces is compressed well when each coordinate is
+//! predicted: from the two frames before (as if its speed stayed the same), and the error of that
+//! from the errors of its neighbors with smaller numbers. What is left is written as unsigned
+//! numbers (0, -1, 1, -2, ...), for each frame and axis all low bytes and then all high bytes, and
 //! deflated. Faces are differences of one corner to the next, in the same form with four bytes.
 
 use crate::draw::mesh_scene::MeshFigure;
@@ -11,12 +12,14 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use flate2::{Compression, write::DeflateEncoder};
 use std::io::Write;
 
-/// Steps along the largest side of any frame's box, so that a body of 2 m has steps of 0.08 mm. Less than 2^16.
+/// Steps along the largest side of any frame's box, so that a body of 2 m has steps of 0.08 mm.
+/// Less than 2^16.
 const STEPS: f64 = 25_000.0;
 
 /// The meshes of a figure, packed.
 pub struct Packed {
-    /// The length of a step, in the unit of the vertices. No coordinate is wrong by more than half of it.
+    /// The length of a step, in the unit of the vertices. No coordinate is wrong by more than half
+    /// of it.
     pub step: f64,
     /// The smallest x, y, z of each frame, in steps.
     pub origins: Vec<[i64; 3]>,
@@ -33,7 +36,7 @@ pub fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
         0.0 => 1.0,
         step => step,
     };
-    let lower = LowerNeighbours::of(figure.faces, figure.vertices.dim().1);
+    let lower = LowerNeighbors::of(figure.faces, figure.vertices.dim().1);
     let mut bytes = Deflated::default();
     let mut origins = Vec::with_capacity(kept.len());
     // The last frame and the one before.
@@ -94,15 +97,15 @@ fn faces(faces: &[[u32; 3]]) -> String {
     bytes.finish()
 }
 
-/// The neighbours of each vertex that have smaller numbers, once for each face of the edge.
-struct LowerNeighbours {
-    /// Where the neighbours of each vertex begin in `all`, and at last its length.
+/// The neighbors of each vertex that have smaller numbers, once for each face of the edge.
+struct LowerNeighbors {
+    /// Where the neighbors of each vertex begin in `all`, and at last its length.
     starts: Vec<usize>,
     all: Vec<u32>,
 }
 
-impl LowerNeighbours {
-    fn of(faces: &[[u32; 3]], vertices: usize) -> LowerNeighbours {
+impl LowerNeighbors {
+    fn of(faces: &[[u32; 3]], vertices: usize) -> LowerNeighbors {
         let edges = || {
             faces
                 .iter()
@@ -121,10 +124,11 @@ impl LowerNeighbours {
             all[*place] = a.min(b);
             *place += 1;
         }
-        LowerNeighbours { starts, all }
+        LowerNeighbors { starts, all }
     }
 
-    /// The mean error of a vertex's lower neighbours, rounded down; without any, the error of the vertex before.
+    /// The mean error of a vertex's lower neighbors, rounded down; without any, the error of the
+    /// vertex before.
     fn mean(&self, vertex: usize, errors: &[i16]) -> i16 {
         let lower = &self.all[self.starts[vertex]..self.starts[vertex + 1]];
         match (lower.len() as i64, vertex) {
@@ -196,7 +200,7 @@ pub(super) mod tests {
         let bytes = inflated(&packed.places);
         let frames = packed.origins.len();
         assert_eq!(bytes.len(), frames * vertices * 6);
-        let lower = LowerNeighbours::of(&unpacked_faces(&packed.faces), vertices);
+        let lower = LowerNeighbors::of(&unpacked_faces(&packed.faces), vertices);
         let mut places = Array3::<u16>::zeros((frames, vertices, 3));
         for t in 0..frames {
             for axis in 0..3 {
@@ -241,7 +245,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn vertices_without_neighbours_are_kept() {
+    fn vertices_without_neighbors_are_kept() {
         let (vertices, _) = cube();
         let scene = scene(&vertices, &[[7, 7, 2]]);
         let back = unpacked(&packed(&scene.figures[0], &[0]), 8);

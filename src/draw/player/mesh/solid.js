@@ -53,7 +53,7 @@ void main() {
   seen = vec4(color.rgb * mix(1., light * 1.28, lit), 1.) * color.a;
 }`;
 
-/** Red, green and blue from 0 to 1 of a colour such as #1f6fb4. */
+/** Red, green and blue from 0 to 1 of a color such as #1f6fb4. */
 function rgb(hex) {
   const long = hex.length < 6 ? hex.replace(/[^#]/g, "$&$&") : hex;
   return [1, 3, 5].map(i => parseInt(long.slice(i, i + 2), 16) / 255);
@@ -182,7 +182,7 @@ function solidPaper(figures, lost) {
     gl.uniform4f(at.paper, width / 2, height / 2, shift[0], -shift[1]);
   }
 
-  /** Draws a frame of a figure: its surface in a colour, its edges in another (unless it is null), or its shadow. */
+  /** Draws a frame of a figure: its surface in a color, its edges in another (unless it is null), or its shadow. */
   function draw(figure, frame, lens, color, edges, ground) {
     bring(figure, frame);
     const origin = figure.origins[frame];

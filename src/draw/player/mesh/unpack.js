@@ -17,8 +17,8 @@ function unpackFaces(bytes) {
   return faces;
 }
 
-/** The neighbours of each vertex that have smaller numbers: those of v are all[starts[v]] to all[starts[v + 1] - 1]. */
-function lowerNeighbours(faces, count) {
+/** The neighbors of each vertex that have smaller numbers: those of v are all[starts[v]] to all[starts[v + 1] - 1]. */
+function lowerNeighbors(faces, count) {
   const starts = new Uint32Array(count + 1), edges = visit => {
     for (let i = 0; i < faces.length; i++) {
       const a = faces[i], b = faces[i % 3 === 2 ? i - 2 : i + 1];
@@ -34,7 +34,7 @@ function lowerNeighbours(faces, count) {
 
 /** Coordinates in steps from the origin of their frame, frames x vertices x 3. */
 function unpackPlaces(bytes, count, frames, faces) {
-  const [starts, all] = lowerNeighbours(faces, count), size = 3 * count;
+  const [starts, all] = lowerNeighbors(faces, count), size = 3 * count;
   const places = new Uint16Array(frames * size), errors = new Int16Array(count);
   for (let t = 0; t < frames; t++) for (let axis = 0; axis < 3; axis++) {
     const from = 2 * (3 * t + axis) * count, to = t * size + axis;

@@ -84,7 +84,8 @@ fn the_size_of_a_body() {
     mesh.vertices.iter_mut().for_each(|v| v[2] *= 1.75);
     assert!(mesh.plausible_height(1.0).is_ok());
     let text = mesh.plausible_height(0.01).unwrap_err().to_string();
-    let expected = "the largest extent is 0.02 m, expected 0.5 to 2.6 m for a body; with the option `units m` it is 1.75 m";
+    let expected = "the largest extent is 0.02 m, expected 0.5 to 2.6 m for a body; with the \
+                    option `units m` it is 1.75 m";
     assert_eq!(text, expected);
     mesh.vertices.iter_mut().for_each(|v| v[2] *= 1e9);
     let text = mesh.plausible_height(1.0).unwrap_err().to_string();

@@ -14,7 +14,7 @@ property float x
 property short y
 property float nx
 element face 2
-property list uchar uchar colours
+property list uchar uchar colors
 property list int double vertex_index
 end_header
 0.5 2 7 8

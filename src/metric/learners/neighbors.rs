@@ -1,18 +1,19 @@
-//! The graph of nearest neighbours.
+//! The graph of nearest neighbors.
 
-use super::scatter::centred;
+use super::scatter::centered;
 use crate::numeric::parallel::map_chunks;
 use ndarray::{Array1, ArrayView2, s};
 
 /// Rows whose distances to all others are held at one time.
 const ROWS: usize = 64;
 
-/// The edges (i, j), i < j, between rows of which one is among the `k` nearest of the other; each once, in rising order.
+/// The edges (i, j), i < j, between rows of which one is among the `k` nearest of the other; each
+/// once, in rising order.
 ///
 /// Of equal distances the lower row counts as nearer. O(n² d) time, O(n (k + d)) memory.
 pub(super) fn edges(x: ArrayView2<'_, f64>, k: usize) -> Vec<[usize; 2]> {
     // Far from the origin products would cancel.
-    let x = centred(x);
+    let x = centered(x);
     let squares: Array1<f64> = x.rows().into_iter().map(|row| row.dot(&row)).collect();
     let mut edges = map_chunks(x.nrows(), ROWS, |rows| {
         let products = x.slice(s![rows.clone(), ..]).dot(&x.t());
@@ -80,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_are_neighbours_and_no_row_its_own() {
+    fn copies_are_neighbors_and_no_row_its_own() {
         assert_eq!(edges(Array2::ones((3, 2)).view(), 1), [[0, 1], [0, 2]]);
         assert!(edges(Array2::ones((1, 2)).view(), 5).is_empty());
     }
