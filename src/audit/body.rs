@@ -1,6 +1,7 @@
 //! The size of the body, and the axis that it stands along.
 
-use super::{Finding, FindingKind, Limits, Take, median};
+use super::{Finding, FindingKind, Limits, Take};
+use crate::numeric::statistics::median;
 use crate::pose::stray::PointApart;
 
 /// Fewer points are no body.

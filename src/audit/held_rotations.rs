@@ -1,7 +1,8 @@
 //! Rotations that stand still beside moving ones: a value that was held while the joint was not
 //! seen.
 
-use super::{Finding, FindingKind, median, ranges};
+use super::{Finding, FindingKind, ranges};
+use crate::numeric::statistics::median;
 use crate::pose::JointAngles;
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};

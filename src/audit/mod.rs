@@ -269,12 +269,6 @@ impl Take<'_> {
     }
 }
 
-/// The middle of some values; `None` of none.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
 /// The frames in which something is so, in ranges on end.
 fn ranges(frames: impl IntoIterator<Item = usize>) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = Vec::new();

@@ -12,7 +12,7 @@ use crate::body::take::BodyTake;
 use crate::body::{BodyModel, Marker, MarkerModel};
 use crate::io::MeshSet;
 use crate::io::text::excerpt;
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use crate::pose::Poses;
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::pose::units::Units;

@@ -93,9 +93,6 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    /// All axes.
-    pub const ALL: [UpAxis; 3] = [UpAxis::X, UpAxis::Y, UpAxis::Z];
-
     /// The axis as a letter, such as `z`.
     pub fn name(self) -> &'static str {
         match self {

@@ -7,15 +7,13 @@ use crate::Result;
 use crate::evaluate::benchmark::result::SD_LEVELS;
 use crate::io::Table;
 use crate::numeric::parallel;
+use crate::numeric::statistics::{bootstrap_interval, quantile};
 use crate::pose::Poses;
 use crate::restore::{Complete, Restoration, Restorer};
 use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
-use rand::Rng;
 
 /// The length of a gap that lasts until its stretch ends, seconds.
 const TO_THE_END: f64 = 1.0;
-/// Bootstrap draws.
-const DRAWS: usize = 1000;
 
 /// How long a gap is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,10 +196,7 @@ impl GapCell {
 
     /// Median (`share` .5) or other quantile of the points' distances, cm; `None` without a gap.
     pub fn distance(&self, method: &str, share: f64) -> Option<f64> {
-        let mut sorted = self.distances.of(method).to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().checked_sub(1)?;
-        Some(sorted[(share * last as f64).round() as usize])
+        quantile(self.distances.of(method).to_vec(), share)
     }
 
     /// The RMS error divided by that of the best rival, with the 95% interval of a bootstrap over
@@ -214,18 +209,10 @@ impl GapCell {
             .min_by(|a, b| sum(a).total_cmp(&sum(b)))?;
         let own = self.mse.of(RESTORED);
         let mut random = parallel::rng(self.seed, u64::MAX);
-        let mut ratios: Vec<f64> = (0..DRAWS)
-            .map(|_| {
-                let (mut a, mut b) = (0.0, 0.0);
-                for _ in 0..own.len() {
-                    let k = random.random_range(0..own.len());
-                    (a, b) = (a + own[k], b + best[k]);
-                }
-                (a / b).sqrt()
-            })
-            .collect();
-        ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| ratios[(share * (DRAWS - 1) as f64).round() as usize];
-        Some((rms(own)? / rms(best)?, [at(0.025), at(0.975)]))
+        let interval = bootstrap_interval(own.len(), &mut random, |drawn| {
+            let (a, b) = drawn.fold((0.0, 0.0), |(a, b), k| (a + own[k], b + best[k]));
+            (a / b).sqrt()
+        });
+        Some((rms(own)? / rms(best)?, interval))
     }
 }
