@@ -1,8 +1,8 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Stretch, clean};
-use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
+use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::name_maps::name_map;
@@ -103,7 +103,7 @@ pub struct Args {
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
-    outliers: Option<Outliers>,
+    outliers: Option<OutlierDetection>,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
@@ -133,14 +133,6 @@ pub struct Args {
     limits: MotionLimitArgs,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum Outliers {
-    /// Detect and replace outliers
-    Auto,
-    /// Use every point as measured
-    None,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
@@ -186,8 +178,8 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         .as_ref()
         .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
     let outliers = match args.redo.is_empty() {
-        true => args.outliers != Some(Outliers::None),
-        false => args.outliers == Some(Outliers::Auto),
+        true => args.outliers != Some(OutlierDetection::None),
+        false => args.outliers == Some(OutlierDetection::Auto),
     };
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {

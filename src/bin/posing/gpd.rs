@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ndarray::{Axis, concatenate};
-use posing::cli::args::{CommonArgs, Format, InputArgs};
+use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::feature_table::{self, body_frames, joint_map};
 use posing::cli::input;
 use posing::io::TableFormat;
@@ -61,7 +61,7 @@ pub struct Args {
     output: Option<PathBuf>,
     /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
-    to: Option<Format>,
+    to: Option<TableFormat>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -94,14 +94,10 @@ pub fn work(args: &Args) -> Result<()> {
     let described: Vec<_> = takes.iter().map(|take| gpd.describe(take)).collect();
     let views: Vec<_> = described.iter().map(|d| d.view()).collect();
     let features = concatenate(Axis(0), &views).unwrap_or_default();
-    let is_npy = match (args.to, &args.output) {
-        (Some(format), _) => format == Format::Npy,
-        (None, Some(path)) => TableFormat::of_path(path) == TableFormat::Npy,
-        (None, None) => false,
-    };
+    let named = args.output.as_ref().map(TableFormat::of_path);
     feature_table::write(
         args.output.as_deref(),
-        is_npy,
+        args.to.or(named) == Some(TableFormat::Npy),
         &table.poses,
         &gpd.names(),
         &features,

@@ -5,7 +5,7 @@ mod output;
 use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, format_of};
 use posing::cli::feature_table::joint_map;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::streams::write_bytes;
@@ -90,7 +90,7 @@ pub fn work(args: &Args) -> Result<()> {
     // --csv alone writes the table and nothing else.
     let format = match (&args.csv, &args.output, args.to) {
         (Some(_), None, None) => None,
-        _ => Some(PairFormat::new(args.to, args.output.as_deref())?),
+        _ => Some(format_of(args.to, args.output.as_deref())?),
     };
     let rules = args.rules();
     let map = joint_map(&args.map)?;

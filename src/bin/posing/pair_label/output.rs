@@ -8,7 +8,6 @@ use posing::io::csv::push_cell;
 use posing::metric::JointMap;
 use posing::metric::pair_proposal::{NEAR_COPY, PairRules, Proposal, propose};
 use posing::{Error, Place, Result};
-use std::path::Path;
 
 /// The format of the proposed pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -17,26 +16,6 @@ pub enum PairFormat {
     Html,
     /// Table of the pairs with an empty label column
     Csv,
-}
-
-impl PairFormat {
-    /// The format of `--to`, else that of the file's name.
-    ///
-    /// # Errors
-    /// Usage: neither gives a format.
-    pub fn new(to: Option<PairFormat>, output: Option<&Path>) -> Result<PairFormat> {
-        let extension = output.and_then(Path::extension);
-        let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
-        match (to, extension.as_deref()) {
-            (Some(to), _) => Ok(to),
-            (None, Some("html" | "htm")) => Ok(PairFormat::Html),
-            (None, Some("csv")) => Ok(PairFormat::Csv),
-            _ => {
-                let what = "choose a format: -o FILE.html, -o FILE.csv, or --to html|csv";
-                Err(Error::usage(what))
-            }
-        }
-    }
 }
 
 /// Proposed pairs with the motion of their takes.

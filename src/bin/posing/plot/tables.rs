@@ -31,26 +31,6 @@ pub enum PlotFormat {
     Html,
 }
 
-impl PlotFormat {
-    /// The format of `--to`, else that of the file's name.
-    ///
-    /// # Errors
-    /// Usage: neither gives a format.
-    pub fn new(to: Option<PlotFormat>, output: Option<&Path>) -> Result<PlotFormat> {
-        let extension = output.and_then(Path::extension);
-        let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
-        match (to, extension.as_deref()) {
-            (Some(to), _) => Ok(to),
-            (None, Some("svg")) => Ok(PlotFormat::Svg),
-            (None, Some("html" | "htm")) => Ok(PlotFormat::Html),
-            _ => {
-                let what = "choose a format: -o FILE.svg, -o FILE.html, or --to svg|html";
-                Err(Error::usage(what))
-            }
-        }
-    }
-}
-
 /// The flags of an SVG.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SvgArgs {
