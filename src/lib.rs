@@ -103,6 +103,7 @@
 pub mod audit;
 pub mod body;
 pub mod clean;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod cluster;
 pub mod draw;
@@ -116,6 +117,7 @@ pub mod pose;
 pub mod prelude;
 pub mod prior;
 pub mod restore;
+#[cfg(feature = "server")]
 pub mod server;
 pub mod sparse;
 

@@ -6,6 +6,7 @@ pub mod corruption;
 pub mod error_breakdown;
 pub mod error_stats;
 pub mod gap_injection;
+#[cfg(feature = "published")]
 pub mod metric;
 pub mod motion_quality;
 pub mod pair_label;

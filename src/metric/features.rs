@@ -1,8 +1,10 @@
 //! Which numbers describe a pose, before they are scaled.
 
 use super::body_frame::BodyFramePoses;
+#[cfg(feature = "published")]
+use super::game;
 use super::gpd::{Family, Gpd};
-use super::{game, orientation};
+use super::orientation;
 use crate::numeric::parallel;
 use ndarray::Array2;
 
@@ -23,17 +25,19 @@ pub enum PoseFeatures {
     /// Fitted rotations of the joints, the hip's height, and their velocities.
     Orientations,
     /// What game engines compare: ends of the body, and the path ahead.
+    #[cfg(feature = "published")]
     Game,
 }
 
 impl PoseFeatures {
     /// All sets.
-    pub const ALL: [PoseFeatures; 6] = [
+    pub const ALL: &[PoseFeatures] = &[
         PoseFeatures::Gpd,
         PoseFeatures::GpdWithAccelerations,
         PoseFeatures::Coordinates,
         PoseFeatures::JointDistances,
         PoseFeatures::Orientations,
+        #[cfg(feature = "published")]
         PoseFeatures::Game,
     ];
 
@@ -45,13 +49,14 @@ impl PoseFeatures {
             PoseFeatures::Coordinates => "jc",
             PoseFeatures::JointDistances => "jrf",
             PoseFeatures::Orientations => "jo",
+            #[cfg(feature = "published")]
             PoseFeatures::Game => "game",
         }
     }
 
     /// The set of a name.
     pub fn parse(name: &str) -> Option<PoseFeatures> {
-        PoseFeatures::ALL.into_iter().find(|f| f.name() == name)
+        PoseFeatures::ALL.iter().copied().find(|f| f.name() == name)
     }
 
     /// The families of the geometric pose descriptor that the set is made of, if it is.
@@ -62,7 +67,9 @@ impl PoseFeatures {
             PoseFeatures::GpdWithAccelerations => Some(Gpd::default()),
             PoseFeatures::Coordinates => some(&[Family::JointCoordinate, Family::JointKinetics]),
             PoseFeatures::JointDistances => some(&[Family::JointJointDistance]),
-            PoseFeatures::Orientations | PoseFeatures::Game => None,
+            PoseFeatures::Orientations => None,
+            #[cfg(feature = "published")]
+            PoseFeatures::Game => None,
         }
     }
 
@@ -70,6 +77,7 @@ impl PoseFeatures {
     pub fn feature_names(self) -> Vec<String> {
         match (self.gpd(), self) {
             (Some(gpd), _) => gpd.names(),
+            #[cfg(feature = "published")]
             (None, PoseFeatures::Game) => game::names(),
             (None, _) => orientation::names(),
         }
@@ -90,6 +98,7 @@ impl PoseFeatures {
             for t in &frames[range] {
                 match (&gpd, self) {
                     (Some(gpd), _) => gpd.describe_frame(poses, *t, &mut rows),
+                    #[cfg(feature = "published")]
                     (None, PoseFeatures::Game) => game::describe_frame(poses, *t, &mut rows),
                     (None, _) => orientation::describe_frame(poses, *t, &mut rows),
                 }

@@ -12,17 +12,21 @@
 //! another, [`blend`] joins the clips there, and [`blend_test`] tells whether the result moves as
 //! the clips do.
 
+#[cfg(feature = "published")]
 pub mod baselines;
 pub mod blend;
 pub mod blend_test;
 pub mod body_frame;
+#[cfg(feature = "published")]
 mod boost;
 pub mod clip;
 pub mod features;
 pub mod file;
+#[cfg(feature = "published")]
 mod game;
 pub mod gpd;
 pub mod joint_map;
+#[cfg(feature = "published")]
 pub mod learners;
 mod local_pairs;
 pub mod nearest;
@@ -38,8 +42,10 @@ mod stopwatch;
 pub mod trace_ratio;
 pub mod train;
 pub mod transition;
+#[cfg(feature = "published")]
 mod weights;
 
+#[cfg(feature = "published")]
 pub use baselines::Baseline;
 pub use blend::Blend;
 pub use blend_test::{BlendQuality, ClipRange};

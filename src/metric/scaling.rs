@@ -1,6 +1,7 @@
 //! How features are scaled before poses are compared.
 
 use super::features::PoseFeatures;
+#[cfg(feature = "published")]
 use super::game;
 use super::gpd::Family;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -124,6 +125,7 @@ fn balance(features: PoseFeatures, variances: &[f64]) -> Vec<f32> {
         return balance_families(&gpd.feature_families(), variances);
     }
     match features {
+        #[cfg(feature = "published")]
         PoseFeatures::Game => {
             let mut start = 0;
             let group = |width: usize| {

@@ -3,7 +3,8 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
-use super::learners::{Learned, TrainingPairs, lmnn, nca, rca, sda, xing};
+#[cfg(feature = "published")]
+use super::learners::{self, TrainingPairs};
 use super::local_pairs::{Links, scatter_of_pairs};
 use super::pairs::{FrameRef, LabeledPair, contradiction};
 use super::pose_metric::{PoseMetric, Projection};
@@ -12,6 +13,7 @@ use super::reduction;
 use super::scaling::ScalingRule;
 use super::stopwatch::Stopwatch;
 use super::trace_ratio::TraceRatioMethod;
+#[cfg(feature = "published")]
 use super::weights::{self, WeightRule};
 use crate::Result;
 use crate::numeric::parallel;
@@ -28,18 +30,25 @@ pub enum Learner {
     /// Nothing is learned: the scaled features are compared.
     L2,
     /// [`lms`](super::learners::lms): weights by least squares, on the scaled features.
+    #[cfg(feature = "published")]
     Lms,
     /// Features chosen by boosting.
+    #[cfg(feature = "published")]
     Boost,
     /// [`xing`].
+    #[cfg(feature = "published")]
     Xing,
     /// [`sda`].
+    #[cfg(feature = "published")]
     Sda,
     /// [`rca`].
+    #[cfg(feature = "published")]
     Rca,
     /// [`lmnn`].
+    #[cfg(feature = "published")]
     Lmnn,
     /// [`nca`].
+    #[cfg(feature = "published")]
     Nca,
 }
 
@@ -177,7 +186,9 @@ pub fn train(
     };
     match settings.learner {
         Learner::L2 => Ok(training.finish(full, Used::default())),
+        #[cfg(feature = "published")]
         Learner::Lms => training.weights(&full, WeightRule::LeastSquares),
+        #[cfg(feature = "published")]
         Learner::Boost => training.weights(&full, WeightRule::Boosting),
         _ => training.projection(&full),
     }
@@ -208,6 +219,7 @@ impl Training<'_> {
     }
 
     /// A weight for each feature.
+    #[cfg(feature = "published")]
     fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained> {
         let labeled = Labeled::new(self.takes, self.pairs, full, &[]);
         let pairs = [labeled.alike.as_slice(), labeled.unlike.as_slice()].concat();
@@ -227,8 +239,9 @@ impl Training<'_> {
         };
         self.clock.lap("principal components");
         let (w, used) = match self.settings.learner {
-            Learner::Rdsr => self.rdsr(&basis)?,
-            _ => self.rival(&basis)?,
+            #[cfg(feature = "published")]
+            learner if learner != Learner::Rdsr => self.published(&basis)?,
+            _ => self.rdsr(&basis)?,
         };
         Ok(self.finish(projected(&basis, w.view()), used))
     }
@@ -264,7 +277,8 @@ impl Training<'_> {
         Ok((learned.w, used))
     }
 
-    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
+    #[cfg(feature = "published")]
+    fn published(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
         let extra = match self.settings.unlabeled {
             0 => &[][..],
             _ => &self.sample[..],
@@ -278,7 +292,7 @@ impl Training<'_> {
         };
         self.clock.lap("pairs");
         let learner = self.settings.learner;
-        let learned = learn_rival(learner, &pairs, self.settings.rdsr.rank)?;
+        let learned = learners::learn(learner, &pairs, self.settings.rdsr.rank)?;
         self.clock.lap("learning");
         let mut used = labeled.used(self.pairs);
         used.stopped = !learned.converged;
@@ -300,40 +314,10 @@ impl Training<'_> {
     }
 }
 
-fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned> {
-    let exact = |w: Array2<f64>| Learned { w, converged: true };
-    let xing = xing::Settings {
-        rank,
-        ..Default::default()
-    };
-    let sda = sda::Settings {
-        rank,
-        ..Default::default()
-    };
-    let rca = rca::Settings {
-        rank,
-        ..Default::default()
-    };
-    let lmnn = lmnn::Settings {
-        rank,
-        ..Default::default()
-    };
-    let nca = nca::Settings {
-        rank,
-        ..Default::default()
-    };
-    match learner {
-        Learner::Xing => xing::fit(pairs, &xing),
-        Learner::Sda => sda::fit(pairs, &sda).map(exact),
-        Learner::Lmnn => lmnn::fit(pairs, &lmnn),
-        Learner::Nca => nca::fit(pairs, &nca),
-        _ => rca::fit(pairs, &rca).map(exact),
-    }
-}
-
 /// The vectors of labeled poses, and of others, with the pairs of their rows. Poses that lack
 /// joints are left out, and their pairs.
 struct Labeled {
+    #[cfg_attr(not(feature = "published"), expect(dead_code))]
     vectors: Array2<f32>,
     alike: Vec<[usize; 2]>,
     unlike: Vec<[usize; 2]>,

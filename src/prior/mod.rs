@@ -6,12 +6,12 @@
 
 mod builtin;
 pub mod exemplar;
-pub mod gaussian;
-pub mod gplvm;
 mod model_arrays;
 pub mod multiscale;
 mod noise_cache;
 pub mod provenance;
+#[cfg(feature = "published")]
+pub mod published;
 pub mod registry;
 mod representative_poses;
 pub mod rigid_pairs;

@@ -1,9 +1,10 @@
 //! The kinds of prior: their names, how each is trained, and how each is opened.
 
-use super::exemplar::{local_pca, nearest_neighbor, nlm};
-use super::gaussian::{clustered, mfa, mixture, pca, single};
+use super::exemplar::nlm;
+#[cfg(feature = "published")]
+use super::published;
 use super::training_set::{TrainOptions, TrainingSet};
-use super::{OpenOptions, Prior, SparseCodingPrior, gplvm, multiscale, sparse_coding};
+use super::{OpenOptions, Prior, SparseCodingPrior, multiscale, sparse_coding};
 use crate::io::Model;
 use crate::sparse::Ksvd;
 use crate::{Error, Place, Result};
@@ -22,26 +23,13 @@ pub enum Kind {
     Multiscale,
     /// `sparse`: sparse code: 3 of 1,000 atoms of a K-SVD dictionary.
     Sparse,
-    /// `nearest`: nearest training pose.
-    Nearest,
     /// `nlm`: non-local means: distance-weighted average of all training poses.
     Nlm,
     /// `nlm-linear`: non-local means with local linear regression.
     NlmLinear,
-    /// `lpca`: local PCA: Gaussian of the 100 nearest training poses.
-    LocalPca,
-    /// `sik`: style-based IK: scaled Gaussian process latent variable model.
-    Gplvm,
-    /// `pca`: principal components that keep 90% of the energy.
-    Pca,
-    /// `gaussian`: a single Gaussian.
-    Gaussian,
-    /// `clustered`: a Gaussian for each of 20 clusters, the most likely one is used.
-    Clustered,
-    /// `mfa`: mixture of 20 factor analyzers.
-    FactorAnalyzers,
-    /// `mixture`: mixture of 20 Gaussians with shrunk covariances.
-    Mixture,
+    /// A model that papers compare with.
+    #[cfg(feature = "published")]
+    Published(published::Kind),
 }
 
 /// The most points for which a covariance of all coordinates is learned without being asked for.
@@ -59,20 +47,14 @@ impl Kind {
     }
 
     /// All kinds, the default first.
-    pub const ALL: [Kind; 12] = [
-        Kind::Multiscale,
-        Kind::Sparse,
-        Kind::Nearest,
-        Kind::Nlm,
-        Kind::NlmLinear,
-        Kind::LocalPca,
-        Kind::Gplvm,
-        Kind::Pca,
-        Kind::Gaussian,
-        Kind::Clustered,
-        Kind::FactorAnalyzers,
-        Kind::Mixture,
-    ];
+    pub fn all() -> Vec<Kind> {
+        let own = [Kind::Multiscale, Kind::Sparse, Kind::Nlm, Kind::NlmLinear];
+        #[cfg(feature = "published")]
+        let own = own
+            .into_iter()
+            .chain(published::Kind::ALL.map(Kind::Published));
+        own.into_iter().collect()
+    }
 
     /// The name in flags and model files.
     pub fn name(self) -> &'static str {
@@ -94,28 +76,13 @@ impl Kind {
                 "sparse",
                 "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
             ),
-            Kind::Nearest => ("nearest", "nearest training pose"),
             Kind::Nlm => (
                 "nlm",
                 "non-local means: distance-weighted average of all training poses",
             ),
             Kind::NlmLinear => ("nlm-linear", "non-local means with local linear regression"),
-            Kind::LocalPca => (
-                "lpca",
-                "local PCA: Gaussian of the 100 nearest training poses",
-            ),
-            Kind::Gplvm => (
-                "sik",
-                "style-based IK: scaled Gaussian process latent variable model",
-            ),
-            Kind::Pca => ("pca", "principal components that keep 90% of the energy"),
-            Kind::Gaussian => ("gaussian", "a single Gaussian"),
-            Kind::Clustered => (
-                "clustered",
-                "a Gaussian for each of 20 clusters; the most likely one is used",
-            ),
-            Kind::FactorAnalyzers => ("mfa", "mixture of 20 factor analyzers"),
-            Kind::Mixture => ("mixture", "mixture of 20 Gaussians with shrunk covariances"),
+            #[cfg(feature = "published")]
+            Kind::Published(kind) => kind.text(),
         }
     }
 
@@ -137,7 +104,7 @@ impl Kind {
     ///     take: None,
     /// };
     /// let poses = TrainingSet::from_poses(&poses, Space::Body, "heights")?;
-    /// let model = Kind::Gaussian.train(&poses, &TrainOptions::default())?;
+    /// let model = Kind::Multiscale.train(&poses, &TrainOptions::default())?;
     /// let prior = prior::open(&model, &OpenOptions::default(), "the model")?;
     ///
     /// // The second point is missing.
@@ -184,16 +151,10 @@ impl Kind {
                     Ok(())
                 })
             }
-            Kind::Nearest => nearest_neighbor::KIND.train(poses, options, report),
             Kind::Nlm => nlm::KIND.train(poses, options, report),
             Kind::NlmLinear => nlm::LINEAR_KIND.train(poses, options, report),
-            Kind::LocalPca => local_pca::KIND.train(poses, options, report),
-            Kind::Gplvm => gplvm::train(poses, options, report),
-            Kind::Pca => pca::KIND.train(poses, options, report),
-            Kind::Gaussian => single::KIND.train(poses, options, report),
-            Kind::Clustered => clustered::KIND.train(poses, options, report),
-            Kind::FactorAnalyzers => mfa::KIND.train(poses, options, report),
-            Kind::Mixture => mixture::KIND.train(poses, options, report),
+            #[cfg(feature = "published")]
+            Kind::Published(kind) => kind.train(poses, options, report),
         }
     }
 }
@@ -212,7 +173,7 @@ impl FromStr for Kind {
         if name == "blocks" {
             return Ok(Kind::Multiscale);
         }
-        let found = Kind::ALL.into_iter().find(|k| k.name() == name);
+        let found = Kind::all().into_iter().find(|k| k.name() == name);
         found.ok_or_else(|| {
             Error::usage(format!(
                 "the option `kind {name}`: expected one of {}",
@@ -223,7 +184,8 @@ impl FromStr for Kind {
 }
 
 fn names() -> String {
-    Kind::ALL.map(Kind::name).join(", ")
+    let names: Vec<&str> = Kind::all().into_iter().map(Kind::name).collect();
+    names.join(", ")
 }
 
 /// Opens the prior of a model; `source` names the model in messages.
@@ -243,16 +205,10 @@ pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dy
     Ok(match kind {
         Kind::Multiscale => Box::new(multiscale::MultiscaleMixture::from_model(model, source)?),
         Kind::Sparse => Box::new(SparseCodingPrior::from_model(model, options, source)?),
-        Kind::Nearest => Box::new(nearest_neighbor::KIND.open(model, options, source)?),
         Kind::Nlm => Box::new(nlm::KIND.open(model, options, source)?),
         Kind::NlmLinear => Box::new(nlm::LINEAR_KIND.open(model, options, source)?),
-        Kind::LocalPca => Box::new(local_pca::KIND.open(model, options, source)?),
-        Kind::Gplvm => Box::new(gplvm::GplvmPrior::open(model, options, source)?),
-        Kind::Pca => Box::new(pca::KIND.open(model, options, source)?),
-        Kind::Gaussian => Box::new(single::KIND.open(model, options, source)?),
-        Kind::Clustered => Box::new(clustered::KIND.open(model, options, source)?),
-        Kind::FactorAnalyzers => Box::new(mfa::KIND.open(model, options, source)?),
-        Kind::Mixture => Box::new(mixture::KIND.open(model, options, source)?),
+        #[cfg(feature = "published")]
+        Kind::Published(kind) => kind.open(model, options, source)?,
     })
 }
 
@@ -267,7 +223,7 @@ mod tests {
 
     #[test]
     fn names_are_read_back() {
-        for kind in Kind::ALL {
+        for kind in Kind::all() {
             assert_eq!(kind.to_string().parse::<Kind>().unwrap(), kind);
         }
         assert_eq!("blocks".parse::<Kind>().unwrap(), Kind::default());
@@ -311,7 +267,7 @@ mod tests {
     #[test]
     fn files_batches_and_threads_change_no_bit() {
         let (y, noise) = observed();
-        for kind in Kind::ALL {
+        for kind in Kind::all() {
             let pool = |n| {
                 rayon::ThreadPoolBuilder::new()
                     .num_threads(n)
@@ -346,9 +302,9 @@ mod tests {
         let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
         let (y, noise) = observed();
         let rotated = map.apply_rows(y.view());
-        for kind in Kind::ALL {
+        for kind in Kind::all() {
             // These weigh each axis of the space by a variance of its own.
-            if matches!(kind, Kind::Gplvm | Kind::Sparse) {
+            if matches!(kind, Kind::Published(published::Kind::Gplvm) | Kind::Sparse) {
                 continue;
             }
             let prior = opened(&trained(kind));
@@ -374,7 +330,7 @@ mod tests {
 
     #[test]
     fn a_damaged_array_is_an_error_that_names_it() {
-        for kind in Kind::ALL {
+        for kind in Kind::all() {
             let model = trained(kind);
             for (name, _) in model
                 .arrays()

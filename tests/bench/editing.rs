@@ -68,7 +68,7 @@ fn main() {
         return println!("no people at ../shared/data/cmu: nothing is edited");
     }
     let kinds: Vec<Kind> = match wants("points") {
-        true => Kind::ALL.to_vec(),
+        true => Kind::all(),
         false => vec![Kind::Multiscale],
     };
     let groups = [0, 1].map(|g| {

@@ -2,11 +2,11 @@
 //! (`testdata/expected/prior/make.py`).
 
 use ndarray::Array2;
-use posing::prior::gaussian::MixtureParams;
-use posing::prior::gaussian::em::{self, Stop};
-use posing::prior::gaussian::{mfa, mixture};
+use posing::prior::published::gaussian::MixtureParams;
+use posing::prior::published::gaussian::em::{self, Stop};
+use posing::prior::published::gaussian::{mfa, mixture};
 use posing::prior::training_set::TrainingSet;
-use posing::prior::{Kind, TrainOptions};
+use posing::prior::{Kind, TrainOptions, published};
 use std::path::Path;
 
 /// The take as make.py damages it.
@@ -40,7 +40,9 @@ fn expected(name: &str) -> Vec<Vec<f64>> {
 #[test]
 fn pca_spans_the_same_subspace() {
     let poses = poses();
-    let model = Kind::Pca.train(&poses, &TrainOptions::default()).unwrap();
+    let model = Kind::Published(published::Kind::Pca)
+        .train(&poses, &TrainOptions::default())
+        .unwrap();
     let parts = MixtureParams::read(&model, "pca").unwrap();
     let theirs = expected("pca.csv");
     assert_eq!(parts.factors.nrows(), theirs.len());

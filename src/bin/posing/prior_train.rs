@@ -64,7 +64,11 @@ fn kinds() -> clap::builder::PossibleValuesParser {
             _ => value,
         }
     };
-    Kind::ALL.map(value).into()
+    Kind::all()
+        .into_iter()
+        .map(value)
+        .collect::<Vec<_>>()
+        .into()
 }
 
 pub fn work(args: &Args) -> Result<()> {

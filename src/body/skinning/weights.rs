@@ -6,8 +6,8 @@
 //! Σ_i |Σ_b w_b (R_b^i x + t_b^i) - y^i|²   over w ≥ 0, Σ w = 1
 //! ```
 //!
-//! As the weights sum to 1, the objective is wᵀ G w with G_ab = Σ_i (R_a x + t_a - y)·(R_b x + t_b
-//! - y); its minimum is the minimum of ½ zᵀ G z - Σ z over z ≥ 0, divided by its sum.
+//! As the weights sum to 1, the objective is wᵀ G w with G_ab = Σ_i (R_a x + t_a - y)·
+//! (R_b x + t_b - y); its minimum is the minimum of ½ zᵀ G z - Σ z over z ≥ 0, divided by its sum.
 
 use super::Sample;
 use super::tree::Tree;

@@ -73,7 +73,7 @@ pub struct Method {
 impl Method {
     /// The names of the default methods: every kind of model, and the paper's methods.
     pub fn default_names() -> Vec<String> {
-        let mut names: Vec<String> = Kind::ALL.map(|kind| kind.to_string()).to_vec();
+        let mut names: Vec<String> = Kind::all().iter().map(Kind::to_string).collect();
         names.retain(|n| n != "sparse");
         // Only the default model also runs with outlier detection; the rivals run as published.
         names.extend(["multiscale+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));

@@ -18,7 +18,9 @@ use crate::draw::html::{fill, script_json};
 use crate::draw::player;
 use crate::pose::ASF_UNIT_CM;
 use serde_json::json;
-pub(super) use tables::{quoted, short};
+#[cfg(feature = "published")]
+pub(super) use tables::quoted;
+pub(super) use tables::short;
 
 /// The page around tables, charts and figures.
 const PAGE: &str = include_str!("report.html");

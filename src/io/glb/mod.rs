@@ -5,8 +5,9 @@
 //! up, and a body faces +z. Equal meshes give equal bytes. Only what is written here is supported:
 //! nothing is read.
 //!
-//! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to R_b (x
-//! - q_b) + p_b, with q_b the bone's place in the rest pose, p_b its place in the animation and R_b
+//! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to
+//! R_b (x - q_b) + p_b, with q_b the bone's place in the rest pose, p_b its place in the animation
+//! and R_b
 //! its rotation in the world; [`Animation::from_world`] turns these into the rotations and
 //! translations relative to the parent that the file holds.
 

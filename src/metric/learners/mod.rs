@@ -31,6 +31,7 @@ mod start;
 mod testdata;
 pub mod xing;
 
+use super::train::Learner;
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
@@ -64,6 +65,38 @@ pub struct Learned {
     /// Whether the steps came to an end before their limit; the learner's page says what that
     /// means.
     pub converged: bool,
+}
+
+/// Learns by any method but RDSR, with its default settings.
+pub(super) fn learn(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned> {
+    let exact = |w: Array2<f64>| Learned { w, converged: true };
+    let xing = xing::Settings {
+        rank,
+        ..Default::default()
+    };
+    let sda = sda::Settings {
+        rank,
+        ..Default::default()
+    };
+    let rca = rca::Settings {
+        rank,
+        ..Default::default()
+    };
+    let lmnn = lmnn::Settings {
+        rank,
+        ..Default::default()
+    };
+    let nca = nca::Settings {
+        rank,
+        ..Default::default()
+    };
+    match learner {
+        Learner::Xing => xing::fit(pairs, &xing),
+        Learner::Sda => sda::fit(pairs, &sda).map(exact),
+        Learner::Lmnn => lmnn::fit(pairs, &lmnn),
+        Learner::Nca => nca::fit(pairs, &nca),
+        _ => rca::fit(pairs, &rca).map(exact),
+    }
 }
 
 /// The labels that a learner cannot do without.

@@ -284,8 +284,8 @@ fn known(variance: f64, noise_variance: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::gaussian::{GaussianMixturePrior, MixtureParams, Readout, Style};
     use crate::prior::posterior_rows;
+    use crate::prior::published::gaussian::{GaussianMixturePrior, MixtureParams, Readout, Style};
     use ndarray::{Array2, Axis, s};
     use rand_distr::StandardNormal;
 

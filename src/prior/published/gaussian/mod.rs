@@ -26,12 +26,12 @@ mod mixture_params;
 pub mod pca;
 pub mod single;
 
-use super::noise_cache::NoiseCache;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::{Observation, PoseTransform};
+use crate::prior::noise_cache::NoiseCache;
 use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{Grid, PriorFamily, TunedPrior, tune};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};

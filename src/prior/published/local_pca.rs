@@ -10,10 +10,10 @@
 //! The neighbors are exact, found by a tree. Cost: the search, and O(k D² + o³) for the Gaussian of
 //! o observed coordinates.
 
-use super::ExemplarKind;
 use super::box_tree::{BoxTree, Neighbor};
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::pose::{Observation, PoseTransform};
+use crate::prior::exemplar::ExemplarKind;
 use crate::prior::tuning::{Grid, PriorFamily};
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want};
 use ndarray::{Array1, Array2, ArrayView2, Axis};

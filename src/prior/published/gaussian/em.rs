@@ -275,7 +275,7 @@ fn share_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::gaussian::mixture::full;
+    use crate::prior::published::gaussian::mixture::full;
     use crate::prior::testdata::blobs;
 
     /// Without a ridge: the M step of the book.

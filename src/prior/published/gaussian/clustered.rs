@@ -39,8 +39,8 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::gaussian::GaussianMixturePrior;
-    use crate::prior::gaussian::em::moments_of;
+    use crate::prior::published::gaussian::GaussianMixturePrior;
+    use crate::prior::published::gaussian::em::moments_of;
     use crate::prior::testdata::{Ask, normal};
     use ndarray::{Array1, s};
 

@@ -210,7 +210,7 @@ pub fn train(
 mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
-    use crate::prior::gplvm::process::Learned;
+    use crate::prior::published::gplvm::process::Learned;
     use crate::prior::testdata::Ask;
     use glam::DVec3;
 

@@ -6,9 +6,9 @@
 //!
 //! Cost: one search of [`BoxTree`]. The answer is never better than the nearest training pose.
 
-use super::ExemplarKind;
 use super::box_tree::BoxTree;
 use crate::pose::{Observation, PoseTransform};
+use crate::prior::exemplar::ExemplarKind;
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, Tuning};
 use crate::prior::{Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView2};
