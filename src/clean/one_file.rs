@@ -344,7 +344,7 @@ impl CleanSettings {
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
-            "to": to.map(OutputFormat::extension),
+            "to": to.map(OutputFormat::name),
         });
         // Results from before there were these stay.
         if !self.redo.is_empty() {

@@ -63,40 +63,19 @@ pub enum Baseline {
     Game,
 }
 
+names!(Baseline {
+    Jod = "jod",
+    Wjod = "wjod",
+    Ljod = "ljod",
+    Jcd = "jcd",
+    Wjcd = "wjcd",
+    Ljcd = "ljcd",
+    JrfLms = "jrf-lms",
+    RgfBoost = "rgf-boost",
+    Game = "game",
+});
+
 impl Baseline {
-    /// All baselines.
-    pub const ALL: [Baseline; 9] = [
-        Baseline::Jod,
-        Baseline::Wjod,
-        Baseline::Ljod,
-        Baseline::Jcd,
-        Baseline::Wjcd,
-        Baseline::Ljcd,
-        Baseline::JrfLms,
-        Baseline::RgfBoost,
-        Baseline::Game,
-    ];
-
-    /// The name that flags have.
-    pub fn name(self) -> &'static str {
-        match self {
-            Baseline::Jod => "jod",
-            Baseline::Wjod => "wjod",
-            Baseline::Ljod => "ljod",
-            Baseline::Jcd => "jcd",
-            Baseline::Wjcd => "wjcd",
-            Baseline::Ljcd => "ljcd",
-            Baseline::JrfLms => "jrf-lms",
-            Baseline::RgfBoost => "rgf-boost",
-            Baseline::Game => "game",
-        }
-    }
-
-    /// The baseline of a name.
-    pub fn parse(name: &str) -> Option<Baseline> {
-        Baseline::ALL.into_iter().find(|b| b.name() == name)
-    }
-
     /// Whether it is learned from pairs of both labels.
     pub fn is_learned(self) -> bool {
         matches!(

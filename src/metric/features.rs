@@ -29,36 +29,17 @@ pub enum PoseFeatures {
     Game,
 }
 
+names!(PoseFeatures {
+    Gpd = "gpd",
+    GpdWithAccelerations = "gpd+a",
+    Coordinates = "jc",
+    JointDistances = "jrf",
+    Orientations = "jo",
+    #[cfg(feature = "published")]
+    Game = "game",
+});
+
 impl PoseFeatures {
-    /// All sets.
-    pub const ALL: &[PoseFeatures] = &[
-        PoseFeatures::Gpd,
-        PoseFeatures::GpdWithAccelerations,
-        PoseFeatures::Coordinates,
-        PoseFeatures::JointDistances,
-        PoseFeatures::Orientations,
-        #[cfg(feature = "published")]
-        PoseFeatures::Game,
-    ];
-
-    /// The name of the set, as flags and model files have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            PoseFeatures::Gpd => "gpd",
-            PoseFeatures::GpdWithAccelerations => "gpd+a",
-            PoseFeatures::Coordinates => "jc",
-            PoseFeatures::JointDistances => "jrf",
-            PoseFeatures::Orientations => "jo",
-            #[cfg(feature = "published")]
-            PoseFeatures::Game => "game",
-        }
-    }
-
-    /// The set of a name.
-    pub fn parse(name: &str) -> Option<PoseFeatures> {
-        PoseFeatures::ALL.iter().copied().find(|f| f.name() == name)
-    }
-
     /// The families of the geometric pose descriptor that the set is made of, if it is.
     pub(super) fn gpd(self) -> Option<Gpd> {
         let some = |families: &[Family]| Some(Gpd::new(families).without_accelerations());

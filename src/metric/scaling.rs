@@ -28,30 +28,12 @@ pub enum ScalingRule {
     Standard,
 }
 
-impl ScalingRule {
-    /// All rules.
-    pub const ALL: [ScalingRule; 4] = [
-        ScalingRule::None,
-        ScalingRule::Balanced,
-        ScalingRule::UnitLength,
-        ScalingRule::Standard,
-    ];
-
-    /// The name of the rule.
-    pub fn name(self) -> &'static str {
-        match self {
-            ScalingRule::None => "none",
-            ScalingRule::Balanced => "balanced",
-            ScalingRule::UnitLength => "unit-length",
-            ScalingRule::Standard => "standard",
-        }
-    }
-
-    /// The rule of a name.
-    pub fn parse(name: &str) -> Option<ScalingRule> {
-        ScalingRule::ALL.into_iter().find(|r| r.name() == name)
-    }
-}
+names!(ScalingRule {
+    None = "none",
+    Balanced = "balanced",
+    UnitLength = "unit-length",
+    Standard = "standard",
+});
 
 /// Scaled features: (x - shift) scale, and then unit length where the rule says so.
 #[derive(Debug, Clone, PartialEq)]

@@ -68,7 +68,7 @@ pub struct Args {
 
 fn family(text: &str) -> std::result::Result<Family, String> {
     let names = || Family::ALL.map(Family::name).join(", ");
-    Family::parse(text.trim()).ok_or_else(|| format!("expected families of {}", names()))
+    Family::of_name(text.trim()).ok_or_else(|| format!("expected families of {}", names()))
 }
 
 pub fn work(args: &Args) -> Result<()> {

@@ -72,7 +72,7 @@ pub struct Args {
 
 fn baseline(name: &str) -> std::result::Result<Baseline, String> {
     let names = || Baseline::ALL.map(Baseline::name).join(", ");
-    Baseline::parse(name).ok_or_else(|| format!("expected one of {}", names()))
+    Baseline::of_name(name).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 pub fn work(args: &Args) -> Result<()> {

@@ -156,7 +156,7 @@ fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
         false => TrainSettings::new(map),
     };
     if let Some(name) = &args.features {
-        settings.features = PoseFeatures::parse(name).unwrap_or(settings.features);
+        settings.features = PoseFeatures::of_name(name).unwrap_or(settings.features);
     }
     settings.learner = args.learner;
     settings.window = args.window.unwrap_or(settings.window);

@@ -63,8 +63,7 @@ pub struct EvaluateMetricArgs {
 }
 
 fn rule(text: &str) -> std::result::Result<LabelRule, String> {
-    let found = LabelRule::ALL.into_iter().find(|r| r.name() == text.trim());
-    found.ok_or_else(|| "expected class, phase or blend".into())
+    LabelRule::of_name(text.trim()).ok_or_else(|| "expected class, phase or blend".into())
 }
 
 /// Tests distances of poses, and prints tables.
