@@ -3,7 +3,7 @@
 use clap::Parser;
 use ndarray::{Axis, concatenate};
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::feature_table::{self, body_frames, joint_map};
+use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
 use posing::io::TableFormat;
 use posing::metric::{Family, Gpd};
@@ -41,15 +41,8 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// Comma-separated families of features (default: all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = family)]
     features: Vec<Family>,
@@ -81,7 +74,7 @@ pub fn work(args: &Args) -> Result<()> {
         families.retain(|f| *f != Family::JointKinetics);
     }
     let gpd = Gpd::new(&families);
-    let map = joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let table = input::read_table(&args.input, false, false)?;
     let rates = args.input.rates(&table.poses)?;
     if gpd.needs_rate() && rates.iter().any(Option::is_none) {

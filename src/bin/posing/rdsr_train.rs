@@ -2,8 +2,9 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive, value_name};
+use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
-use posing::cli::{feature_table, input, messages, streams};
+use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
@@ -41,15 +42,8 @@ pub struct Args {
     /// Labeled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: PathBuf,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// What describes a pose: geometric features (gpd), distances of joints (jrf), coordinates
     /// with velocities (jc), rotations with velocities (jo), what game engines compare (game)
     /// [default: gpd]
@@ -123,7 +117,7 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     input::check_single_stdin_with(&args.input, [&args.pairs])?;
-    let map = feature_table::joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
     let takes = read_takes(&args.input, args.input.files.clone(), &map, needs_rate)?;

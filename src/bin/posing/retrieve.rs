@@ -2,14 +2,14 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::take_classes::{self, TakeClass};
 use posing::cli::{input, messages, streams};
 use posing::draw::figure::strip::{StripPose, strip};
 use posing::evaluate::metric::SIXTEEN_JOINTS;
 use posing::io::text::push_f32;
 use posing::metric::nearest::Neighbor;
-use posing::metric::{FrameRef, PoseDatabase, PoseMetric};
+use posing::metric::{FrameRef, PoseDatabase};
 use posing::{Error, Result};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -97,8 +97,7 @@ pub fn work(args: &Args) -> Result<()> {
             args.k
         )));
     }
-    let model = input::open_model(&args.model)?;
-    let metric = PoseMetric::from_model(&model, &args.model.display().to_string())?;
+    let metric = open_metric(&args.model)?;
     let needs_rate = metric.needs_rate();
     let takes = |files| read_takes(&args.input, files, &metric.map, needs_rate);
     let database = takes(vec![args.database.clone()])?;
