@@ -60,7 +60,7 @@ pub enum Baseline {
     /// Geometric features chosen by boosting.
     RgfBoost,
     /// Motion matching.
-    Game,
+    MotionMatching,
 }
 
 names!(Baseline {
@@ -72,7 +72,7 @@ names!(Baseline {
     Ljcd = "ljcd",
     JrfLms = "jrf-lms",
     RgfBoost = "rgf-boost",
-    Game = "game",
+    MotionMatching = "game",
 });
 
 impl Baseline {
@@ -91,7 +91,7 @@ impl Baseline {
             Baseline::Jcd | Baseline::Wjcd | Baseline::Ljcd => PoseFeatures::Coordinates,
             Baseline::JrfLms => PoseFeatures::JointDistances,
             Baseline::RgfBoost => PoseFeatures::Gpd,
-            Baseline::Game => PoseFeatures::Game,
+            Baseline::MotionMatching => PoseFeatures::MotionMatching,
         }
     }
 
@@ -108,7 +108,7 @@ impl Baseline {
         let settings = TrainSettings {
             features: self.features(),
             scaling: match self {
-                Baseline::Game => ScalingRule::Balanced,
+                Baseline::MotionMatching => ScalingRule::Balanced,
                 Baseline::RgfBoost => ScalingRule::Standard,
                 _ => ScalingRule::None,
             },
@@ -121,7 +121,7 @@ impl Baseline {
             ..TrainSettings::new(map.clone())
         };
         let mut metric = train(takes, pairs, &settings)?.metric;
-        if !self.is_learned() && self != Baseline::Game {
+        if !self.is_learned() && self != Baseline::MotionMatching {
             let joints = if matches!(self, Baseline::Wjod | Baseline::Wjcd) {
                 &MAIN[..]
             } else {
@@ -169,7 +169,7 @@ mod tests {
         let angle = (16.0f32 / 25.0).atan();
         assert!((distance(Baseline::Jod) - 2.0 * (angle / 2.0).sin()).abs() < 1e-5);
         assert!((distance(Baseline::Wjod) - distance(Baseline::Jod)).abs() < 1e-6);
-        assert!(distance(Baseline::Game) > 0.0);
+        assert!(distance(Baseline::MotionMatching) > 0.0);
         let error = Baseline::Ljcd
             .metric(&own_names(), &takes, &[])
             .unwrap_err();

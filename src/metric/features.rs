@@ -1,9 +1,9 @@
 //! Which numbers describe a pose, before they are scaled.
 
 use super::body_frame::BodyFramePoses;
-#[cfg(feature = "published")]
-use super::game;
 use super::gpd::{Family, Gpd};
+#[cfg(feature = "published")]
+use super::motion_matching;
 use super::orientation;
 use crate::numeric::parallel;
 use ndarray::Array2;
@@ -26,7 +26,7 @@ pub enum PoseFeatures {
     Orientations,
     /// What game engines compare: ends of the body, and the path ahead.
     #[cfg(feature = "published")]
-    Game,
+    MotionMatching,
 }
 
 names!(PoseFeatures {
@@ -36,7 +36,7 @@ names!(PoseFeatures {
     JointDistances = "jrf",
     Orientations = "jo",
     #[cfg(feature = "published")]
-    Game = "game",
+    MotionMatching = "game",
 });
 
 impl PoseFeatures {
@@ -50,7 +50,7 @@ impl PoseFeatures {
             PoseFeatures::JointDistances => some(&[Family::JointJointDistance]),
             PoseFeatures::Orientations => None,
             #[cfg(feature = "published")]
-            PoseFeatures::Game => None,
+            PoseFeatures::MotionMatching => None,
         }
     }
 
@@ -59,7 +59,7 @@ impl PoseFeatures {
         match (self.gpd(), self) {
             (Some(gpd), _) => gpd.names(),
             #[cfg(feature = "published")]
-            (None, PoseFeatures::Game) => game::names(),
+            (None, PoseFeatures::MotionMatching) => motion_matching::names(),
             (None, _) => orientation::names(),
         }
     }
@@ -80,7 +80,9 @@ impl PoseFeatures {
                 match (&gpd, self) {
                     (Some(gpd), _) => gpd.describe_frame(poses, *t, &mut rows),
                     #[cfg(feature = "published")]
-                    (None, PoseFeatures::Game) => game::describe_frame(poses, *t, &mut rows),
+                    (None, PoseFeatures::MotionMatching) => {
+                        motion_matching::describe_frame(poses, *t, &mut rows)
+                    }
                     (None, _) => orientation::describe_frame(poses, *t, &mut rows),
                 }
             }

@@ -6,7 +6,7 @@ use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::take_classes::{self, TakeClass};
 use posing::cli::{input, messages, streams};
 use posing::draw::figure::strip::{StripPose, strip};
-use posing::evaluate::metric::SIXTEEN_JOINTS;
+use posing::evaluate::retrieval::SIXTEEN_JOINTS;
 use posing::io::text::push_f32;
 use posing::metric::nearest::Neighbor;
 use posing::metric::{FrameRef, PoseDatabase};

@@ -3,7 +3,7 @@
 
 use super::dataset::Dataset;
 use super::splits::Split;
-use crate::evaluate::corruption::Corruption;
+use crate::evaluate::damage::Corruption;
 use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Result};

@@ -8,7 +8,7 @@ use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::progress::Progress;
 use posing::cli::take_classes;
 use posing::cli::{input, messages, streams};
-use posing::evaluate::metric::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
+use posing::evaluate::retrieval::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
 use posing::metric::JointMap;
 use posing::metric::blend_test::ClipRange;
 use posing::metric::clip::Clip;

@@ -6,7 +6,7 @@ use posing::Result;
 use posing::cli::args::InputArgs;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages, streams};
-use posing::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};
+use posing::evaluate::restoration::{GapLength, TakesSettings, TestTakes, TestedModel};
 use posing::pose::units::parse_length;
 use std::path::PathBuf;
 

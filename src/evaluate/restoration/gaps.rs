@@ -1,7 +1,7 @@
 //! Gaps of one length and number of points, filled and compared with what was cut out.
 
-use super::rivals::{Hole, Moments};
-use super::stretches::{StretchWithGap, draw};
+use super::baselines::{CutGap, Moments};
+use super::segments::{SegmentWithGap, draw};
 use super::{ByMethod, RESTORED, TakesSettings, TestTakes, mean_square, rms};
 use crate::Result;
 use crate::evaluate::benchmark::result::SD_LEVELS;
@@ -12,7 +12,7 @@ use crate::pose::Poses;
 use crate::restore::{Complete, Restoration, Restorer};
 use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
 
-/// The length of a gap that lasts until its stretch ends, seconds.
+/// The length of a gap that lasts until its segment ends, seconds.
 const TO_THE_END: f64 = 1.0;
 
 /// How long a gap is.
@@ -20,7 +20,7 @@ const TO_THE_END: f64 = 1.0;
 pub enum GapLength {
     /// Seconds, above 0; the points are seen before and after.
     Seconds(f64),
-    /// The points are lost a second before the stretch ends.
+    /// The points are lost a second before the segment ends.
     ToTheEnd,
 }
 
@@ -60,7 +60,7 @@ pub struct GapCell {
     pub within: [usize; SD_LEVELS.len()],
     /// Gaps that stayed empty in part, which no other figure counts.
     pub left_empty: usize,
-    drawn: Vec<StretchWithGap>,
+    drawn: Vec<SegmentWithGap>,
     seed: u64,
 }
 
@@ -98,27 +98,24 @@ impl GapCell {
         restorer: &Restorer<'_>,
         others: Option<&Moments>,
     ) -> Result<()> {
-        let own = |g: &&StretchWithGap| takes.takes[g.stretch.take].subject == subject;
-        let own: Vec<StretchWithGap> = self.drawn.iter().filter(own).cloned().collect();
+        let own = |g: &&SegmentWithGap| takes.takes[g.segment.take].subject == subject;
+        let own: Vec<SegmentWithGap> = self.drawn.iter().filter(own).cloned().collect();
         let Some(first) = own.first() else {
             return Ok(());
         };
-        let truth: Vec<Array2<f64>> = own.iter().map(|g| g.stretch.xyz(takes)).collect();
+        let truth: Vec<Array2<f64>> = own.iter().map(|g| g.segment.xyz(takes)).collect();
         let mut damaged = truth.clone();
         let (mut time, mut take) = (Vec::new(), Vec::new());
         for (k, (gap, xyz)) in own.iter().zip(&mut damaged).enumerate() {
-            for p in &gap.points {
-                xyz.slice_mut(s![gap.gap.clone(), 3 * p..3 * p + 3])
-                    .fill(f64::NAN);
-            }
-            let rate = takes.takes[gap.stretch.take].rate;
+            gap.gap.hide(xyz);
+            let rate = takes.takes[gap.segment.take].rate;
             time.extend((0..xyz.nrows()).map(|t| t as f64 / rate));
             take.extend(vec![k.to_string().into(); xyz.nrows()]);
         }
         let views: Vec<_> = damaged.iter().map(|xyz| xyz.view()).collect();
         let table = Table::from_poses(Poses {
-            points: takes.takes[first.stretch.take].poses.points.clone(),
-            // Stretches have the same points.
+            points: takes.takes[first.segment.take].poses.points.clone(),
+            // Segments have the same points.
             xyz: concatenate(Axis(0), &views).unwrap_or_default(),
             time: Some(time),
             take: Some(take),
@@ -126,33 +123,34 @@ impl GapCell {
         let restored = restorer.complete(&table, &Complete::default())?;
         let mut start = 0;
         for ((gap, truth), damaged) in own.iter().zip(&truth).zip(&damaged) {
-            let hole = Hole {
+            let cut_gap = CutGap {
                 names: &table.poses.points,
                 xyz: damaged.view(),
-                gap: gap.gap.clone(),
-                points: &gap.points,
-                rate: takes.takes[gap.stretch.take].rate,
+                gap: &gap.gap,
+                rate: takes.takes[gap.segment.take].rate,
             };
-            self.compare(gap, truth, &hole, &restored, start, others);
+            self.compare(gap, truth, &cut_gap, &restored, start, others);
             start += truth.nrows();
         }
         Ok(())
     }
 
-    /// Compares one filled gap, whose stretch starts at frame `start` of what was restored, and its
-    /// rivals with the truth.
+    /// Compares one filled gap, whose segment starts at frame `start` of what was restored, and its
+    /// baselines with the truth.
     fn compare(
         &mut self,
-        gap: &StretchWithGap,
+        gap: &SegmentWithGap,
         truth: &Array2<f64>,
-        hole: &Hole<'_>,
+        cut_gap: &CutGap<'_>,
         restored: &Restoration<'_>,
         start: usize,
         others: Option<&Moments>,
     ) {
-        let columns: Vec<usize> = gap.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-        let cut =
-            |xyz: ArrayView2<'_, f64>| xyz.slice(s![gap.gap.clone(), ..]).select(Axis(1), &columns);
+        let columns = gap.gap.columns();
+        let cut = |xyz: ArrayView2<'_, f64>| {
+            xyz.slice(s![gap.gap.frames.clone(), ..])
+                .select(Axis(1), &columns)
+        };
         let wanted = cut(truth.view());
         let found = cut(restored.xyz().slice(s![start..start + truth.nrows(), ..]));
         if found.iter().any(|v| v.is_nan()) {
@@ -160,8 +158,8 @@ impl GapCell {
             return;
         }
         let errors = &found - &wanted;
-        for (i, t) in gap.gap.clone().enumerate() {
-            for (k, p) in gap.points.iter().enumerate() {
+        for (i, t) in gap.gap.frames.clone().enumerate() {
+            for (k, p) in gap.gap.points.iter().enumerate() {
                 let sd = restored.sd(start + t, *p);
                 for error in errors.slice(s![i, 3 * k..3 * k + 3]) {
                     self.filled += 1;
@@ -171,15 +169,15 @@ impl GapCell {
                 }
             }
         }
-        let rivals = [
+        let baselines = [
             (RESTORED, Some(found)),
-            ("Gaussian", hole.gaussian(others)),
-            ("PCHIP", Some(hole.pchip())),
-            ("linear", Some(hole.linear())),
+            ("Gaussian", cut_gap.gaussian(others)),
+            ("PCHIP", Some(cut_gap.pchip())),
+            ("linear", Some(cut_gap.linear())),
         ];
-        for (method, found) in rivals {
+        for (method, found) in baselines {
             // Without a Gaussian there is what interpolation says.
-            let errors = found.unwrap_or_else(|| hole.pchip()) - &wanted;
+            let errors = found.unwrap_or_else(|| cut_gap.pchip()) - &wanted;
             self.mse.push(method, mean_square(errors.iter().copied()));
             for row in errors.rows() {
                 for e in row.exact_chunks(3) {
@@ -199,12 +197,12 @@ impl GapCell {
         quantile(self.distances.of(method).to_vec(), share)
     }
 
-    /// The RMS error divided by that of the best rival, with the 95% interval of a bootstrap over
+    /// The RMS error divided by that of the best baseline, with the 95% interval of a bootstrap over
     /// gaps; `None` without a gap.
-    pub fn to_best_rival(&self) -> Option<(f64, [f64; 2])> {
-        let rivals = self.mse.names().filter(|m| *m != RESTORED);
+    pub fn to_best_baseline(&self) -> Option<(f64, [f64; 2])> {
+        let baselines = self.mse.names().filter(|m| *m != RESTORED);
         let sum = |mse: &[f64]| mse.iter().sum::<f64>();
-        let best = rivals
+        let best = baselines
             .map(|m| self.mse.of(m))
             .min_by(|a, b| sum(a).total_cmp(&sum(b)))?;
         let own = self.mse.of(RESTORED);
