@@ -63,7 +63,7 @@ pub fn held_rotations(joints: &[JointAngles], rate: f64) -> Vec<HeldRotations> {
         .collect()
 }
 
-/// The findings of [`held_rotations`], one a stretch of frames.
+/// The findings of [`held_rotations`], one a run of frames.
 pub fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
     let held = rate.map_or(Vec::new(), |rate| held_rotations(joints, rate));
     let finding = |held: HeldRotations| {

@@ -1,4 +1,4 @@
-//! The formats of motion files, told by how a file begins, never by its name.
+//! The formats of motion files, known by how a file begins, never by its name.
 
 use super::text_start::{TextStart, is_binary, of_lines};
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::Parser;
-use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Stretch, clean};
+use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Segment, clean};
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::limit_args::MotionLimitArgs;
@@ -122,10 +122,10 @@ pub struct Args {
     #[arg(
         long,
         value_name = "NAME:FROM-TO",
-        value_parser = Stretch::parse,
+        value_parser = Segment::parse,
         help_heading = "Method"
     )]
-    redo: Vec<Stretch>,
+    redo: Vec<Segment>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
@@ -147,7 +147,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let progress = |done: usize, all: usize| bar.set_of(done as u64, all as u64);
     let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
     drop(bar);
-    tell(&report)?;
+    write_outputs(&report)?;
     Ok(match (report.has_failures(), report.has_findings()) {
         (true, _) => Outcome::Failed,
         (_, true) => Outcome::Findings,
@@ -155,21 +155,21 @@ pub fn work(args: &Args) -> Result<Outcome> {
     })
 }
 
-/// Writes the page, the table and the list. What the list has counts as told, so it comes last;
-/// where nobody reads the table any more, nothing new counts as told.
-fn tell(report: &CleanReport) -> Result<()> {
+/// Writes the page, the table and the list. What the list has counts as reported, so it comes last;
+/// where nobody reads the table any more, nothing new counts as written.
+fn write_outputs(report: &CleanReport) -> Result<()> {
     report
         .errors()
         .for_each(|e| messages::error(&e.to_string()));
     report.notes().iter().for_each(|note| messages::info(note));
     report.write_page()?;
-    let told = write_bytes(None, report.text().as_bytes(), false);
-    let is_closed = told.as_ref().is_err_and(Error::is_closed_pipe);
-    if told.is_ok() || is_closed && !report.only_new {
+    let written = write_bytes(None, report.text().as_bytes(), false);
+    let is_closed = written.as_ref().is_err_and(Error::is_closed_pipe);
+    if written.is_ok() || is_closed && !report.only_new {
         report.write_list()?;
     }
     // The outcome says whether files failed, also where nobody reads the table.
-    if is_closed { Ok(()) } else { told }
+    if is_closed { Ok(()) } else { written }
 }
 
 fn settings(args: &Args) -> Result<CleanSettings> {

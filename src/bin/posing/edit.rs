@@ -96,8 +96,8 @@ pub fn work(args: &Args) -> Result<()> {
     };
     // Removed when the server has ended.
     let mut redirecting = None;
-    let answerer = move || Editor::open(source);
-    serve(args.port, page, answerer, |address, running| {
+    let handler = move || Editor::open(source);
+    serve(args.port, page, handler, |address, running| {
         signals::on_stop(move || drop(running));
         write_bytes(None, format!("{address}\n").as_bytes(), false)?;
         if !args.no_open {

@@ -120,7 +120,7 @@ pub fn work(args: &Args) -> Result<()> {
             found.len()
         ));
     }
-    let answers = Answers {
+    let matches = Matches {
         queries: &queries,
         query_rows: &query_rows,
         database: &database,
@@ -133,20 +133,20 @@ pub fn work(args: &Args) -> Result<()> {
             .transpose()?,
     };
     let mut out = streams::open_output(args.output.as_deref(), false)?;
-    out.write(answers.head())?;
+    out.write(matches.head())?;
     for query in 0..query_rows.len() {
-        out.write(&answers.lines(query))?;
+        out.write(&matches.lines(query))?;
     }
     out.finish()?;
     if let Some(path) = &args.picture {
-        streams::write_bytes(Some(path), answers.picture().as_bytes(), false)?;
+        streams::write_bytes(Some(path), matches.picture().as_bytes(), false)?;
     }
     let scopes = match &args.scope[..] {
         [] => &[args.k],
         scopes => scopes,
     };
     for scope in scopes {
-        if let Some(share) = answers.precision(*scope as usize) {
+        if let Some(share) = matches.precision(*scope as usize) {
             messages::info(&format!("precision at {scope}: {share:.3}"));
         }
     }
@@ -154,7 +154,7 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// Poses found, with what is needed to write, judge and draw them.
-struct Answers<'a> {
+struct Matches<'a> {
     queries: &'a MetricTakes,
     query_rows: &'a [FrameRef],
     database: &'a MetricTakes,
@@ -163,7 +163,7 @@ struct Answers<'a> {
     classes: Option<HashMap<String, TakeClass>>,
 }
 
-impl Answers<'_> {
+impl Matches<'_> {
     fn head(&self) -> &'static [u8] {
         match self.classes {
             Some(_) => b"take,frame,rank,found_take,found_frame,distance,right\n",

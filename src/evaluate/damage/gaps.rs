@@ -313,8 +313,8 @@ mod tests {
         )
     }
 
-    /// Lengths of the stretches in which a coordinate is missing.
-    fn stretches(take: &Poses) -> Vec<usize> {
+    /// Lengths of the runs in which a coordinate is missing.
+    fn runs(take: &Poses) -> Vec<usize> {
         let mut found = Vec::new();
         for column in take.xyz.columns() {
             let column = column.to_vec();
@@ -340,8 +340,8 @@ mod tests {
                 prop_assert_eq!(gap.points.len(), points);
                 prop_assert!(gap.points.windows(2).all(|w| w[0] < w[1]));
             }
-            // Two gaps of a point never touch, so every stretch is one gap.
-            prop_assert_eq!(stretches(&take), vec![frames; 3 * count * points]);
+            // Two gaps of a point never touch, so every run is one gap.
+            prop_assert_eq!(runs(&take), vec![frames; 3 * count * points]);
         }
     }
 
@@ -415,7 +415,7 @@ mod tests {
         // Gaps of one frame and their neighbors fill at most every other frame.
         let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
         assert!((5..=10).contains(&laid.gaps.len()));
-        assert!(stretches(&take).iter().all(|l| *l == 1));
+        assert!(runs(&take).iter().all(|l| *l == 1));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Learners of a distance from labeled pairs of poses: the rivals of Chen et al. 2011, section 5.4,
+//! Learners of a distance from labeled pairs of poses: the baselines of Chen et al. 2011, section 5.4,
 //! and later methods.
 //!
 //! All but [`lms`] learn a linear map W (d, r). The distance of two poses is the Euclidean one
@@ -253,37 +253,37 @@ mod tests {
     fn what_cannot_be_learned_from_is_told() {
         let data = Planted::new(2, 1);
         let whole = data.pairs();
-        let told = |pairs: &TrainingPairs<'_>, rank: usize, phrase: &str, names: &[&str]| {
+        let refuses = |pairs: &TrainingPairs<'_>, rank: usize, phrase: &str, names: &[&str]| {
             for name in names {
-                let told = learn(name, pairs, rank).unwrap_err();
-                assert!(told.to_string().contains(phrase), "{name}: {told}");
+                let error = learn(name, pairs, rank).unwrap_err();
+                assert!(error.to_string().contains(phrase), "{name}: {error}");
             }
         };
         let none = TrainingPairs {
             alike: &[],
             ..whole
         };
-        told(&none, 2, "needs pairs of label 1", &NAMES);
+        refuses(&none, 2, "needs pairs of label 1", &NAMES);
         let none = TrainingPairs {
             unlike: &[],
             ..whole
         };
-        told(
+        refuses(
             &none,
             2,
             "needs pairs of label 0 too",
             &["xing", "sda", "lmnn"],
         );
         assert!(learn("rca", &none, 2).is_ok() && learn("nca", &none, 2).is_ok());
-        told(&whole, 0, "rank", &NAMES);
+        refuses(&whole, 0, "rank", &NAMES);
         let beyond = TrainingPairs {
             alike: &[[0, 9999]],
             ..whole
         };
-        told(&beyond, 2, "row 9999", &NAMES);
+        refuses(&beyond, 2, "row 9999", &NAMES);
         let mut bad = data.x.clone();
         bad[[7, 1]] = f64::NAN;
-        told(
+        refuses(
             &TrainingPairs {
                 x: bad.view(),
                 ..whole
@@ -293,7 +293,7 @@ mod tests {
             &NAMES,
         );
         bad.fill(3.0);
-        told(
+        refuses(
             &TrainingPairs {
                 x: bad.view(),
                 ..whole
@@ -303,7 +303,7 @@ mod tests {
             &NAMES,
         );
         let narrow = bad.slice(ndarray::s![.., ..0]);
-        told(
+        refuses(
             &TrainingPairs { x: narrow, ..whole },
             2,
             "dimension",

@@ -235,8 +235,8 @@ mod tests {
             unlike: &[],
             ..data.pairs()
         };
-        let told = fit(&pairs, &Settings::default()).unwrap_err();
-        assert!(told.to_string().contains("at least 2 groups"), "{told}");
+        let error = fit(&pairs, &Settings::default()).unwrap_err();
+        assert!(error.to_string().contains("at least 2 groups"), "{error}");
         let pairs = TrainingPairs {
             unlike: &[[1, 3]],
             ..pairs

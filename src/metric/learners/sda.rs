@@ -176,7 +176,7 @@ mod tests {
             unlike: &[[3, 3]],
             ..pairs
         };
-        let told = fit(&same, &Settings::default()).unwrap_err();
-        assert!(told.to_string().contains("differ"), "{told}");
+        let error = fit(&same, &Settings::default()).unwrap_err();
+        assert!(error.to_string().contains("differ"), "{error}");
     }
 }

@@ -293,8 +293,8 @@ impl TrainingRun<'_> {
         let atoms = model.array("atoms", "checkpoint");
         let dictionary = (atoms.and_then(|a| Dictionary::from_rows(a.view())))
             .map_err(|e| damaged(&e.to_string()))?;
-        let asked = self.atoms.is_none_or(|n| n == dictionary.len());
-        if !asked || dictionary.width() != self.poses.ncols() {
+        let agrees = self.atoms.is_none_or(|n| n == dictionary.len());
+        if !agrees || dictionary.width() != self.poses.ncols() {
             return Err(damaged("its atoms do not match this run"));
         }
         let codes = Encoder::new(&dictionary, self.ksvd.omp())?.encode(self.poses)?;

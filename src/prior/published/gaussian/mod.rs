@@ -258,7 +258,7 @@ impl Prior for GaussianMixturePrior {
     }
 }
 
-/// A kind of Gaussian mixture: its name, how it answers, and how it learns from poses (n, D) with a
+/// A kind of Gaussian mixture: its name, how it is read, and how it learns from poses (n, D) with a
 /// seed.
 pub struct MixtureKind {
     /// The name in flags and model files.
@@ -309,7 +309,7 @@ mod tests {
     use super::mixture_params::three;
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use ndarray::{Array1, Axis, s};
     use std::f64::consts::PI;
 
