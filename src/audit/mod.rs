@@ -15,8 +15,9 @@ mod page;
 mod rotations;
 mod take_pages;
 
+pub use file::count;
 pub use file::{FileAudit, FileAuditor, files_to_audit};
-pub(crate) use file::{audit_motion, count, kind_name};
+pub(crate) use file::{audit_motion, kind_name};
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};
 pub use page::page;

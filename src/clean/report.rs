@@ -5,6 +5,7 @@ use super::one_file::FileOutcome;
 use super::places::PlaceToSee;
 use super::record::make_folder_of;
 use super::row::Row;
+use crate::audit::count as count_of;
 use crate::draw::href::{encoded, href};
 use crate::draw::html::escape;
 use crate::draw::plain_page::PlainPage;
@@ -148,15 +149,10 @@ impl CleanReport {
         let count = |is: &dyn Fn(&Row) -> bool| self.rows.iter().filter(|r| is(r)).count();
         let of = |word: &str| count(&|row| row.outcome.word() == word);
         let found = count(&|r| r.outcome.summary().is_some_and(|s| !s.findings.is_empty()));
-        let files = if self.rows.len() == 1 {
-            "file"
-        } else {
-            "files"
-        };
         let mut line = format!(
-            "{} {files}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; \
+            "{}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; \
              findings in {found}",
-            self.rows.len(),
+            count_of(self.rows.len(), "file"),
             of("cleaned"),
             of("copied"),
             of("unchanged"),
@@ -166,8 +162,7 @@ impl CleanReport {
             let _ = write!(line, ", new in {}", count(&|r| !r.new.is_empty()));
         }
         if self.left_out > 0 {
-            let files = if self.left_out == 1 { "file" } else { "files" };
-            let _ = write!(line, "; {} other {files} ignored", self.left_out);
+            let _ = write!(line, "; {} ignored", count_of(self.left_out, "other file"));
         }
         line
     }

@@ -215,22 +215,10 @@ impl BvhUnitArgs {
 pub struct BvhSkeletonArgs {
     /// Unit of length of a BVH skeleton
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: LengthUnit,
+    pub units: LengthUnit,
     /// Axis that points up in a BVH skeleton
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: UpAxis,
-}
-
-impl BvhSkeletonArgs {
-    /// The unit in centimeters.
-    pub fn centimeters(&self) -> f64 {
-        self.units.centimeters()
-    }
-
-    /// The rotation that carries the file's axes to y up.
-    pub fn rotation(&self) -> DMat3 {
-        self.up.rotation()
-    }
+    pub up: UpAxis,
 }
 
 /// The output table of a command.

@@ -5,6 +5,7 @@ use super::Outcome;
 use super::input::{IN_CENTIMETERS, open};
 use super::messages;
 use super::progress::Progress;
+use crate::audit::count;
 use crate::io::SkeletonFile;
 use crate::pose::bone_points::bone_ends_of_starts;
 use crate::pose::{BonePoints, Poses, Skeleton};
@@ -173,13 +174,7 @@ fn unmatched_message(matched: &Correspondence, table: &str) -> Option<String> {
 
 /// How well a sequence fits, with the mean distance `mean`, cm; `names` are those of the points.
 fn fit_messages(fit: &SequenceFit, mean: f64, names: &[String]) -> Vec<String> {
-    let frames = |n: usize| {
-        if n == 1 {
-            "1 frame".into()
-        } else {
-            format!("{n} frames")
-        }
-    };
+    let frames = |n: usize| count(n, "frame");
     let mut lines = Vec::new();
     match fit.worst {
         Some((frame, point)) => lines.push(format!(

@@ -42,7 +42,7 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     let one = args.take.read(args.skeleton.as_ref())?;
-    let (unit, rotation) = (args.units.centimeters(), args.units.rotation());
+    let (unit, rotation) = (args.units.units.centimeters(), args.units.up.rotation());
     let given = args
         .skeleton
         .as_deref()

@@ -1,6 +1,7 @@
 //! `pair-label` around the library: the format of the output, the motion of takes, the pairs as
 //! CSV, messages.
 
+use posing::audit::count;
 use posing::cli::messages;
 use posing::cli::metric_takes::MetricTakes;
 use posing::evaluate::pair_label::{self, Motion};
@@ -77,10 +78,7 @@ impl PairSet {
 /// How many pairs there are, how many are proposed, and why they are fewer than asked for.
 fn summary(proposal: &Proposal, rules: &PairRules) -> String {
     let (near, proposed) = (rules.near, proposal.pairs.len());
-    let pairs = match proposal.candidates {
-        1 => "1 pair".to_string(),
-        n => format!("{n} pairs"),
-    };
+    let pairs = count(proposal.candidates as usize, "pair");
     let found = format!(
         "{pairs} of {} poses within {near} cm; proposed {proposed}",
         proposal.poses

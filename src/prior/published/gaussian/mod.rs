@@ -270,6 +270,18 @@ pub struct MixtureKind {
 }
 
 impl MixtureKind {
+    /// A kind that averages Gaussians of which every part is estimated.
+    pub const fn new(
+        name: &'static str,
+        learn: fn(ArrayView2<'_, f32>, u64) -> Result<MixtureParams>,
+    ) -> MixtureKind {
+        let style = Style {
+            answer: Readout::Average,
+            estimates_rest: true,
+        };
+        MixtureKind { name, style, learn }
+    }
+
     fn family(&self, params: MixtureParams) -> PriorFamily {
         let style = self.style;
         Box::new(move |inflation| Box::new(GaussianMixturePrior::new(&params, style, inflation)))
