@@ -2,7 +2,7 @@
 //! seen.
 
 use super::{Finding, FindingKind, ranges};
-use crate::numeric::statistics::median;
+use crate::numeric::statistics::{median, range};
 use crate::pose::JointAngles;
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -185,7 +185,7 @@ fn at_limits(joint: &JointAngles, varying: &[usize]) -> Vec<bool> {
     let bounds = varying.iter().map(|&c| {
         let known = angles.column(c).into_iter().copied();
         let known = known.filter(|v| v.is_finite());
-        let (low, high) = known.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = range(known);
         (c, low, high, AT_LIMIT * (high - low) + SAME)
     });
     let bounds: Vec<(usize, f64, f64, f64)> = bounds.collect();

@@ -18,6 +18,20 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
+/// The least and the largest value; +∞ and −∞ for none.
+pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    values
+        .into_iter()
+        .fold(none, |(low, high), v| (low.min(v), high.max(v)))
+}
+
+/// The largest value less the least; −∞ for none.
+pub fn span(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (low, high) = range(values);
+    high - low
+}
+
 /// The 2.5% and 97.5% quantiles of the values; NaN for none.
 pub fn interval_95(values: &[f64]) -> [f64; 2] {
     [0.025, 0.975].map(|share| quantile(values.to_vec(), share).unwrap_or(f64::NAN))
@@ -53,6 +67,13 @@ mod tests {
         assert_eq!(interval_95(&values), [0.0, 10.0]);
         assert_eq!(quantile(Vec::new(), 0.5), None);
         assert!(interval_95(&[]).iter().all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn a_span_goes_from_the_least_to_the_largest() {
+        assert_eq!(span([2.0, -1.0, f64::NAN, 4.0]), 5.0);
+        assert_eq!(range([3.0]), (3.0, 3.0));
+        assert_eq!(span([]), f64::NEG_INFINITY);
     }
 
     #[test]

@@ -197,8 +197,8 @@ impl GapCell {
         quantile(self.distances.of(method).to_vec(), share)
     }
 
-    /// The RMS error divided by that of the best baseline, with the 95% interval of a bootstrap over
-    /// gaps; `None` without a gap.
+    /// The RMS error divided by that of the best baseline, with the 95% interval of a bootstrap
+    /// over gaps; `None` without a gap.
     pub fn to_best_baseline(&self) -> Option<(f64, [f64; 2])> {
         let baselines = self.mse.names().filter(|m| *m != RESTORED);
         let sum = |mse: &[f64]| mse.iter().sum::<f64>();

@@ -1,9 +1,9 @@
 //! How well takes are restored: gaps and noise in a user's own takes, beside simple methods.
 //!
 //! Each gap is cut into a copy of a segment of a take, is filled, and is compared with what was cut
-//! out; noise is added to other segments and removed. Restored are they by a model that was
-//! trained on other subjects, by one given model, or by the takes alone; the baselines (`baselines`) are
-//! what everybody has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
+//! out; noise is added to other segments and removed. They are restored by a model that was trained
+//! on other subjects, by one given model, or by the takes alone. The `baselines` are what everybody
+//! has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
 
 mod baselines;
 mod gaps;

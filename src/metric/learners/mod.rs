@@ -1,5 +1,5 @@
-//! Learners of a distance from labeled pairs of poses: the baselines of Chen et al. 2011, section 5.4,
-//! and later methods.
+//! Learners of a distance from labeled pairs of poses: the baselines of Chen et al. 2011, section
+//! 5.4, and later methods.
 //!
 //! All but [`lms`] learn a linear map W (d, r). The distance of two poses is the Euclidean one
 //! after the map (equations 10 and 11): d²(x, y) = (x − y)ᵀ W Wᵀ (x − y). Only the ratios of
