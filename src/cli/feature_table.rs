@@ -23,11 +23,15 @@ const BATCH: usize = 4096;
 
 /// The flag that names the sixteen joints.
 #[derive(Debug, Clone, clap::Args)]
-#[command(next_help_heading = "Input")]
 pub struct JointMapArgs {
     /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
     /// them), or a TOML file
-    #[arg(long, value_name = "CMU|NAME|FILE.toml", default_value = "CMU")]
+    #[arg(
+        long,
+        value_name = "CMU|NAME|FILE.toml",
+        default_value = "CMU",
+        help_heading = "Input"
+    )]
     pub map: String,
 }
 
