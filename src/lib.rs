@@ -100,6 +100,9 @@
 //! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures
 //! speed.
 
+#[macro_use]
+mod names;
+
 pub mod audit;
 pub mod body;
 pub mod clean;

@@ -1,6 +1,7 @@
 //! The size of the body, and the axis that it stands along.
 
-use super::{Finding, FindingKind, Limits, Take, median};
+use super::{Finding, FindingKind, Limits, Take};
+use crate::numeric::statistics::{median, span};
 use crate::pose::stray::PointApart;
 
 /// Fewer points are no body.
@@ -50,10 +51,8 @@ pub(super) fn stray(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
 /// Whether a point moves by more than 10 cm along an axis.
 fn moves(take: &Take<'_>, point: usize) -> bool {
     (0..3).any(|c| {
-        let seen = take.xyz.column(3 * point + c);
-        let seen = seen.iter().filter(|v| v.is_finite());
-        let (low, high) = seen.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
-        high - low > 10.0
+        let column = take.xyz.column(3 * point + c);
+        span(column.iter().copied().filter(|v| v.is_finite())) > 10.0
     })
 }
 

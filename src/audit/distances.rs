@@ -2,7 +2,8 @@
 
 use super::nearby;
 use super::other_speeds::OtherSpeeds;
-use super::{Finding, FindingKind, Limits, Take, median, ranges};
+use super::{Finding, FindingKind, Limits, Take, ranges};
+use crate::numeric::statistics::median;
 use std::collections::HashSet;
 
 /// Points that go together: their distance stays within this share of itself, and this, cm, in the

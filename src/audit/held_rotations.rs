@@ -1,7 +1,8 @@
 //! Rotations that stand still beside moving ones: a value that was held while the joint was not
 //! seen.
 
-use super::{Finding, FindingKind, median, ranges};
+use super::{Finding, FindingKind, ranges};
+use crate::numeric::statistics::{median, range};
 use crate::pose::JointAngles;
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -62,7 +63,7 @@ pub fn held_rotations(joints: &[JointAngles], rate: f64) -> Vec<HeldRotations> {
         .collect()
 }
 
-/// The findings of [`held_rotations`], one a stretch of frames.
+/// The findings of [`held_rotations`], one a run of frames.
 pub fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
     let held = rate.map_or(Vec::new(), |rate| held_rotations(joints, rate));
     let finding = |held: HeldRotations| {
@@ -184,7 +185,7 @@ fn at_limits(joint: &JointAngles, varying: &[usize]) -> Vec<bool> {
     let bounds = varying.iter().map(|&c| {
         let known = angles.column(c).into_iter().copied();
         let known = known.filter(|v| v.is_finite());
-        let (low, high) = known.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = range(known);
         (c, low, high, AT_LIMIT * (high - low) + SAME)
     });
     let bounds: Vec<(usize, f64, f64, f64)> = bounds.collect();

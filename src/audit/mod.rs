@@ -15,8 +15,9 @@ mod page;
 mod rotations;
 mod take_pages;
 
+pub use file::count;
 pub use file::{FileAudit, FileAuditor, files_to_audit};
-pub(crate) use file::{audit_motion, count, kind_name};
+pub(crate) use file::{audit_motion, kind_name};
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};
 pub use page::page;
@@ -267,12 +268,6 @@ impl Take<'_> {
             what,
         }
     }
-}
-
-/// The middle of some values; `None` of none.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// The frames in which something is so, in ranges on end.

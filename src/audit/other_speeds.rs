@@ -1,6 +1,7 @@
 //! How fast the other points are while one lies still.
 
 use super::Take;
+use crate::numeric::statistics::median;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -42,7 +43,7 @@ impl<'a, 't> OtherSpeeds<'a, 't> {
             let steps = steps.filter_map(|(t, next)| {
                 Some((self.take.at(next, p)? - self.take.at(t, p)?).length())
             });
-            Some((super::median(steps.collect())?, p))
+            Some((median(steps.collect())?, p))
         };
         let points = self.take.points.len();
         let every = points.div_ceil(MOST).max(1);

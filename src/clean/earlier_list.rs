@@ -13,7 +13,7 @@ pub struct EarlierList(HashMap<String, EarlierRow>);
 struct EarlierRow {
     command: String,
     file: String,
-    /// The digest of the capture: what was told of another one is not told of this.
+    /// The digest of the capture: what was reported of another one is not known of this.
     #[serde(default)]
     sha256: Option<String>,
     findings: Vec<String>,

@@ -28,7 +28,7 @@ fn listed(row: &Row, folder: &Path) -> Value {
         "command": "clean",
         "file": row.name,
         "sha256": row.sha256,
-        "outcome": row.fate.outcome(),
+        "outcome": row.outcome.word(),
         "findings": [],
         "new_findings": row.new,
         "error": null,
@@ -36,7 +36,7 @@ fn listed(row: &Row, folder: &Path) -> Value {
         "record": place(row.record()),
         "page": place(row.page()),
     });
-    match (&row.fate, row.fate.summary()) {
+    match (&row.outcome, row.outcome.summary()) {
         (FileOutcome::Failed { error, old_result }, _) => {
             out["error"] = json!(error.to_string());
             out["old_result"] = json!(old_result);

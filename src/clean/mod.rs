@@ -15,7 +15,7 @@ mod row;
 mod sources;
 
 pub use one_file::{CleanSettings, FileOutcome};
-pub use redo::Stretch;
+pub use redo::Segment;
 pub use report::CleanReport;
 pub use sources::OutputFormat;
 
@@ -41,7 +41,7 @@ pub struct CleanOutput {
     /// The page of all; `None`: in the folder of the results, if it is one. A list for programs
     /// stands beside it.
     pub page: Option<PathBuf>,
-    /// Whether only that is told which the last run did not tell.
+    /// Whether only what the last run did not report counts.
     pub only_new: bool,
 }
 
@@ -86,16 +86,16 @@ pub fn clean(
     let is_one = jobs.folder.is_none();
     if is_one
         && matches!(cleaned[..], [(FileOutcome::Failed { .. }, _)])
-        && let Some(error) = cleaned.pop().and_then(|(fate, _)| fate.into_error())
+        && let Some(error) = cleaned.pop().and_then(|(outcome, _)| outcome.into_error())
     {
         return Err(error);
     }
     let files = jobs.jobs.iter().zip(cleaned);
-    let files = files.map(|(job, fate)| Row::new(job.name.clone(), fate, Some(job), &last));
+    let files = files.map(|(job, outcome)| Row::new(job.name.clone(), outcome, Some(job), &last));
     let unreadable = jobs.unreadable.into_iter().map(|(name, error)| {
         let old_result = false;
-        let fate = FileOutcome::Failed { error, old_result };
-        Row::new(name, (fate, None), None, &last)
+        let outcome = FileOutcome::Failed { error, old_result };
+        Row::new(name, (outcome, None), None, &last)
     });
     Ok(CleanReport {
         rows: files.chain(unreadable).collect(),
@@ -125,8 +125,8 @@ fn clean_all(
             let (Some(job), Some(place)) = (jobs.get(at), fates.get(at)) else {
                 break;
             };
-            let fate = settings.clean(job, to);
-            *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(fate);
+            let outcome = settings.clean(job, to);
+            *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(outcome);
             progress(1 + finished.fetch_add(1, Ordering::Relaxed), jobs.len());
         }
     };
@@ -138,6 +138,6 @@ fn clean_all(
     });
     let fates = fates.into_iter();
     fates
-        .filter_map(|fate| fate.into_inner().unwrap_or_else(|e| e.into_inner()))
+        .filter_map(|outcome| outcome.into_inner().unwrap_or_else(|e| e.into_inner()))
         .collect()
 }

@@ -7,7 +7,7 @@ use super::record::{
     Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, is_in_doubt, leave_failure,
     may_write, unchanged,
 };
-use super::redo::Stretch;
+use super::redo::Segment;
 use super::replaced::replaced;
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, audit_motion};
@@ -43,8 +43,8 @@ pub struct CleanSettings {
     pub force: bool,
     /// Whether files are cleaned again whose results are there.
     pub again: bool,
-    /// Stretches that count as missing.
-    pub redo: Vec<Stretch>,
+    /// Segments that count as missing.
+    pub redo: Vec<Segment>,
     /// The cutoff of a low-pass filter after all else, Hz.
     pub butterworth: Option<f64>,
 }
@@ -89,7 +89,7 @@ impl CleanSettings {
                 what,
             ))
         };
-        let fate = done.unwrap_or_else(broken).unwrap_or_else(|error| {
+        let outcome = done.unwrap_or_else(broken).unwrap_or_else(|error| {
             // Where no record can be left, the table has the error all the same.
             let _ = leave_failure(&job.output, &error.to_string());
             FileOutcome::Failed {
@@ -97,7 +97,7 @@ impl CleanSettings {
                 old_result: has_result(&job.output),
             }
         });
-        (fate, sha256)
+        (outcome, sha256)
     }
 
     fn try_clean(
@@ -240,25 +240,25 @@ impl CleanSettings {
         }
         let rate = file.rate();
         let (mut places, mut notes) = (Vec::new(), Vec::new());
-        for stretch in &self.redo {
-            let emptied = stretch.empty(&mut file.table.poses, rate);
+        for segment in &self.redo {
+            let emptied = segment.empty(&mut file.table.poses, rate);
             let (frame, count) = emptied.map_err(|e| e.at(Place::file(&file.table.name)))?;
-            let [from, to] = stretch.seconds;
+            let [from, to] = segment.seconds;
             notes.push(format!(
                 "{count} positions of {} from {from} to {to} s counted as missing, to be done \
                  again",
-                stretch.point
+                segment.point
             ));
             places.push(PlaceToSee {
                 what: "done again".to_string(),
-                point: Some(stretch.point.clone()),
+                point: Some(segment.point.clone()),
                 frame,
             });
         }
         Ok((places, notes))
     }
 
-    /// What a file of markers keeps of stretches that were to be done again, and could not be
+    /// What a file of markers keeps of segments that were to be done again, and could not be
     /// filled.
     fn kept(
         &self,
@@ -268,9 +268,9 @@ impl CleanSettings {
     ) -> Option<String> {
         let is_table = matches!(file.format, MotionFormat::Csv | MotionFormat::Npy);
         let points = &file.table.poses.points;
-        let is_left = |stretch: &Stretch| {
-            let find = points.iter().position(|p| *p == stretch.point);
-            let frames = stretch.frames(&file.table.poses, file.rate());
+        let is_left = |segment: &Segment| {
+            let find = points.iter().position(|p| *p == segment.point);
+            let frames = segment.frames(&file.table.poses, file.rate());
             let is_open = |p: usize, t: &usize| restored.xyz()[[*t, 3 * p]].is_nan();
             find.is_some_and(|p| frames.iter().any(|t| is_open(p, t)))
         };
@@ -344,7 +344,7 @@ impl CleanSettings {
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
-            "to": to.map(OutputFormat::extension),
+            "to": to.map(OutputFormat::name),
         });
         // Results from before there were these stay.
         if !self.redo.is_empty() {

@@ -2,7 +2,7 @@
 //! for, what was found and changed; of a file that failed, why.
 
 use super::places::PlaceToSee;
-use super::redo::Stretch;
+use super::redo::Segment;
 use super::replaced::ReplacedPosition;
 use crate::audit::TakeAudit;
 use crate::io::motion_file::ReadAs;
@@ -59,7 +59,7 @@ pub struct MadeFrom {
 }
 
 impl MadeFrom {
-    /// Whether a result that was made from this is what would be made `now`. A stretch that
+    /// Whether a result that was made from this is what would be made `now`. A segment that
     /// somebody had done again stays so in later runs that do not ask for any.
     fn holds_for(&self, now: &MadeFrom) -> bool {
         let mut was = self.clone();
@@ -126,9 +126,9 @@ pub struct Record<'a> {
     pub audit: Vec<TakeAudit>,
     /// What became of it.
     pub summary: &'a Summary,
-    /// Stretches that counted as missing.
+    /// Segments that counted as missing.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    pub redone: &'a [Stretch],
+    pub redone: &'a [Segment],
     /// Every gap, and how it was filled; none where that would take more room than the take.
     pub gaps: Vec<GapLine<'a>>,
     /// Instead, the gaps of each point together.

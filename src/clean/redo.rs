@@ -1,24 +1,24 @@
-//! Stretches of a take that somebody found bad: they count as missing.
+//! Segments of a take that somebody found bad: they count as missing.
 
 use crate::Result;
 use crate::pose::Poses;
 use serde::Serialize;
 
-/// A stretch of frames of a point.
+/// A segment of frames of a point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Stretch {
+pub struct Segment {
     /// The point.
     pub point: String,
     /// The first and the last time, seconds as the file has them.
     pub seconds: [f64; 2],
 }
 
-impl Stretch {
+impl Segment {
     /// `NAME:FROM-TO`, such as `Ann:LFHD:1.2-1.9`: the last colon parts them.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: it is not of this form.
-    pub fn parse(text: &str) -> Result<Stretch> {
+    pub fn parse(text: &str) -> Result<Segment> {
         let expected = "expected NAME:FROM-TO in seconds, such as LFHD:1.2-1.9";
         let (point, times) = text.rsplit_once(':').ok_or(expected)?;
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
@@ -27,7 +27,7 @@ impl Stretch {
             .match_indices('-')
             .find_map(|(at, _)| Some([number(&times[..at])?, number(&times[at + 1..])?]));
         match parted.filter(|[from, to]| from <= to && !point.is_empty()) {
-            Some(seconds) => Ok(Stretch {
+            Some(seconds) => Ok(Segment {
                 point: point.to_string(),
                 seconds,
             }),
@@ -35,7 +35,7 @@ impl Stretch {
         }
     }
 
-    /// The frames of the stretch. `rate` is that of a take without times.
+    /// The frames of the segment. `rate` is that of a take without times.
     pub fn frames(&self, poses: &Poses, rate: Option<f64>) -> Vec<usize> {
         let [from, to] = self.seconds;
         // Times may be given with fewer digits than the file has.
@@ -44,7 +44,7 @@ impl Stretch {
         (0..poses.frames()).filter(is_in).collect()
     }
 
-    /// Makes the positions of the stretch missing. `rate` is that of a take without times. Returns
+    /// Makes the positions of the segment missing. `rate` is that of a take without times. Returns
     /// the first frame, and how many positions were there.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn the_last_colon_parts_name_and_times() {
-        let of = |text: &str| Stretch::parse(text).ok().map(|s| (s.point, s.seconds));
+        let of = |text: &str| Segment::parse(text).ok().map(|s| (s.point, s.seconds));
         assert_eq!(
             of("Ann:LFHD:1.2-1.9"),
             Some(("Ann:LFHD".into(), [1.2, 1.9]))
@@ -105,21 +105,21 @@ mod tests {
     }
 
     #[test]
-    fn only_the_stretch_becomes_missing() {
+    fn only_the_segment_becomes_missing() {
         let mut poses = Poses {
             points: vec!["a".into(), "b".into()],
             xyz: Array2::ones((10, 6)),
             time: Some((0..10).map(|t| 3.0 + t as f64 / 30.0).collect()),
             ..Poses::default()
         };
-        let stretch = Stretch::parse("b:3.0667-3.1333").unwrap();
-        assert_eq!(stretch.empty(&mut poses, Some(30.0)).unwrap(), (2, 3));
+        let segment = Segment::parse("b:3.0667-3.1333").unwrap();
+        assert_eq!(segment.empty(&mut poses, Some(30.0)).unwrap(), (2, 3));
         let missing: Vec<usize> = (0..10).filter(|t| poses.xyz[[*t, 3]].is_nan()).collect();
         assert_eq!(missing, [2, 3, 4]);
         assert!(poses.xyz.column(0).iter().all(|v| v.is_finite()));
         for bad in ["c:3-4", "a:9-10"] {
-            let stretch = Stretch::parse(bad).unwrap();
-            assert!(stretch.empty(&mut poses, Some(30.0)).is_err());
+            let segment = Segment::parse(bad).unwrap();
+            assert!(segment.empty(&mut poses, Some(30.0)).is_err());
         }
     }
 }

@@ -5,6 +5,7 @@ use super::one_file::FileOutcome;
 use super::places::PlaceToSee;
 use super::record::make_folder_of;
 use super::row::Row;
+use crate::audit::count as count_of;
 use crate::draw::href::{encoded, href};
 use crate::draw::html::escape;
 use crate::draw::plain_page::PlainPage;
@@ -47,7 +48,7 @@ pub struct CleanReport {
     pub rows: Vec<Row>,
     /// The files of folders that hold no motion, or are results.
     pub left_out: usize,
-    /// Whether what the last run told is not told again.
+    /// Whether what the last run reported is not reported again.
     pub only_new: bool,
     /// The place of the page of all.
     pub page: Option<PathBuf>,
@@ -60,7 +61,10 @@ impl CleanReport {
     pub fn has_findings(&self) -> bool {
         let has = |row: &Row| match self.only_new {
             true => !row.new.is_empty(),
-            false => row.fate.summary().is_some_and(|s| !s.findings.is_empty()),
+            false => row
+                .outcome
+                .summary()
+                .is_some_and(|s| !s.findings.is_empty()),
         };
         self.rows.iter().any(has)
     }
@@ -77,7 +81,7 @@ impl CleanReport {
 
     /// Why files could not be cleaned; with `only_new`, what the last run did not tell.
     pub fn errors(&self) -> impl Iterator<Item = &Error> {
-        self.failures().filter_map(|row| match &row.fate {
+        self.failures().filter_map(|row| match &row.outcome {
             FileOutcome::Failed { error, .. } => Some(error),
             _ => None,
         })
@@ -86,7 +90,7 @@ impl CleanReport {
     /// What is to be known of how the one file was taken; nothing of several.
     pub fn notes(&self) -> &[String] {
         match (self.is_one, &self.rows[..]) {
-            (true, [row]) => match &row.fate {
+            (true, [row]) => match &row.outcome {
                 FileOutcome::Cleaned(summary) => &summary.notes,
                 _ => &[],
             },
@@ -106,7 +110,7 @@ impl CleanReport {
         write_file(page, self.html(folder_of(page)).as_bytes())
     }
 
-    /// Writes the list beside the page: what it has counts as told.
+    /// Writes the list beside the page: what it has counts as reported.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
@@ -123,7 +127,7 @@ impl CleanReport {
         let mut rows = vec![TITLES.map(String::from).to_vec()];
         for row in self.rows.iter().filter(|r| !self.only_new || r.has_news()) {
             rows.push(cells(row));
-            let findings = match (self.only_new, row.fate.summary()) {
+            let findings = match (self.only_new, row.outcome.summary()) {
                 (true, _) => &row.new[..],
                 (false, summary) => summary.map_or(&[][..], |s| &s.findings),
             };
@@ -143,17 +147,12 @@ impl CleanReport {
     /// One line: how many files, and what became of them.
     fn counts(&self) -> String {
         let count = |is: &dyn Fn(&Row) -> bool| self.rows.iter().filter(|r| is(r)).count();
-        let of = |word: &str| count(&|row| row.fate.outcome() == word);
-        let found = count(&|r| r.fate.summary().is_some_and(|s| !s.findings.is_empty()));
-        let files = if self.rows.len() == 1 {
-            "file"
-        } else {
-            "files"
-        };
+        let of = |word: &str| count(&|row| row.outcome.word() == word);
+        let found = count(&|r| r.outcome.summary().is_some_and(|s| !s.findings.is_empty()));
         let mut line = format!(
-            "{} {files}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; \
+            "{}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; \
              findings in {found}",
-            self.rows.len(),
+            count_of(self.rows.len(), "file"),
             of("cleaned"),
             of("copied"),
             of("unchanged"),
@@ -163,8 +162,7 @@ impl CleanReport {
             let _ = write!(line, ", new in {}", count(&|r| !r.new.is_empty()));
         }
         if self.left_out > 0 {
-            let files = if self.left_out == 1 { "file" } else { "files" };
-            let _ = write!(line, "; {} other {files} ignored", self.left_out);
+            let _ = write!(line, "; {} ignored", count_of(self.left_out, "other file"));
         }
         line
     }
@@ -202,7 +200,7 @@ impl CleanReport {
 /// The cells of a file, as [`TITLES`] has them.
 fn cells(row: &Row) -> Vec<String> {
     let mut out = vec![row.name.replace(char::is_control, "\u{fffd}")];
-    match row.fate.summary() {
+    match row.outcome.summary() {
         Some(s) => {
             let became = match (s.denoised, s.noise_stays) {
                 (true, _) => " removed",
@@ -217,17 +215,17 @@ fn cells(row: &Row) -> Vec<String> {
         }
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
-    out.push(match &row.fate {
+    out.push(match &row.outcome {
         FileOutcome::Failed {
             old_result: true, ..
         } => "failed, old result stays".to_string(),
-        fate => fate.outcome().to_string(),
+        outcome => outcome.word().to_string(),
     });
     out
 }
 
 fn push_row(out: &mut String, row: &Row, folder: &Path) {
-    let class = match row.fate.summary() {
+    let class = match row.outcome.summary() {
         None => "failed",
         Some(s) if !s.findings.is_empty() => "found",
         Some(_) => "fine",
@@ -250,7 +248,7 @@ fn push_row(out: &mut String, row: &Row, folder: &Path) {
     }
     *out += "</tr>\n";
     let item = |line: &String| format!("<li>{}</li>", escape(line));
-    let more = match &row.fate {
+    let more = match &row.outcome {
         FileOutcome::Failed { error, .. } => item(&error.to_string()),
         FileOutcome::Cleaned(s) | FileOutcome::Unchanged(s) => {
             let notes = s.notes.iter();

@@ -13,7 +13,7 @@ pub struct Row {
     /// Its name in tables.
     pub name: String,
     /// What became of it.
-    pub fate: FileOutcome,
+    pub outcome: FileOutcome,
     /// The SHA-256 of the capture; none of what cannot be read.
     pub sha256: Option<String>,
     /// Its findings that the last run did not have.
@@ -28,17 +28,17 @@ impl Row {
     /// A file, or a folder that cannot be read, which has no job.
     pub fn new(
         name: String,
-        (fate, sha256): (FileOutcome, Option<String>),
+        (outcome, sha256): (FileOutcome, Option<String>),
         job: Option<&Job>,
         last: &EarlierList,
     ) -> Row {
         let digest = sha256.as_deref();
-        let findings = fate.summary().map_or(&[][..], |s| &s.findings);
+        let findings = outcome.summary().map_or(&[][..], |s| &s.findings);
         let new = (findings.iter())
             .filter(|finding| !last.has(&name, digest, finding))
             .cloned()
             .collect();
-        let is_new_failure = match &fate {
+        let is_new_failure = match &outcome {
             FileOutcome::Failed { error, .. } => {
                 !last.has_failure(&name, digest, &error.to_string())
             }
@@ -47,7 +47,7 @@ impl Row {
         Row {
             output: job.map(|job| job.output.clone()),
             name,
-            fate,
+            outcome,
             sha256,
             new,
             is_new_failure,
@@ -56,7 +56,7 @@ impl Row {
 
     /// Whether it failed.
     pub fn has_failed(&self) -> bool {
-        matches!(self.fate, FileOutcome::Failed { .. })
+        matches!(self.outcome, FileOutcome::Failed { .. })
     }
 
     /// Whether there is something that the last run did not tell.
@@ -66,7 +66,7 @@ impl Row {
 
     /// The result, where there is one.
     pub fn result(&self) -> Option<PathBuf> {
-        let is_there = match self.fate {
+        let is_there = match self.outcome {
             FileOutcome::Failed { old_result, .. } => old_result,
             _ => true,
         };
@@ -104,7 +104,7 @@ impl FileOutcome {
     }
 
     /// What became of it in one word: cleaned, copied, unchanged or failed.
-    pub fn outcome(&self) -> &'static str {
+    pub fn word(&self) -> &'static str {
         match self {
             FileOutcome::Cleaned(summary) if summary.copied => "copied",
             FileOutcome::Cleaned(_) => "cleaned",

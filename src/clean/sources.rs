@@ -23,25 +23,14 @@ pub enum OutputFormat {
     Npy,
 }
 
+names!(OutputFormat {
+    C3d = "c3d",
+    Trc = "trc",
+    Csv = "csv",
+    Npy = "npy",
+});
+
 impl OutputFormat {
-    /// All formats.
-    pub const ALL: [OutputFormat; 4] = [
-        OutputFormat::C3d,
-        OutputFormat::Trc,
-        OutputFormat::Csv,
-        OutputFormat::Npy,
-    ];
-
-    /// The extension of files of this format.
-    pub fn extension(self) -> &'static str {
-        match self {
-            OutputFormat::C3d => "c3d",
-            OutputFormat::Trc => "trc",
-            OutputFormat::Csv => "csv",
-            OutputFormat::Npy => "npy",
-        }
-    }
-
     /// The table that it is, if it is one.
     pub fn table(self) -> Option<TableFormat> {
         match self {
@@ -161,7 +150,7 @@ impl Jobs {
                 // Exports of one take in two formats.
                 if let (Some(to), true) = (to, taken.contains(&output)) {
                     let name = name_of(&within);
-                    output.set_file_name(format!("{}.{}", name.display(), to.extension()));
+                    output.set_file_name(format!("{}.{}", name.display(), to.name()));
                 }
                 taken.insert(output.clone());
                 out.jobs.push(Job {
@@ -248,8 +237,7 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
         return Ok(None);
     };
-    let mut formats = OutputFormat::ALL.into_iter();
-    let format = formats.find(|f| f.extension() == asked);
+    let format = OutputFormat::of_name(&asked);
     let is_other = EXTENSIONS.contains(&asked.as_str()) || OTHERS.contains(&asked.as_str());
     match format {
         None if is_other => Err(Error::usage(format!(
@@ -264,7 +252,7 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
 /// The path of a result of another format.
 fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
     match to {
-        Some(to) => unpacked(path).with_extension(to.extension()),
+        Some(to) => unpacked(path).with_extension(to.name()),
         None => path.to_path_buf(),
     }
 }

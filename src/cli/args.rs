@@ -5,12 +5,11 @@ use crate::io::TableFormat;
 use crate::io::{TableOptions, parse_point_names};
 use crate::pose::Poses;
 use crate::pose::units::{LengthUnit, Units, UpAxis};
-use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use glam::DMat3;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Flags of every command.
 #[derive(Debug, Clone, Args)]
@@ -216,22 +215,10 @@ impl BvhUnitArgs {
 pub struct BvhSkeletonArgs {
     /// Unit of length of a BVH skeleton
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: LengthUnit,
+    pub units: LengthUnit,
     /// Axis that points up in a BVH skeleton
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: UpAxis,
-}
-
-impl BvhSkeletonArgs {
-    /// The unit in centimeters.
-    pub fn centimeters(&self) -> f64 {
-        self.units.centimeters()
-    }
-
-    /// The rotation that carries the file's axes to y up.
-    pub fn rotation(&self) -> DMat3 {
-        self.up.rotation()
-    }
+    pub up: UpAxis,
 }
 
 /// The output table of a command.
@@ -242,7 +229,7 @@ pub struct OutputArgs {
     pub output: Option<PathBuf>,
     /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
-    pub to: Option<Format>,
+    pub to: Option<TableFormat>,
     /// Unit of length of the output (default: that of an input table, else cm)
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
     pub out_units: Option<LengthUnit>,
@@ -251,23 +238,11 @@ pub struct OutputArgs {
     pub out_up: Option<UpAxis>,
 }
 
-/// Formats of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Text with a header line
-    Csv,
-    /// NumPy array
-    Npy,
-}
-
 impl OutputArgs {
     /// The format of `--to`, else that of the file's name, else CSV.
     pub fn format(&self) -> TableFormat {
-        match (self.to, &self.output) {
-            (Some(Format::Csv), _) | (None, None) => TableFormat::Csv,
-            (Some(Format::Npy), _) => TableFormat::Npy,
-            (None, Some(path)) => TableFormat::of_path(path),
-        }
+        let named = self.output.as_ref().map(TableFormat::of_path);
+        self.to.or(named).unwrap_or(TableFormat::Csv)
     }
 
     /// The unit and the axis of the output, given those of the input table.
@@ -288,23 +263,39 @@ pub enum Space {
     Body,
 }
 
-/// The rule by which a pursuit selects the next atom.
+/// Whether outliers are detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PursuitFlag {
-    /// Optimized orthogonal matching pursuit, the more accurate
-    Oomp,
-    /// Orthogonal matching pursuit, as in the paper
-    Omp,
+pub enum OutlierDetection {
+    /// Detect and replace outliers
+    Auto,
+    /// Use every point as measured
+    None,
 }
 
-impl PursuitFlag {
-    /// The rule by which an atom is selected.
-    pub fn rule(self) -> SelectionRule {
-        match self {
-            PursuitFlag::Oomp => SelectionRule::Oomp,
-            PursuitFlag::Omp => SelectionRule::Omp,
-        }
-    }
+/// The format of `--to`, else that of the file's extension.
+///
+/// # Errors
+/// [`crate::Error::Usage`]: neither gives a format.
+pub fn format_of<F: ValueEnum>(to: Option<F>, output: Option<&Path>) -> Result<F> {
+    let extension = output.and_then(Path::extension);
+    let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
+    let named = extension.map(|e| match &*e {
+        "htm" => F::from_str("html", false),
+        name => F::from_str(name, false),
+    });
+    let found = to.or(named.and_then(std::result::Result::ok));
+    found.ok_or_else(|| {
+        let names: Vec<_> = F::value_variants()
+            .iter()
+            .cloned()
+            .map(value_name)
+            .collect();
+        let files: String = names.iter().map(|n| format!("-o FILE.{n}, ")).collect();
+        Error::usage(format!(
+            "choose a format: {files}or --to {}",
+            names.join("|")
+        ))
+    })
 }
 
 /// The seed of a command.

@@ -10,9 +10,9 @@ use crate::body::file::part_name;
 use crate::body::joint_markers::joint_markers;
 use crate::body::take::BodyTake;
 use crate::body::{BodyModel, Marker, MarkerModel};
-use crate::io::MeshSet;
 use crate::io::text::excerpt;
-use crate::numeric::median::median;
+use crate::io::{MeshSet, Table};
+use crate::numeric::statistics::median;
 use crate::pose::Poses;
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::pose::units::Units;
@@ -89,12 +89,7 @@ pub fn read_marker_map(path: &Path, vertices: usize) -> Result<(Vec<String>, Vec
 ///
 /// # Errors
 /// [`Error::Data`]: the table lacks some of them.
-pub fn columns_of(
-    poses: &Poses,
-    names: &[String],
-    whose: &str,
-    source: &str,
-) -> Result<Vec<usize>> {
+fn columns_of(poses: &Poses, names: &[String], whose: &str, source: &str) -> Result<Vec<usize>> {
     let at = |name: &String| poses.points.iter().position(|p| p == name);
     let missing: Vec<&str> = (names.iter())
         .filter(|n| at(n).is_none())
@@ -123,13 +118,33 @@ pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<D
         .collect()
 }
 
+/// The frames of the points `names` of a table, which `whose` names; each is a marker of the body.
+///
+/// # Errors
+/// Those of [`columns_of`] and [`check_points`].
+pub fn marker_frames(
+    body: &BodyModel,
+    markers: &[Marker],
+    table: &Table,
+    names: &[String],
+    whose: &str,
+) -> Result<Vec<MarkerFrame>> {
+    let columns = columns_of(&table.poses, names, whose, &table.name)?;
+    let frames = 0..table.poses.frames();
+    let mut frames: Vec<MarkerFrame> = frames
+        .map(|t| points_of(&table.poses, t, &columns))
+        .collect();
+    check_points(body, markers, &mut frames, &table.name)?;
+    Ok(frames)
+}
+
 /// Takes points that are far from all others for missing, and says so: one of them would ruin a
 /// fit. Fails if the points of a table cannot be on the body in centimeters: they spread three
 /// times as far as its vertices do, or less than a third.
 ///
 /// # Errors
 /// [`Error::Data`]: with the remedy, `--units`.
-pub fn check_points(
+fn check_points(
     body: &BodyModel,
     markers: &[Marker],
     frames: &mut [Vec<Option<DVec3>>],
@@ -366,19 +381,19 @@ pub fn fit_take(
     let animation =
         animate(&model, &prior, frames, offsets).map_err(|e| e.at(Place::file(source)))?;
     let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
-    let missed = frames.len() - rms.len();
-    let worst = rms.iter().copied().fold(0.0, f64::max);
-    messages::info(&format!(
-        "{} frames: points are {:.2} cm from the body (median), {worst:.2} at most",
-        rms.len(),
-        median(rms).unwrap_or_default()
-    ));
-    report_missed(missed);
+    report_fits(rms, frames.len(), "points are", "the body");
     Ok(animation)
 }
 
-/// Says how many frames have no body.
-pub fn report_missed(missed: usize) {
+/// Says how far points are from their bodies, by the RMS of each frame that has one, and how many
+/// of all `frames` have none.
+pub fn report_fits(rms: Vec<f64>, frames: usize, points: &str, body: &str) {
+    let (found, missed) = (rms.len(), frames - rms.len());
+    let worst = rms.iter().copied().fold(0.0, f64::max);
+    messages::info(&format!(
+        "{found} frames: {points} {:.2} cm from {body} (median), {worst:.2} at most",
+        median(rms).unwrap_or_default()
+    ));
     if missed > 0 {
         messages::info(&format!(
             "no body in {missed} frames, which have fewer than four points"
@@ -400,12 +415,8 @@ pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
     }
     let table = input::read_table(flags, false, false)?;
     let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
-    let columns = columns_of(&table.poses, &names, "the body", &table.name)?;
-    let mut frames: Vec<MarkerFrame> = (0..table.poses.frames())
-        .map(|t| points_of(&table.poses, t, &columns))
-        .collect();
     let markers = joint_markers(&body.template, &body.joint_names);
-    check_points(body, &markers, &mut frames, &table.name)?;
+    let frames = marker_frames(body, &markers, &table, &names, "the body")?;
     let animation = fit_take(
         body,
         &markers,

@@ -21,6 +21,30 @@ const LINES: usize = 64;
 /// Frames that are written together.
 const BATCH: usize = 4096;
 
+/// The flag that names the sixteen joints.
+#[derive(Debug, Clone, clap::Args)]
+pub struct JointMapArgs {
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file
+    #[arg(
+        long,
+        value_name = "CMU|NAME|FILE.toml",
+        default_value = "CMU",
+        help_heading = "Input"
+    )]
+    pub map: String,
+}
+
+impl JointMapArgs {
+    /// The map.
+    ///
+    /// # Errors
+    /// Those of [`joint_map`].
+    pub fn joint_map(&self) -> Result<JointMap> {
+        joint_map(&self.map)
+    }
+}
+
 /// The joint map that `--map` names: `CMU`, a shipped map of names, or a TOML file.
 ///
 /// # Errors

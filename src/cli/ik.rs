@@ -2,13 +2,20 @@
 //! verdict.
 
 use super::Outcome;
+use super::input::{IN_CENTIMETERS, open};
 use super::messages;
 use super::progress::Progress;
-use crate::pose::Poses;
+use crate::audit::count;
+use crate::io::SkeletonFile;
+use crate::pose::bone_points::bone_ends_of_starts;
+use crate::pose::{BonePoints, Poses, Skeleton};
+use crate::restore::body_size::check_body_size;
 use crate::restore::ik::correspondence::Correspondence;
 use crate::restore::ik::sequence::SequenceFit;
-use crate::restore::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit};
+use crate::restore::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit, estimate_skeleton};
 use crate::{Error, Place, Result};
+use glam::DMat3;
+use std::path::Path;
 
 /// The number of names that a message lists.
 const LISTED: usize = 8;
@@ -26,6 +33,56 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
             "{name}: the time jumps {times}; {format} cannot show the pause"
         ));
     }
+}
+
+/// Reads a skeleton to fit, and says what is odd about it.
+///
+/// # Errors
+/// Those of [`SkeletonFile::read`].
+pub fn read_skeleton(path: &Path, unit: f64, rotation: DMat3) -> Result<SkeletonFile> {
+    let (file, notes) = SkeletonFile::read(open(path)?, unit, rotation)?;
+    notes.iter().for_each(|note| messages::info(note));
+    Ok(file)
+}
+
+/// Fails for a body that is of no person's size, unless it is taken all the same with `force`; then
+/// gives points at the starts of bones the names of the ends there, but not where the skeleton
+/// `keeps_starts`.
+///
+/// # Errors
+/// [`Error::Data`]: see [`check_body_size`].
+pub fn name_bone_ends(
+    poses: &mut Poses,
+    table: &str,
+    force: bool,
+    keeps_starts: bool,
+) -> Result<()> {
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !force {
+        let names = points.bone_ends(&poses.points);
+        check_body_size(poses, &names, table, IN_CENTIMETERS)?;
+    }
+    if points == BonePoints::Starts && !keeps_starts {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
+    Ok(())
+}
+
+/// What fits the skeleton that is given, or one measured from the take, which is kept in
+/// `measured`.
+///
+/// # Errors
+/// Those of [`estimate_skeleton`].
+pub fn skeleton_fit<'a>(
+    given: Option<&'a SkeletonFile>,
+    poses: &Poses,
+    measured: &'a mut Option<Skeleton>,
+) -> Result<SkeletonFit<'a>> {
+    Ok(match given {
+        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
+        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+        None => SkeletonFit::new(measured.insert(estimate_skeleton(poses)?)),
+    })
 }
 
 /// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a
@@ -117,13 +174,7 @@ fn unmatched_message(matched: &Correspondence, table: &str) -> Option<String> {
 
 /// How well a sequence fits, with the mean distance `mean`, cm; `names` are those of the points.
 fn fit_messages(fit: &SequenceFit, mean: f64, names: &[String]) -> Vec<String> {
-    let frames = |n: usize| {
-        if n == 1 {
-            "1 frame".into()
-        } else {
-            format!("{n} frames")
-        }
-    };
+    let frames = |n: usize| count(n, "frame");
     let mut lines = Vec::new();
     match fit.worst {
         Some((frame, point)) => lines.push(format!(

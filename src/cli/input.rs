@@ -5,6 +5,7 @@ use super::messages;
 use crate::io::input::take_name;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
+use crate::numeric::statistics::span;
 use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
@@ -181,13 +182,7 @@ const SMALL_BODY: f64 = 5.0;
 
 /// The largest extent of a frame; `None` where a value is missing.
 fn extent(xyz: &[f64]) -> Option<f64> {
-    let along = |axis: usize| {
-        let values = xyz.iter().skip(axis).step_by(3);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(*v), high.max(*v))
-        });
-        high - low
-    };
+    let along = |axis: usize| span(xyz.iter().skip(axis).step_by(3).copied());
     let is_whole = xyz.iter().all(|v| v.is_finite());
     is_whole.then(|| (0..3).map(along).fold(0.0, f64::max))
 }

@@ -2,9 +2,9 @@
 //! of their frames.
 
 use super::args::InputArgs;
+use super::csv_file::CsvFile;
 use super::feature_table::body_frames;
 use super::{input, messages};
-use crate::io::csv::csv_fault;
 use crate::io::csv::push_cell;
 use crate::io::text::excerpt;
 use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabeledPair, PoseMetric};
@@ -24,6 +24,14 @@ pub struct MetricTakes {
     pub names: Vec<String>,
     /// The takes.
     pub takes: Vec<BodyFramePoses>,
+}
+
+/// Opens a metric.
+///
+/// # Errors
+/// [`Error::Data`]: the file cannot be read, or is no metric.
+pub fn open_metric(path: &Path) -> Result<PoseMetric> {
+    PoseMetric::from_model(&input::open_model(path)?, &path.display().to_string())
 }
 
 /// Reads takes from `files`. A take that the tables do not name has the name of its file.
@@ -123,30 +131,16 @@ impl MetricTakes {
     }
 
     fn read(&self, path: &Path, needs_labels: bool) -> Result<(Vec<LabeledPair>, bool)> {
-        let file = input::open(path)?;
+        let mut file = CsvFile::open(path)?;
         let source = file.name.clone();
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(file.into_reader());
-        let place = |line: Option<&csv::Position>| match line {
-            Some(position) => Place::line(&source, position.line()),
-            None => Place::file(&source),
-        };
-        let broken = |e: csv::Error| csv_fault(&source, &e);
-        let head = reader.headers().map_err(broken)?.clone();
-        let column = |name: &str| head.iter().position(|h| h == name);
-        let needed = |name: &str| {
-            let what =
-                format!("has no column {name}; expected a_take,a_frame,b_take,b_frame,label");
-            column(name).ok_or_else(|| Error::data(Place::line(&source, 1), what))
-        };
+        let needed = |name: &str| file.needed(name, "a_take,a_frame,b_take,b_frame,label");
         let ends = [
             (needed("a_take")?, needed("a_frame")?),
             (needed("b_take")?, needed("b_frame")?),
         ];
         let label = match needs_labels {
             true => Some(needed("label")?),
-            false => column("label"),
+            false => file.column("label"),
         };
         let takes: HashMap<&str, usize> = (self.names.iter().enumerate())
             .map(|(k, name)| (name.as_str(), k))
@@ -154,9 +148,9 @@ impl MetricTakes {
         let mut pairs: Vec<LabeledPair> = Vec::new();
         let mut lines = HashMap::new();
         let mut has_labels = label.is_some();
-        for record in reader.records() {
-            let record = record.map_err(broken)?;
-            let fail = |what: String| Error::data(place(record.position()), what);
+        for record in file.rows() {
+            let (line, record) = record?;
+            let fail = |what: String| Error::data(Place::line(&source, line), what);
             let end =
                 |(take, frame): (usize, usize)| self.frame(&takes, &record[take], &record[frame]);
             let label = label.map_or("", |k| &record[k]);
@@ -174,7 +168,6 @@ impl MetricTakes {
                 },
             };
             let [a, b] = pair.ends;
-            let line = record.position().map_or(0, csv::Position::line);
             if let Some((label, before)) = lines.insert((a.min(b), a.max(b)), (pair.is_alike, line))
                 && label != pair.is_alike
             {

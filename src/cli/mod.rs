@@ -7,6 +7,7 @@ pub mod body_output;
 pub mod browser;
 pub mod closed_stdout;
 pub mod completions;
+pub mod csv_file;
 pub mod feature_table;
 pub mod ik;
 pub mod input;

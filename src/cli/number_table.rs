@@ -1,8 +1,8 @@
 //! Tables of parameters: `take` and `time` where they are known, then columns of numbers.
 
-use super::input;
+use super::csv_file::CsvFile;
 use super::streams::open_output;
-use crate::io::csv::csv_fault;
+use crate::io::csv::push_cell;
 use crate::io::text::{excerpt, push_f64};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
@@ -31,23 +31,16 @@ pub struct NumberTable {
 /// [`Error::Data`], with the line: the file cannot be read, a row has another number of cells than
 /// the header, or a cell is no number.
 pub fn read(path: &Path) -> Result<NumberTable> {
-    let file = input::open(path)?;
-    let name = file.name.clone();
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file.into_reader());
+    let mut file = CsvFile::open(path)?;
+    let (name, head) = (file.name.clone(), file.head.clone());
     let fail = |line: u64, what: String| Error::data(Place::line(&name, line), what);
-    let wrong = |e: csv::Error| csv_fault(&name, &e);
-    let head = reader.headers().cloned().map_err(wrong)?;
     let numbers: Vec<usize> = (0..head.len())
         .filter(|c| !["take", "time"].contains(&&head[*c]))
         .collect();
-    let at = |what: &str| head.iter().position(|h| h == what);
-    let (take, time) = (at("take"), at("time"));
+    let (take, time) = (file.column("take"), file.column("time"));
     let (mut takes, mut times, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for (k, row) in reader.records().enumerate() {
-        let row = row.map_err(wrong)?;
-        let line = row.position().map_or(k as u64 + 2, csv::Position::line);
+    for row in file.rows() {
+        let (line, row) = row?;
         let number = |c: usize| match &row[c] {
             "" => Ok(f64::NAN),
             text => text
@@ -97,7 +90,7 @@ pub fn write(path: &Path, poses: &Poses, columns: &[String], values: &Array2<f64
     for (t, row) in values.rows().into_iter().enumerate() {
         line.clear();
         if let Some(take) = &poses.take {
-            line.extend_from_slice(quoted(&take[t]).as_bytes());
+            push_cell(&mut line, take[t].as_bytes());
             line.push(b',');
         }
         if let Some(time) = &poses.time {
@@ -115,11 +108,4 @@ pub fn write(path: &Path, poses: &Poses, columns: &[String], values: &Array2<f64
         out.write(&line)?;
     }
     out.finish()
-}
-
-fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_string(),
-    }
 }

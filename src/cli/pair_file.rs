@@ -1,7 +1,6 @@
 //! Small CSV files of two columns, such as `vertex,part` and `point,vertex`.
 
-use super::input;
-use crate::io::csv::csv_fault;
+use super::csv_file::CsvFile;
 use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
 use std::path::Path;
@@ -45,30 +44,20 @@ type Rows<const N: usize> = Vec<(u64, [String; N])>;
 /// # Errors
 /// Those of [`PairFile::read`].
 pub fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<(String, Rows<N>)> {
-    let file = input::open(path)?;
-    let name = file.name.clone();
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file.into_reader());
-    let wrong = |e: csv::Error| csv_fault(&name, &e);
-    let head = reader.headers().cloned().map_err(wrong)?;
+    let mut file = CsvFile::open(path)?;
     let mut at = [0; N];
     for (at, column) in at.iter_mut().zip(columns) {
-        *at = head.iter().position(|h| h == column).ok_or_else(|| {
-            let what = format!("has no column {column}; expected {}", columns.join(","));
-            Error::data(Place::line(&name, 1), what)
-        })?;
+        *at = file.needed(column, &columns.join(","))?;
     }
     let mut rows = Vec::new();
-    for (k, row) in reader.records().enumerate() {
-        let row = row.map_err(wrong)?;
-        let line = row.position().map_or(k as u64 + 2, csv::Position::line);
+    for row in file.rows() {
+        let (line, row) = row?;
         rows.push((line, at.map(|c| row[c].to_string())));
     }
     if rows.is_empty() {
-        return Err(Error::data(Place::file(&name), "has no rows"));
+        return Err(Error::data(Place::file(&file.name), "has no rows"));
     }
-    Ok((name, rows))
+    Ok((file.name, rows))
 }
 
 /// A whole number below `count` from a cell of line `line` of the file `name`; `what` names it.

@@ -7,6 +7,9 @@ use std::io::IsTerminal;
 pub struct Progress(ProgressBar);
 
 impl Progress {
+    /// The steps of a bar that shows a share.
+    pub const SHARES: u64 = 1000;
+
     /// A bar of `steps` steps with the label `what`.
     pub fn new(what: &str, steps: u64) -> Progress {
         if super::messages::is_quiet() || !std::io::stderr().is_terminal() {
@@ -26,6 +29,12 @@ impl Progress {
     pub fn set_of(&self, done: u64, all: u64) {
         self.0.set_length(all);
         self.0.set_position(done);
+    }
+    /// Changes the label, and sets how much is done, 0 to 1, of a bar of [`Progress::SHARES`].
+    pub fn set_share(&self, what: &str, share: f64) {
+        self.set_message(what.to_string());
+        self.set((Progress::SHARES as f64 * share) as u64);
+        super::messages::debug(what);
     }
     /// Changes the label.
     pub fn set_message(&self, what: String) {

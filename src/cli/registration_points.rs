@@ -1,8 +1,10 @@
 //! Hand-placed points for a registration: where vertices of the template are on the scan.
 
+use super::input;
 use super::pair_file::{read_columns, whole_number};
 use crate::body::registration::start;
 use crate::body::surface::Surface;
+use crate::io::Mesh;
 use crate::io::text::excerpt;
 use crate::pose::units::Units;
 use crate::{Error, Place, Result};
@@ -86,4 +88,20 @@ impl RegistrationPoints {
         }
         Ok(())
     }
+}
+
+/// Reads a scan in centimeters, y up.
+///
+/// # Errors
+/// Those of [`Mesh::read`].
+pub fn read_scan(path: &Path, units: Units) -> Result<Surface> {
+    let scan = Mesh::read(input::open(path)?)?;
+    let vertex = |v: &[f64; 3]| {
+        let mut xyz = *v;
+        units.read(&mut xyz);
+        DVec3::from_array(xyz)
+    };
+    let vertices = scan.vertices.iter().map(vertex).collect();
+    let faces = scan.faces.iter().map(|f| f.map(|v| v as usize)).collect();
+    Ok(Surface::new(vertices, faces))
 }

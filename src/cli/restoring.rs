@@ -1,7 +1,7 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of
 //! frames.
 
-use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
+use super::args::{InputArgs, OutputArgs, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::messages;
 use super::name_maps::name_map;
@@ -15,8 +15,9 @@ use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
+use crate::sparse::SelectionRule;
 use crate::{Error, Result};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -45,7 +46,7 @@ struct ModelFlags {
     sparsity: Sparsity,
     /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
-    pursuit: PursuitFlag,
+    pursuit: SelectionRule,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
     /// distances and outliers
     #[arg(long, help_heading = "Model")]
@@ -84,7 +85,7 @@ pub struct RestoringArgs {
     /// Where points stand on the bones they are named after: starts, as the joints of BVH files,
     /// or ends, as the joints of CMU and of the built-in model (default: by names and lengths)
     #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
-    bones: Option<BonesFlag>,
+    bones: Option<BonePoints>,
     /// Which points of the table are which of the model's: a shipped map (anatomical,
     /// bandai-namco, biped, cmu-bvh, hik, kinect, lafan, makehuman, mixamo, motive, neuron,
     /// openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a TOML file of lines such
@@ -105,15 +106,6 @@ pub struct RestoringArgs {
     space: Space,
     #[command(flatten)]
     out: OutputArgs,
-}
-
-/// Where points stand on their bones.
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum BonesFlag {
-    /// Where the bone of the point's name starts
-    Starts,
-    /// Where it ends
-    Ends,
 }
 
 /// What is done to the poses.
@@ -336,8 +328,7 @@ impl RestoringArgs {
     fn naming(&self, poses: &Poses, model: Option<&(Model, String)>) -> Result<PointNaming> {
         let known = model.map_or_else(joints::cmu_names, |(model, _)| model.meta.points.clone());
         Ok(match (self.bones, &self.map) {
-            (Some(BonesFlag::Starts), _) => PointNaming::Bones(BonePoints::Starts),
-            (Some(BonesFlag::Ends), _) => PointNaming::Bones(BonePoints::Ends),
+            (Some(bones), _) => PointNaming::Bones(bones),
             (None, Some(map)) => PointNaming::Map(name_map(map, &known)?),
             (None, None) => PointNaming::of(&poses.points, poses.xyz.view(), &known),
         })
@@ -366,7 +357,7 @@ impl RestoringArgs {
         };
         let options = OpenOptions {
             sparsity: self.model.sparsity.0,
-            rule: self.model.pursuit.rule(),
+            rule: self.model.pursuit,
             published: self.model.published,
             ..OpenOptions::default()
         };

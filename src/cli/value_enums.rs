@@ -1,46 +1,97 @@
 //! Types of the library as values of flags.
 
 use crate::clean::OutputFormat;
+use crate::io::TableFormat;
+use crate::io::marker_csv::MotivePoints;
+use crate::metric::train::Learner;
+use crate::pose::BonePoints;
+use crate::pose::kinematics::Space;
 use crate::pose::units::{LengthUnit, UpAxis};
+use crate::prior::HoldBack;
+use crate::sparse::SelectionRule;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-/// Makes an enum of the library a flag's values by the function that names them, each with its
-/// help.
+/// Makes an enum of the library a flag's values, each with its name and its help.
 macro_rules! value_enum {
-    ($type:ty, $name:ident { $($variant:ident: $help:literal;)* }) => {
+    ($type:ty { $($variant:ident $name:literal: $help:literal;)* }) => {
         impl ValueEnum for $type {
             fn value_variants<'a>() -> &'a [Self] {
-                &<$type>::ALL
+                &[$(<$type>::$variant),*]
             }
 
             fn to_possible_value(&self) -> Option<PossibleValue> {
-                let help = match self {
-                    $(<$type>::$variant => $help,)*
-                };
-                Some(PossibleValue::new(self.$name()).help(help))
+                Some(match self {
+                    $(<$type>::$variant => PossibleValue::new($name).help($help),)*
+                })
             }
         }
     };
 }
 
-value_enum!(LengthUnit, name {
-    Cm: "Centimeters";
-    M: "Meters";
-    Mm: "Millimeters";
-    In: "Inches";
-    Asf: "Raw units of CMU's ASF files, 5.644 cm";
+value_enum!(LengthUnit {
+    Cm "cm": "Centimeters";
+    M "m": "Meters";
+    Mm "mm": "Millimeters";
+    In "in": "Inches";
+    Asf "asf": "Raw units of CMU's ASF files, 5.644 cm";
 });
 
-value_enum!(UpAxis, name {
-    X: "X is up";
-    Y: "Y is up, as in pose tables";
-    Z: "Z is up";
+value_enum!(UpAxis {
+    X "x": "X is up";
+    Y "y": "Y is up, as in pose tables";
+    Z "z": "Z is up";
 });
 
-value_enum!(OutputFormat, extension {
-    C3d: "C3D, millimeters, z up";
-    Trc: "TRC, millimeters, y up";
-    Csv: "A pose table as CSV";
-    Npy: "A pose table as NPY, which holds coordinates only";
+value_enum!(OutputFormat {
+    C3d "c3d": "C3D, millimeters, z up";
+    Trc "trc": "TRC, millimeters, y up";
+    Csv "csv": "A pose table as CSV";
+    Npy "npy": "A pose table as NPY, which holds coordinates only";
+});
+
+value_enum!(TableFormat {
+    Csv "csv": "Text with a header line";
+    Npy "npy": "NumPy array";
+});
+
+value_enum!(SelectionRule {
+    Oomp "oomp": "Optimized orthogonal matching pursuit, the more accurate";
+    Omp "omp": "Orthogonal matching pursuit, as in the paper";
+});
+
+value_enum!(Space {
+    World "world": "As captured";
+    Root "root": "Root at the origin, global rotation kept";
+    Body "body": "Root at the origin, no global rotation, as in the paper";
+});
+
+value_enum!(BonePoints {
+    Starts "starts": "Where the bone of the point's name starts";
+    Ends "ends": "Where it ends";
+});
+
+value_enum!(MotivePoints {
+    Markers "markers": "Measured markers";
+    Expected "expected": "Where the markers of rigid bodies and skeletons are expected, also when \
+                          they are hidden";
+    Bones "bones": "Bones and rigid bodies";
+});
+
+value_enum!(HoldBack {
+    Takes "takes": "Whole takes, about a fifth of the poses";
+    Frames "frames": "Random frames, a fifth of all";
+});
+
+value_enum!(Learner {
+    Rdsr "rdsr": "Regularized distance metric learning with sparse representation";
+    L2 "l2": "Nothing is learned but the scaling of the features";
+    Lms "lms": "Weights of features or joints by least squares (Wang and Bodenheimer); needs both \
+                labels";
+    Boost "boost": "Features chosen by boosting (Chen et al. 2009); needs both labels";
+    Xing "xing": "Distance metric learning with side information (Xing et al.); needs both labels";
+    Sda "sda": "Semi-supervised discriminant analysis (Cai et al.); needs both labels";
+    Rca "rca": "Relevant component analysis (Bar-Hillel et al.)";
+    Lmnn "lmnn": "Large margin nearest neighbors (Weinberger and Saul); needs both labels";
+    Nca "nca": "Neighborhood component analysis (Goldberger et al.)";
 });

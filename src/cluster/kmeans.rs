@@ -82,12 +82,12 @@ mod tests {
         let table = blobs(600, 9, 20, 1);
         let mut last = f64::INFINITY;
         for max_iterations in 1..30 {
-            let asked = KMeans {
+            let settings = KMeans {
                 max_iterations,
                 tolerance: 0.0,
                 ..with_k(25)
             };
-            let found = quiet(&table, &asked).unwrap();
+            let found = quiet(&table, &settings).unwrap();
             let squares = |(row, &label): (ndarray::ArrayView1<f32>, &u32)| -> f64 {
                 let c = found.centroids.row(label as usize);
                 row.iter()
@@ -207,23 +207,23 @@ mod tests {
     fn the_same_at_any_number_of_threads_and_in_either_layout() {
         let table = blobs(9000, 11, 40, 2);
         for branch in [None, Some(3)] {
-            let asked = KMeans {
+            let settings = KMeans {
                 k: 37,
                 seed: 5,
                 restarts: 2,
                 branch,
                 ..with_k(37)
             };
-            let first = quiet(&table, &asked).unwrap();
+            let first = quiet(&table, &settings).unwrap();
             for threads in [1, 2, 7] {
                 assert_eq!(
-                    on_threads(threads, || quiet(&table, &asked).unwrap()),
+                    on_threads(threads, || quiet(&table, &settings).unwrap()),
                     first
                 );
             }
             let mut columns = Array2::zeros(table.dim().f());
             columns.assign(&table);
-            assert_eq!(quiet(&columns, &asked).unwrap(), first);
+            assert_eq!(quiet(&columns, &settings).unwrap(), first);
         }
     }
 
@@ -233,11 +233,11 @@ mod tests {
         let mut ends = Vec::new();
         for restarts in 1..6 {
             let mut runs = Vec::new();
-            let asked = KMeans {
+            let settings = KMeans {
                 restarts,
                 ..with_k(30)
             };
-            let found = asked
+            let found = settings
                 .fit_with_progress(table.view(), &mut |report| {
                     if let KMeansProgress::Iteration {
                         restart, iteration, ..

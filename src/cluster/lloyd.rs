@@ -221,16 +221,16 @@ mod tests {
         for (t, table) in tables.iter().enumerate() {
             for k in [1, 2, 7, 40] {
                 for max_iterations in [1, 3, 60] {
-                    let asked = KMeans {
+                    let settings = KMeans {
                         k,
                         max_iterations,
                         tolerance: 0.0,
                         ..with_k(k)
                     };
-                    let found = quiet(table, &asked).unwrap();
+                    let found = quiet(table, &settings).unwrap();
                     let standard = table.as_standard_layout();
                     let (centroids, labels, iterations) =
-                        plain(Dataset::check(&standard).unwrap(), &asked);
+                        plain(Dataset::check(&standard).unwrap(), &settings);
                     assert_eq!(found.labels, labels, "table {t}, k {k}");
                     assert_eq!(found.centroids, centroids, "table {t}, k {k}");
                     assert_eq!(found.iterations, iterations, "table {t}, k {k}");
@@ -247,12 +247,12 @@ mod tests {
         start.row_mut(0).fill(0.0);
         for max_iterations in [1, 2, 100] {
             let centroids = Centroids::new(start.clone(), &[0.0; 4]);
-            let asked = KMeans {
+            let settings = KMeans {
                 max_iterations,
                 ..with_k(20)
             };
             let start = (centroids, vec![0; 150]);
-            let found = lloyd(poses, start, &[0.0; 4], &asked, 0.0, &mut |_, _| ());
+            let found = lloyd(poses, start, &[0.0; 4], &settings, 0.0, &mut |_, _| ());
             assert!(found.sizes.iter().all(|&s| s > 0), "{:?}", found.sizes);
             let one = quiet(&table, &with_k(1)).unwrap();
             assert!(found.inertia < one.inertia);

@@ -222,7 +222,7 @@ fn gains(
     let parts = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
         let mut gains = vec![0.0; trials];
         let mut tile = vec![0.0; PIECE * poses.d];
-        let mut rivals = vec![0.0; trials * poses.d];
+        let mut drawn = vec![0.0; trials * poses.d];
         let mut products = vec![0.0; PIECE * trials];
         for &(j, start, end) in &pieces[chunk] {
             let (cell, seed) = (&cells[j], poses.row(seeds[j] as usize));
@@ -232,7 +232,7 @@ fn gains(
                 .enumerate()
                 .filter(|r| r.1 < 4.0 * cell.widest)
                 .collect();
-            for ((t, _), row) in near.iter().zip(rivals.chunks_exact_mut(poses.d)) {
+            for ((t, _), row) in near.iter().zip(drawn.chunks_exact_mut(poses.d)) {
                 subtract(poses.row(candidates[*t] as usize), seed, row);
             }
             let closest = near.iter().fold(f32::INFINITY, |least, r| least.min(r.1));
@@ -252,7 +252,7 @@ fn gains(
             };
             // |x - s|² - |x - c|² = 2 (x - s)·(c - s) - |c - s|²
             let products = &mut products[..count * near.len()];
-            double_products(rows, &rivals, poses.d, products, near.len());
+            double_products(rows, &drawn, poses.d, products, near.len());
             for row in products.chunks_exact(near.len()) {
                 for (product, (t, distances_to)) in row.iter().zip(&near) {
                     let gain = product - distances_to;

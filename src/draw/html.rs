@@ -1,5 +1,7 @@
 //! Escaping of text in HTML, XML and JSON inside a page, and templates.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
+use sha2::{Digest, Sha256};
 use std::fmt::Write;
 
 /// Text for an element or a quoted attribute, in HTML and in XML alike.
@@ -53,6 +55,27 @@ pub(crate) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     }
     out.push_str(rest);
     out
+}
+
+/// A source's hash as a content security policy wants it.
+pub(crate) fn policy_hash(source: &str) -> String {
+    format!(
+        "sha256-{}",
+        BASE64_STANDARD.encode(Sha256::digest(source.as_bytes()))
+    )
+}
+
+/// A page of a template: its values, its style and its script with their hashes, and the version.
+pub(crate) fn page(template: &str, style: &str, script: &str, values: &[(&str, &str)]) -> String {
+    let (style_hash, script_hash) = (policy_hash(style), policy_hash(script));
+    let own = [
+        ("style", style),
+        ("style-hash", &style_hash),
+        ("script", script),
+        ("script-hash", &script_hash),
+        ("version", env!("CARGO_PKG_VERSION")),
+    ];
+    fill(template, &[values, &own].concat())
 }
 
 /// Rows as an HTML table; the first is its head. A cell that ends in `*` is marked as the best.

@@ -1,7 +1,6 @@
 //! A page of text, tables and pictures without a script, which needs no other file.
 
-use super::html::fill;
-use super::player::policy_hash;
+use super::html::{fill, policy_hash};
 
 const TEMPLATE: &str = include_str!("plain_page.html");
 /// The colors and the tables of all such pages.

@@ -302,7 +302,7 @@ pub(super) mod tests {
         frames.pop();
         let mut poses = Poses::without_points(frames.into_iter());
         poses.xyz = Array2::zeros((13, 0));
-        let told: Vec<_> = runs(&poses, 7.0)
+        let found: Vec<_> = runs(&poses, 7.0)
             .iter()
             .map(|run| (run.name, run.first, run.rate))
             .collect();
@@ -315,6 +315,6 @@ pub(super) mod tests {
             ("b", 9, 100.0),
             ("c", 12, 7.0),
         ];
-        assert_eq!(told, want);
+        assert_eq!(found, want);
     }
 }

@@ -1,6 +1,7 @@
 //! Geometry of a scene that every drawing needs: sides of the body, ground, size and heading.
 
 use super::scene::{Scene, Status};
+use crate::numeric::statistics::quantile;
 use std::collections::HashSet;
 
 /// Points farther than this from the origin (cm, 100 km) count as missing.
@@ -239,13 +240,6 @@ fn sides(points: &[String]) -> Vec<Side> {
         _ => Side::Middle,
     };
     points.iter().map(|name| side(bare(name))).collect()
-}
-
-/// The value below which a share of the values lies; `None` of no values.
-fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let last = values.len().checked_sub(1)?;
-    values.get((last as f64 * share).round() as usize).copied()
 }
 
 #[cfg(test)]

@@ -169,17 +169,17 @@ impl<'a> Segment<'a> {
 
     /// The pose at `share` of the way, where the bones' curves put the joints `between` (3 K).
     fn pose(&self, solver: &PoseSolver, share: f64, between: &[f64]) -> Pose {
-        let mut asked = Constraints {
+        let mut goals = Constraints {
             floor: self.floor.clone(),
             ..Constraints::none(solver.rig.joints())
         };
-        asked.pins.copy_from_slice(&self.pins);
+        goals.pins.copy_from_slice(&self.pins);
         let ways = self.keys[0].pose.q.iter().zip(&self.last);
         let near: Vec<f64> = ways.map(|(a, b)| a + share * (b - a)).collect();
         let apart = STRAY * (4.0 * share * (1.0 - share)).sqrt();
         Pose {
             sd: self.ways.iter().map(|way| way * apart).collect(),
-            ..solver.at_places(&asked, between, self.keys[0].pose.placement, &near)
+            ..solver.at_places(&goals, between, self.keys[0].pose.placement, &near)
         }
     }
 }

@@ -33,21 +33,21 @@ pub struct OtherPose {
     pub evidence: f64,
 }
 
-/// Poses with the pins of `asked`, at least 5 cm from `now` and from each other, the likeliest
+/// Poses with the pins of `goals`, at least 5 cm from `now` and from each other, the likeliest
 /// first. Where fewer than three joints are pinned, the others stand where the body stands now.
-pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<OtherPose> {
+pub fn other_poses(solver: &PoseSolver, goals: &Constraints, now: &Pose) -> Vec<OtherPose> {
     let pinned: Vec<usize> = (0..solver.rig.joints())
-        .filter(|&k| asked.pins[k].iter().all(Option::is_some))
+        .filter(|&k| goals.pins[k].iter().all(Option::is_some))
         .collect();
     let mut found: Vec<OtherPose> = Vec::new();
     for typical in solver.prior.representative_poses().rows() {
         let model = typical.to_vec();
         let placement = laid_on(solver, &model, &pinned, now);
         let start = solver.placed(&model, placement, &now.q);
-        let mut asked = asked.clone();
-        (asked.rest, asked.drags) = (REST, vec![None; solver.rig.joints()]);
+        let mut goals = goals.clone();
+        (goals.rest, goals.drags) = (REST, vec![None; solver.rig.joints()]);
         let pose = solver.follow(
-            &asked,
+            &goals,
             &Reference::at(start.xyz.clone()),
             &start,
             f64::INFINITY,

@@ -383,13 +383,13 @@ impl Problem<'_> {
                 ..Similarity::IDENTITY
             },
         };
-        let mut asked = Constraints::none(self.solver.rig.joints());
+        let mut goals = Constraints::none(self.solver.rig.joints());
         // The figure is on the marks, at the depth that the prior says.
         for &(k, p, mark) in &self.known {
             let seen = mark / view.scale * self.nearness(view, p);
-            asked.drags[k] = Some((seen.extend(restored.mean[3 * p + 2]), MARK_SD));
+            goals.drags[k] = Some((seen.extend(restored.mean[3 * p + 2]), MARK_SD));
         }
-        let pose = self.solver.posed(&asked, &restored, &before.q);
+        let pose = self.solver.posed(&goals, &restored, &before.q);
         let heights = pose.xyz.iter().skip(1).step_by(3);
         let lift = DVec3::Y * -heights.fold(f64::INFINITY, |z, y| z.min(*y));
         let pose = self.solver.moved(&pose, lift);

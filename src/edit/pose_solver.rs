@@ -1,11 +1,11 @@
-//! One pose from what is asked of it.
+//! One pose from its goals.
 //!
 //! Everything is a precision. With K joints, each is observed as y ~ N(x, r):
 //!
 //! | joint | y | r |
 //! |---|---|---|
 //! | pinned | its pin | 0 |
-//! | dragged | its target | sd², as asked |
+//! | dragged | its target | sd² |
 //! | other | where it was when the gesture began, `a` | rest², on the floor at most 5² |
 //!
 //! A dragged root carries along those that no pinned or standing joint is below.
@@ -81,7 +81,7 @@ const SETTLING_STEP: f64 = 1.5;
 /// The shortest L, cm.
 const ONSET: f64 = 20.0;
 
-/// What is asked of a pose of K joints.
+/// The goals of a pose of K joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraints {
     /// The coordinates at which each joint is pinned (K), cm.
@@ -99,7 +99,7 @@ pub struct Constraints {
 }
 
 impl Constraints {
-    /// Nothing is asked of `joints` joints: all are where they were, to within 10 cm.
+    /// No goals for `joints` joints: all are where they were, to within 10 cm.
     pub fn none(joints: usize) -> Constraints {
         Constraints {
             pins: vec![[None; 3]; joints],
@@ -150,7 +150,7 @@ pub struct Pose {
     /// The standard deviation of a coordinate of each joint (K), cm; infinite for joints that the
     /// model does not know.
     pub sd: Vec<f64>,
-    /// How far each pinned or dragged joint is from where it is asked to be (K), cm; 0 where it is
+    /// How far each pinned or dragged joint is from where it has to be (K), cm; 0 where it is
     /// there.
     pub missed: Vec<f64>,
     /// How much less likely the pose is than nearly all training poses, nats; `None` where the
@@ -158,7 +158,7 @@ pub struct Pose {
     pub unlike: Option<f64>,
     /// The transform from the model's space to the world.
     pub placement: Similarity,
-    /// Whether the pose is still on its way to what is asked: solved for again, it comes nearer.
+    /// Whether the pose is still on its way to the goals: solved for again, it comes nearer.
     pub is_moving: bool,
 }
 
@@ -189,8 +189,8 @@ pub struct PoseSolver {
 
 impl PoseSolver {
     /// Where a gesture begins that drags some joints of the pose `before`.
-    pub fn reference(&self, asked: &Constraints, before: &Pose) -> Reference {
-        let (y, noise) = self.observation(&asked.at_places(&before.xyz), &before.xyz);
+    pub fn reference(&self, goals: &Constraints, before: &Pose) -> Reference {
+        let (y, noise) = self.observation(&goals.at_places(&before.xyz), &before.xyz);
         let start = PlacementSolution::from_placement(before.placement);
         let restored = self.prior.restorer().follow(&y, &noise, &start);
         let mean = restored.map(|(r, _)| r.mean).unwrap_or_default();
@@ -201,35 +201,35 @@ impl PoseSolver {
         }
     }
 
-    /// The pose for `asked` in a gesture that began at `reference`, found from the pose `before`,
+    /// The pose for `goals` in a gesture that began at `reference`, found from the pose `before`,
     /// since which the hand went `way` cm.
     pub fn follow(
         &self,
-        asked: &Constraints,
+        goals: &Constraints,
         reference: &Reference,
         before: &Pose,
         way: f64,
     ) -> Pose {
-        let (y, noise) = self.observation(asked, &reference.xyz);
+        let (y, noise) = self.observation(goals, &reference.xyz);
         let start = PlacementSolution::from_placement(before.placement);
         let Some((mut restored, _)) = self.prior.restorer().follow(&y, &noise, &start) else {
             return before.clone();
         };
-        let share = onset(asked, reference);
+        let share = onset(goals, reference);
         let offsets = restored.mean.iter_mut().zip(&reference.offset);
         offsets.for_each(|(mean, offset)| *mean += share * offset);
-        let wanted = self.fitted(asked, &restored, std::slice::from_ref(&before.q));
+        let wanted = self.fitted(goals, &restored, std::slice::from_ref(&before.q));
         let most = if way > 0.0 {
             STEP_RATIO * way
         } else {
             SETTLING_STEP
         };
-        self.approached(asked, before, wanted, most)
+        self.approached(goals, before, wanted, most)
     }
 
     /// The pose on the way from `before` to `wanted`, no joint of which is much farther than `most`
     /// cm from where it was, except as drags and pins ask for it.
-    fn approached(&self, asked: &Constraints, before: &Pose, wanted: Pose, most: f64) -> Pose {
+    fn approached(&self, goals: &Constraints, before: &Pose, wanted: Pose, most: f64) -> Pose {
         let step = largest_step(&before.xyz, &wanted.xyz);
         if step <= most {
             return wanted;
@@ -241,7 +241,7 @@ impl PoseSolver {
                 .map(|(from, to)| from + share * (to - from))
                 .collect();
             let xyz = self.rig.positions(&q);
-            let pose = self.at_places(asked, &xyz, wanted.placement, &q);
+            let pose = self.at_places(goals, &xyz, wanted.placement, &q);
             if largest_step(&before.xyz, &pose.xyz) <= 1.2 * most || share < 1e-2 {
                 return Pose {
                     is_moving: true,
@@ -254,24 +254,24 @@ impl PoseSolver {
         wanted
     }
 
-    /// The pose for `asked` from nothing: every placement is tried. `None` where the joints do not
+    /// The pose for `goals` from nothing: every placement is tried. `None` where the joints do not
     /// determine one.
-    pub fn restart(&self, asked: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
-        let (y, noise) = self.observation(asked, reference);
+    pub fn restart(&self, goals: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
+        let (y, noise) = self.observation(goals, reference);
         let restored = self.prior.restorer().restore(&y, &noise)?;
-        Some(self.posed(asked, &restored, &before.q))
+        Some(self.posed(goals, &restored, &before.q))
     }
 
     /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says.
     /// `None` where too little is there.
     pub fn pose_at(&self, xyz: &[f64], before: &Pose) -> Option<Pose> {
-        let mut asked = Constraints::none(self.rig.joints());
+        let mut goals = Constraints::none(self.rig.joints());
         for (k, at) in xyz.chunks_exact(3).enumerate() {
             let at = DVec3::from_slice(at);
-            asked.forgotten[k] = true;
-            asked.drags[k] = at.is_finite().then_some((at, EXACT_SD));
+            goals.forgotten[k] = true;
+            goals.drags[k] = at.is_finite().then_some((at, EXACT_SD));
         }
-        let mut pose = self.restart(&asked, xyz, before)?;
+        let mut pose = self.restart(&goals, xyz, before)?;
         pose.missed.fill(0.0);
         Some(pose)
     }
@@ -289,13 +289,13 @@ impl PoseSolver {
         self.posed(&Constraints::none(self.rig.joints()), &exact, start)
     }
 
-    /// The rig in a restored pose, with what is asked of it, found from the values `start` or in
+    /// The rig in a restored pose, with its goals, found from the values `start` or in
     /// closed form.
-    pub fn posed(&self, asked: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
+    pub fn posed(&self, goals: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
         let mut closed_form = start.to_vec();
-        let (targets, _) = self.soft_targets(asked, restored);
+        let (targets, _) = self.soft_targets(goals, restored);
         InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut closed_form);
-        self.fitted(asked, restored, &[start.to_vec(), closed_form])
+        self.fitted(goals, restored, &[start.to_vec(), closed_form])
     }
 
     /// A pose carried elsewhere.
@@ -307,18 +307,18 @@ impl PoseSolver {
             shift: pose.placement.shift + shift,
             ..pose.placement
         };
-        let asked = Constraints::none(self.rig.joints());
+        let goals = Constraints::none(self.rig.joints());
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&asked, &xyz, placement, &pose.q)
+            ..self.at_places(&goals, &xyz, placement, &pose.q)
         }
     }
 
-    /// The rig with its joints at `xyz` (3 K, cm), the pins of `asked` held, found from the values
+    /// The rig with its joints at `xyz` (3 K, cm), the pins of `goals` held, found from the values
     /// `start`; the prior says nothing.
     pub fn at_places(
         &self,
-        asked: &Constraints,
+        goals: &Constraints,
         xyz: &[f64],
         placement: Similarity,
         start: &[f64],
@@ -328,37 +328,37 @@ impl PoseSolver {
             sd: vec![0.0; self.prior.points()],
             placement,
         };
-        self.fitted(asked, &there, &[start.to_vec()])
+        self.fitted(goals, &there, &[start.to_vec()])
     }
 
     /// A pose carried into the skeleton's limits, with its pins held.
     pub fn within_limits(&self, pose: &Pose, pins: &[[Option<f64>; 3]]) -> Pose {
-        let mut asked = Constraints::none(self.rig.joints());
-        asked.pins.copy_from_slice(pins);
-        asked.limits = true;
+        let mut goals = Constraints::none(self.rig.joints());
+        goals.pins.copy_from_slice(pins);
+        goals.limits = true;
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&asked, &pose.xyz, pose.placement, &pose.q)
+            ..self.at_places(&goals, &pose.xyz, pose.placement, &pose.q)
         }
     }
 
-    /// What is asked for as an observation in the model's order: values and variances (3 J).
-    fn observation(&self, asked: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut y = (self.rig).to_model(&self.carried(asked, reference), self.prior.points());
+    /// The goals as an observation in the model's order: values and variances (3 J).
+    fn observation(&self, goals: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let mut y = (self.rig).to_model(&self.carried(goals, reference), self.prior.points());
         let mut noise = vec![f64::INFINITY; y.len()];
         for (k, point) in self.rig.model_points.iter().enumerate() {
             let Some(p) = *point else { continue };
-            let pin = asked.pins[k];
-            let rest = if stands(asked, reference, k) {
-                asked.rest.min(FLOOR_SD)
+            let pin = goals.pins[k];
+            let rest = if stands(goals, reference, k) {
+                goals.rest.min(FLOOR_SD)
             } else {
-                asked.rest
+                goals.rest
             };
-            let mut variance = match asked.forgotten[k] {
+            let mut variance = match goals.forgotten[k] {
                 true => f64::INFINITY,
                 false => rest * rest,
             };
-            if let Some((target, sd)) = asked.drags[k] {
+            if let Some((target, sd)) = goals.drags[k] {
                 y[3 * p..3 * p + 3].copy_from_slice(&target.to_array());
                 variance = sd * sd;
             }
@@ -376,16 +376,16 @@ impl PoseSolver {
 
     /// Where the joints are to stay: where they were, but a dragged root carries along those that
     /// no held joint is below.
-    fn carried(&self, asked: &Constraints, reference: &[f64]) -> Vec<f64> {
+    fn carried(&self, goals: &Constraints, reference: &[f64]) -> Vec<f64> {
         let mut carried = reference.to_vec();
-        let drags = asked.drags.iter().zip(&self.rig.parents).enumerate();
+        let drags = goals.drags.iter().zip(&self.rig.parents).enumerate();
         let mut roots = drags.filter(|(_, (_, parent))| parent.is_none());
         let Some((root, to)) = roots.find_map(|(k, (drag, _))| Some((k, (*drag)?.0))) else {
             return carried;
         };
         let way = to - DVec3::from_slice(&reference[3 * root..]);
         let mut stays = vec![false; self.rig.joints()];
-        for held in (0..self.rig.joints()).filter(|&k| is_held(asked, reference, k)) {
+        for held in (0..self.rig.joints()).filter(|&k| is_held(goals, reference, k)) {
             let above = std::iter::successors(Some(held), |&k| self.rig.parents[k]);
             above.for_each(|k| stays[k] = true);
         }
@@ -396,11 +396,11 @@ impl PoseSolver {
         carried
     }
 
-    /// P2: the rig in the restored pose, with what is dragged and pinned where it is asked to be.
-    fn fitted(&self, asked: &Constraints, restored: &RestoredFrame, starts: &[Vec<f64>]) -> Pose {
-        let (mut targets, mut weights) = self.soft_targets(asked, restored);
+    /// P2: the rig in the restored pose, with what is dragged and pinned where it has to be.
+    fn fitted(&self, goals: &Constraints, restored: &RestoredFrame, starts: &[Vec<f64>]) -> Pose {
+        let (mut targets, mut weights) = self.soft_targets(goals, restored);
         let settings = IkSettings {
-            limits: asked.limits,
+            limits: goals.limits,
             tolerance: 1e-6,
             ..IkSettings::default()
         };
@@ -414,7 +414,7 @@ impl PoseSolver {
         let (_, mut q) = found.fold(first, |a, b| if b.0 < a.0 { b } else { a });
         let mut xyz = self.rig.positions(&q);
         for _ in 0..3 {
-            let holds = hold(asked, &xyz, &mut targets, &mut weights);
+            let holds = hold(goals, &xyz, &mut targets, &mut weights);
             if !holds {
                 break;
             }
@@ -425,7 +425,7 @@ impl PoseSolver {
             .map(|p| p.map_or(f64::INFINITY, |p| restored.sd[p]))
             .collect();
         Pose {
-            missed: missed(asked, &xyz),
+            missed: missed(goals, &xyz),
             unlike: self.unlike(&xyz, &restored.placement),
             placement: restored.placement,
             is_moving: false,
@@ -437,7 +437,7 @@ impl PoseSolver {
 
     /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is
     /// NaN.
-    fn soft_targets(&self, asked: &Constraints, restored: &RestoredFrame) -> (Vec<f64>, Vec<f64>) {
+    fn soft_targets(&self, goals: &Constraints, restored: &RestoredFrame) -> (Vec<f64>, Vec<f64>) {
         let n = self.rig.joints();
         let (mut targets, mut weights) = (vec![f64::NAN; 3 * n], vec![0.0; 3 * n]);
         for k in 0..n {
@@ -447,10 +447,10 @@ impl PoseSolver {
                 let sd = restored.sd[p];
                 weight = [PRIOR_SHARE / (sd * sd + PRIOR_SD * PRIOR_SD); 3];
             }
-            if let Some((to, sd)) = asked.drags[k] {
+            if let Some((to, sd)) = goals.drags[k] {
                 (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);
             }
-            if let Some(floor) = &asked.floor {
+            if let Some(floor) = &goals.floor {
                 // Of NaN and the floor, NaN remains.
                 target[1] = if target[1] < floor[k] {
                     floor[k]
@@ -459,11 +459,11 @@ impl PoseSolver {
                 };
             }
             for c in 0..3 {
-                if let Some(pin) = asked.pins[k][c] {
+                if let Some(pin) = goals.pins[k][c] {
                     (target[c], weight[c]) = (pin, PIN_WEIGHT);
                 }
                 // A coordinate that nothing is known of has no weight, but a number.
-                if target[c].is_nan() && asked.pins[k].iter().any(Option::is_some) {
+                if target[c].is_nan() && goals.pins[k].iter().any(Option::is_some) {
                     target[c] = 0.0;
                 }
             }
@@ -490,18 +490,18 @@ fn largest_step(from: &[f64], to: &[f64]) -> f64 {
 }
 
 /// Whether a joint stood on the floor where it was (3 K).
-fn stands(asked: &Constraints, reference: &[f64], k: usize) -> bool {
-    asked.floor.is_some() && reference[3 * k + 1] < ON_FLOOR
+fn stands(goals: &Constraints, reference: &[f64], k: usize) -> bool {
+    goals.floor.is_some() && reference[3 * k + 1] < ON_FLOOR
 }
 
 /// Whether a joint is pinned, or stood on the floor.
-fn is_held(asked: &Constraints, reference: &[f64], k: usize) -> bool {
-    asked.pins[k].iter().all(Option::is_some) || stands(asked, reference, k)
+fn is_held(goals: &Constraints, reference: &[f64], k: usize) -> bool {
+    goals.pins[k].iter().all(Option::is_some) || stands(goals, reference, k)
 }
 
 /// λ: the share of the prior's first pull that is held back still.
-fn onset(asked: &Constraints, reference: &Reference) -> f64 {
-    let come = asked.way_from(&asked.at_places(&reference.xyz));
+fn onset(goals: &Constraints, reference: &Reference) -> f64 {
+    let come = goals.way_from(&goals.at_places(&reference.xyz));
     let pull = reference
         .offset
         .iter()
@@ -525,13 +525,13 @@ fn solve(solver: &mut IkSolver<'_>, targets: &[f64], weights: &[f64], q: &mut [f
 
 /// Makes the joints `xyz` the targets, and the pins and the floor exact. Whether there is anything
 /// to hold that is not yet held.
-fn hold(asked: &Constraints, xyz: &[f64], targets: &mut [f64], weights: &mut [f64]) -> bool {
+fn hold(goals: &Constraints, xyz: &[f64], targets: &mut [f64], weights: &mut [f64]) -> bool {
     let mut holds = false;
     for (c, &at) in xyz.iter().enumerate() {
         let (k, axis) = (c / 3, c % 3);
-        let floor = asked.floor.as_ref().map(|floor| floor[k]);
+        let floor = goals.floor.as_ref().map(|floor| floor[k]);
         let floor = floor.filter(|floor| axis == 1 && at < floor - BELOW_FLOOR);
-        match asked.pins[k][axis].or(floor) {
+        match goals.pins[k][axis].or(floor) {
             Some(to) => {
                 holds |= (at - to).abs() > 1e-6;
                 (targets[c], weights[c]) = (to, EXACT_WEIGHT);
@@ -544,16 +544,16 @@ fn hold(asked: &Constraints, xyz: &[f64], targets: &mut [f64], weights: &mut [f6
     holds
 }
 
-/// How far each pinned or dragged joint is from where it is asked to be (K), cm.
-fn missed(asked: &Constraints, xyz: &[f64]) -> Vec<f64> {
+/// How far each pinned or dragged joint is from where it has to be (K), cm.
+fn missed(goals: &Constraints, xyz: &[f64]) -> Vec<f64> {
     let at = |k: usize| DVec3::from_slice(&xyz[3 * k..]);
     let by_pin = |k: usize| {
-        let pins = asked.pins[k].iter().zip(at(k).to_array());
+        let pins = goals.pins[k].iter().zip(at(k).to_array());
         let squares = pins.filter_map(|(pin, at)| pin.map(|p| (p - at).powi(2)));
         squares.sum::<f64>().sqrt()
     };
     let by_drag = |k: usize| {
-        let drag = asked.drags[k].filter(|_| asked.pins[k].iter().all(Option::is_none));
+        let drag = goals.drags[k].filter(|_| goals.pins[k].iter().all(Option::is_none));
         drag.map_or((0.0, f64::INFINITY), |(to, sd)| {
             ((to - at(k)).length(), MISSED_DRAG + sd)
         })
@@ -563,5 +563,5 @@ fn missed(asked: &Constraints, xyz: &[f64]) -> Vec<f64> {
         (_, (drag, allowed)) if drag > allowed => drag,
         _ => 0.0,
     };
-    (0..asked.pins.len()).map(one).collect()
+    (0..goals.pins.len()).map(one).collect()
 }

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// Coordinates by the names of joints; `null` leaves one free.
 pub type NamedPins = BTreeMap<String, [Option<f64>; 3]>;
 
-/// What a pose is asked to do.
+/// The goals of a pose.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolveRequest {

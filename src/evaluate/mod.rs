@@ -2,17 +2,16 @@
 
 pub mod alignment;
 pub mod benchmark;
-pub mod corruption;
+pub mod damage;
 pub mod error_breakdown;
 pub mod error_stats;
-pub mod gap_injection;
-#[cfg(feature = "published")]
-pub mod metric;
 pub mod motion_quality;
 pub mod pair_label;
 pub mod report;
+pub mod restoration;
+#[cfg(feature = "published")]
+pub mod retrieval;
 pub mod score;
 mod score_report;
-pub mod takes;
 
 pub use score::{Score, ScoreReport};

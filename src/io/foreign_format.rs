@@ -1,4 +1,4 @@
-//! Files that no command reads: what each is, told by its first bytes, and the way that exists.
+//! Files that no command reads: what each is, known by its first bytes, and the way that exists.
 
 /// The bytes that tell one: what follows a `<`, a `{` or an archive's first name.
 pub const BYTES: usize = 1 << 12;

@@ -18,7 +18,7 @@ use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 
-pub use super::matrix::{Matrix, QuantizedMatrix};
+pub use super::model_array::{Matrix, QuantizedMatrix};
 
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;

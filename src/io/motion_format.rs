@@ -1,4 +1,4 @@
-//! The formats of motion files, told by how a file begins, never by its name.
+//! The formats of motion files, known by how a file begins, never by its name.
 
 use super::text_start::{TextStart, is_binary, of_lines};
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,22 @@ pub enum MotionFormat {
     Npz,
 }
 
+names!(MotionFormat {
+    C3d = "C3D",
+    Trc = "TRC",
+    MotiveCsv = "Motive CSV",
+    QualisysTsv = "Qualisys TSV",
+    NexusCsv = "Vicon Nexus CSV",
+    PointTable = "points CSV",
+    OpenSim = "OpenSim",
+    Bvh = "BVH",
+    Amc = "AMC",
+    Asf = "ASF",
+    Csv = "CSV",
+    Npy = "NPY",
+    Npz = "NPZ",
+});
+
 impl MotionFormat {
     /// The format of a file that begins so; what is nothing else may be a pose table.
     pub fn of(start: &[u8]) -> MotionFormat {
@@ -60,25 +76,6 @@ impl MotionFormat {
                 Some(TextStart::Points) => MotionFormat::PointTable,
                 Some(TextStart::PoseTable) | None => MotionFormat::Csv,
             },
-        }
-    }
-
-    /// The name in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            MotionFormat::C3d => "C3D",
-            MotionFormat::Trc => "TRC",
-            MotionFormat::MotiveCsv => "Motive CSV",
-            MotionFormat::QualisysTsv => "Qualisys TSV",
-            MotionFormat::NexusCsv => "Vicon Nexus CSV",
-            MotionFormat::PointTable => "points CSV",
-            MotionFormat::OpenSim => "OpenSim",
-            MotionFormat::Bvh => "BVH",
-            MotionFormat::Amc => "AMC",
-            MotionFormat::Asf => "ASF",
-            MotionFormat::Csv => "CSV",
-            MotionFormat::Npy => "NPY",
-            MotionFormat::Npz => "NPZ",
         }
     }
 }

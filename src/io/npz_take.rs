@@ -6,6 +6,7 @@ use super::marker_take::{MarkerTake, unique_names};
 use super::npy::{Header, NpyReader, read_header, with_values};
 use super::row::{Row, TableOptions};
 use super::text::excerpt;
+use crate::numeric::statistics::{median, span};
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2};
@@ -205,19 +206,13 @@ fn positions(
 fn is_metric(xyz: ArrayView2<'_, f64>) -> bool {
     let extents = xyz.rows().into_iter().filter_map(|row| {
         let along = |axis: usize| {
-            let values = row.iter().skip(axis).step_by(3).filter(|v| v.is_finite());
-            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), v| {
-                (low.min(*v), high.max(*v))
-            });
-            high - low
+            let values = row.iter().skip(axis).step_by(3).copied();
+            span(values.filter(|v| v.is_finite()))
         };
         let extent = along(0).max(along(1)).max(along(2));
         (extent >= 0.0).then_some(extent)
     });
-    let mut extents: Vec<f64> = extents.collect();
-    extents.sort_by(f64::total_cmp);
-    let median = extents.get(extents.len() / 2);
-    median.is_some_and(|extent| BODY.contains(extent))
+    median(extents.collect()).is_some_and(|extent| BODY.contains(&extent))
 }
 
 /// An archive and its name in messages.

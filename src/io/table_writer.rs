@@ -5,6 +5,7 @@
 
 use super::columns::Columns;
 use super::csv::{AddedColumn, CsvFormat};
+use super::motion_folder::unpacked;
 use super::npy;
 use super::output::{CompleteOutput, Output};
 use super::row::Row;
@@ -40,12 +41,7 @@ impl TableFormat {
     /// The format that the extension of a path names: NPY for `.npy`, in either case, packed
     /// (`.npy.gz`, `.npy.zst`) or not; CSV for any other.
     pub fn of_path(path: impl AsRef<Path>) -> TableFormat {
-        let path = path.as_ref();
-        let packed = |e: &std::ffi::OsStr| ["gz", "zst"].iter().any(|p| e.eq_ignore_ascii_case(p));
-        let stem = path
-            .file_stem()
-            .filter(|_| path.extension().is_some_and(packed));
-        match stem.map_or(path, Path::new).extension() {
+        match unpacked(path.as_ref()).extension() {
             Some(e) if e.eq_ignore_ascii_case("npy") => TableFormat::Npy,
             _ => TableFormat::Csv,
         }

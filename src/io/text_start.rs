@@ -1,4 +1,4 @@
-//! Tables of text of other programs, told by their first lines.
+//! Tables of text of other programs, known by their first lines.
 
 use super::point_titles::{MOST_ROWS, PointTitles};
 
@@ -41,8 +41,8 @@ pub fn of_lines(start: &[u8]) -> Option<TextStart> {
         }
         rows.push(line);
         let lines: Vec<&str> = rows.iter().map(|row| &**row).collect();
-        if let Some(told) = of_rows(&lines) {
-            return Some(told);
+        if let Some(found) = of_rows(&lines) {
+            return Some(found);
         }
     }
     None
@@ -145,8 +145,8 @@ mod tests {
             assert_eq!(of_lines(text.as_bytes()), want, "{text:?}");
         }
         // What comes later does not count.
-        let told = of_lines(b",a,a,a\n,x,y,z\r1,2\x00,3\n");
-        assert_eq!(told, Some(TextStart::Points));
+        let found = of_lines(b",a,a,a\n,x,y,z\r1,2\x00,3\n");
+        assert_eq!(found, Some(TextStart::Points));
         assert_eq!(of_lines(b",a,a,a\n,x,y\x00,z\n"), None);
         let long = format!("{}\n0\n", "name_x,name_y,name_z,".repeat(20_000));
         assert_eq!(of_lines(long.as_bytes()), None);

@@ -60,43 +60,22 @@ pub enum Baseline {
     /// Geometric features chosen by boosting.
     RgfBoost,
     /// Motion matching.
-    Game,
+    MotionMatching,
 }
 
+names!(Baseline {
+    Jod = "jod",
+    Wjod = "wjod",
+    Ljod = "ljod",
+    Jcd = "jcd",
+    Wjcd = "wjcd",
+    Ljcd = "ljcd",
+    JrfLms = "jrf-lms",
+    RgfBoost = "rgf-boost",
+    MotionMatching = "game",
+});
+
 impl Baseline {
-    /// All baselines.
-    pub const ALL: [Baseline; 9] = [
-        Baseline::Jod,
-        Baseline::Wjod,
-        Baseline::Ljod,
-        Baseline::Jcd,
-        Baseline::Wjcd,
-        Baseline::Ljcd,
-        Baseline::JrfLms,
-        Baseline::RgfBoost,
-        Baseline::Game,
-    ];
-
-    /// The name that flags have.
-    pub fn name(self) -> &'static str {
-        match self {
-            Baseline::Jod => "jod",
-            Baseline::Wjod => "wjod",
-            Baseline::Ljod => "ljod",
-            Baseline::Jcd => "jcd",
-            Baseline::Wjcd => "wjcd",
-            Baseline::Ljcd => "ljcd",
-            Baseline::JrfLms => "jrf-lms",
-            Baseline::RgfBoost => "rgf-boost",
-            Baseline::Game => "game",
-        }
-    }
-
-    /// The baseline of a name.
-    pub fn parse(name: &str) -> Option<Baseline> {
-        Baseline::ALL.into_iter().find(|b| b.name() == name)
-    }
-
     /// Whether it is learned from pairs of both labels.
     pub fn is_learned(self) -> bool {
         matches!(
@@ -112,7 +91,7 @@ impl Baseline {
             Baseline::Jcd | Baseline::Wjcd | Baseline::Ljcd => PoseFeatures::Coordinates,
             Baseline::JrfLms => PoseFeatures::JointDistances,
             Baseline::RgfBoost => PoseFeatures::Gpd,
-            Baseline::Game => PoseFeatures::Game,
+            Baseline::MotionMatching => PoseFeatures::MotionMatching,
         }
     }
 
@@ -129,7 +108,7 @@ impl Baseline {
         let settings = TrainSettings {
             features: self.features(),
             scaling: match self {
-                Baseline::Game => ScalingRule::Balanced,
+                Baseline::MotionMatching => ScalingRule::Balanced,
                 Baseline::RgfBoost => ScalingRule::Standard,
                 _ => ScalingRule::None,
             },
@@ -142,7 +121,7 @@ impl Baseline {
             ..TrainSettings::new(map.clone())
         };
         let mut metric = train(takes, pairs, &settings)?.metric;
-        if !self.is_learned() && self != Baseline::Game {
+        if !self.is_learned() && self != Baseline::MotionMatching {
             let joints = if matches!(self, Baseline::Wjod | Baseline::Wjcd) {
                 &MAIN[..]
             } else {
@@ -190,7 +169,7 @@ mod tests {
         let angle = (16.0f32 / 25.0).atan();
         assert!((distance(Baseline::Jod) - 2.0 * (angle / 2.0).sin()).abs() < 1e-5);
         assert!((distance(Baseline::Wjod) - distance(Baseline::Jod)).abs() < 1e-6);
-        assert!(distance(Baseline::Game) > 0.0);
+        assert!(distance(Baseline::MotionMatching) > 0.0);
         let error = Baseline::Ljcd
             .metric(&own_names(), &takes, &[])
             .unwrap_err();

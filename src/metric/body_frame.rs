@@ -7,7 +7,7 @@
 
 use super::joint_map::{JointMap, PARENTS, joint};
 use crate::Result;
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use crate::pose::Poses;
 use glam::DVec3;
 use ndarray::{Array3, s};

@@ -53,7 +53,7 @@ impl Clip {
         }
     }
 
-    /// Frames of a stretch of time, at least one.
+    /// Frames of a length of time, at least one.
     pub fn frames_in(&self, seconds: f64) -> usize {
         ((seconds * self.rate).round() as usize).max(1)
     }

@@ -1,9 +1,9 @@
 //! Which numbers describe a pose, before they are scaled.
 
 use super::body_frame::BodyFramePoses;
-#[cfg(feature = "published")]
-use super::game;
 use super::gpd::{Family, Gpd};
+#[cfg(feature = "published")]
+use super::motion_matching;
 use super::orientation;
 use crate::numeric::parallel;
 use ndarray::Array2;
@@ -26,39 +26,20 @@ pub enum PoseFeatures {
     Orientations,
     /// What game engines compare: ends of the body, and the path ahead.
     #[cfg(feature = "published")]
-    Game,
+    MotionMatching,
 }
 
+names!(PoseFeatures {
+    Gpd = "gpd",
+    GpdWithAccelerations = "gpd+a",
+    Coordinates = "jc",
+    JointDistances = "jrf",
+    Orientations = "jo",
+    #[cfg(feature = "published")]
+    MotionMatching = "game",
+});
+
 impl PoseFeatures {
-    /// All sets.
-    pub const ALL: &[PoseFeatures] = &[
-        PoseFeatures::Gpd,
-        PoseFeatures::GpdWithAccelerations,
-        PoseFeatures::Coordinates,
-        PoseFeatures::JointDistances,
-        PoseFeatures::Orientations,
-        #[cfg(feature = "published")]
-        PoseFeatures::Game,
-    ];
-
-    /// The name of the set, as flags and model files have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            PoseFeatures::Gpd => "gpd",
-            PoseFeatures::GpdWithAccelerations => "gpd+a",
-            PoseFeatures::Coordinates => "jc",
-            PoseFeatures::JointDistances => "jrf",
-            PoseFeatures::Orientations => "jo",
-            #[cfg(feature = "published")]
-            PoseFeatures::Game => "game",
-        }
-    }
-
-    /// The set of a name.
-    pub fn parse(name: &str) -> Option<PoseFeatures> {
-        PoseFeatures::ALL.iter().copied().find(|f| f.name() == name)
-    }
-
     /// The families of the geometric pose descriptor that the set is made of, if it is.
     pub(super) fn gpd(self) -> Option<Gpd> {
         let some = |families: &[Family]| Some(Gpd::new(families).without_accelerations());
@@ -69,7 +50,7 @@ impl PoseFeatures {
             PoseFeatures::JointDistances => some(&[Family::JointJointDistance]),
             PoseFeatures::Orientations => None,
             #[cfg(feature = "published")]
-            PoseFeatures::Game => None,
+            PoseFeatures::MotionMatching => None,
         }
     }
 
@@ -78,7 +59,7 @@ impl PoseFeatures {
         match (self.gpd(), self) {
             (Some(gpd), _) => gpd.names(),
             #[cfg(feature = "published")]
-            (None, PoseFeatures::Game) => game::names(),
+            (None, PoseFeatures::MotionMatching) => motion_matching::names(),
             (None, _) => orientation::names(),
         }
     }
@@ -99,7 +80,9 @@ impl PoseFeatures {
                 match (&gpd, self) {
                     (Some(gpd), _) => gpd.describe_frame(poses, *t, &mut rows),
                     #[cfg(feature = "published")]
-                    (None, PoseFeatures::Game) => game::describe_frame(poses, *t, &mut rows),
+                    (None, PoseFeatures::MotionMatching) => {
+                        motion_matching::describe_frame(poses, *t, &mut rows)
+                    }
                     (None, _) => orientation::describe_frame(poses, *t, &mut rows),
                 }
             }

@@ -54,9 +54,9 @@ impl PoseMetric {
         let window = model.meta.details.get("window").and_then(Value::as_f64);
         let metric = PoseMetric {
             map: JointMap::new(names.collect()).map_err(|e| e.at(Place::file(source)))?,
-            features: (text("features").and_then(PoseFeatures::parse)).ok_or_else(damaged)?,
+            features: (text("features").and_then(PoseFeatures::of_name)).ok_or_else(damaged)?,
             scaling: Scaling {
-                rule: (text("scaling").and_then(ScalingRule::parse)).ok_or_else(damaged)?,
+                rule: (text("scaling").and_then(ScalingRule::of_name)).ok_or_else(damaged)?,
                 shift: column("shift")?,
                 scale: column("scale")?,
             },
@@ -65,7 +65,7 @@ impl PoseMetric {
                 true => Projection::Weights(column("weights")?),
                 false => Projection::Matrix(model.array("projection", source)?.into_owned()),
             },
-            norm: (text("norm").and_then(Norm::parse)).ok_or_else(damaged)?,
+            norm: (text("norm").and_then(Norm::of_name)).ok_or_else(damaged)?,
         };
         match metric.is_sound() {
             true => Ok(metric),

@@ -58,40 +58,19 @@ pub enum Family {
     JointKinetics,
 }
 
+names!(Family {
+    JointCoordinate = "J_c",
+    JointJointDistance = "JJ_d",
+    JointJointOrientation = "JJ_o",
+    JointLineDistance = "JL_d",
+    LineLineAngle = "LL_a",
+    JointPlaneDistance = "JP_d",
+    LinePlaneAngle = "LP_a",
+    PlanePlaneAngle = "PP_a",
+    JointKinetics = "J_k",
+});
+
 impl Family {
-    /// All families, in the order of the features.
-    pub const ALL: [Family; 9] = [
-        Family::JointCoordinate,
-        Family::JointJointDistance,
-        Family::JointJointOrientation,
-        Family::JointLineDistance,
-        Family::LineLineAngle,
-        Family::JointPlaneDistance,
-        Family::LinePlaneAngle,
-        Family::PlanePlaneAngle,
-        Family::JointKinetics,
-    ];
-
-    /// The name that the features of the family begin with.
-    pub fn name(self) -> &'static str {
-        match self {
-            Family::JointCoordinate => "J_c",
-            Family::JointJointDistance => "JJ_d",
-            Family::JointJointOrientation => "JJ_o",
-            Family::JointLineDistance => "JL_d",
-            Family::LineLineAngle => "LL_a",
-            Family::JointPlaneDistance => "JP_d",
-            Family::LinePlaneAngle => "LP_a",
-            Family::PlanePlaneAngle => "PP_a",
-            Family::JointKinetics => "J_k",
-        }
-    }
-
-    /// The family of a name, such as `JJ_d`.
-    pub fn parse(name: &str) -> Option<Family> {
-        Family::ALL.into_iter().find(|f| f.name() == name)
-    }
-
     /// The names of its features.
     fn features(self) -> Vec<String> {
         let shapes = &*SHAPES;

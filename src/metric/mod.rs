@@ -22,13 +22,13 @@ mod boost;
 pub mod clip;
 pub mod features;
 pub mod file;
-#[cfg(feature = "published")]
-mod game;
 pub mod gpd;
 pub mod joint_map;
 #[cfg(feature = "published")]
 pub mod learners;
 mod local_pairs;
+#[cfg(feature = "published")]
+mod motion_matching;
 pub mod nearest;
 mod orientation;
 pub mod pair_proposal;

@@ -30,22 +30,12 @@ pub enum Norm {
     City,
 }
 
+names!(Norm {
+    Euclidean = "euclidean",
+    City = "city",
+});
+
 impl Norm {
-    /// The name that model files have.
-    pub fn name(self) -> &'static str {
-        match self {
-            Norm::Euclidean => "euclidean",
-            Norm::City => "city",
-        }
-    }
-
-    /// The norm of a name.
-    pub fn parse(name: &str) -> Option<Norm> {
-        [Norm::Euclidean, Norm::City]
-            .into_iter()
-            .find(|n| n.name() == name)
-    }
-
     /// The distance of two projected poses.
     pub fn distance(self, a: ArrayView1<'_, f32>, b: ArrayView1<'_, f32>) -> f32 {
         let differences = a.iter().zip(b).map(|(a, b)| a - b);

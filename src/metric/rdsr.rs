@@ -18,7 +18,7 @@
 
 use super::sparse_graph::SparseGraph;
 use super::stopwatch::Stopwatch;
-use super::trace_ratio::{TraceRatioMethod, maximize};
+use super::trace_ratio::maximize;
 use crate::Result;
 use crate::numeric::linalg::{generalized_eigen, symmetric_eigen};
 use crate::numeric::product::{gram, product};
@@ -28,7 +28,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Criterion {
     /// The ratio of traces, W orthonormal: the paper's (26).
-    TraceRatio(TraceRatioMethod),
+    TraceRatio,
     /// The trace of the ratio, WᵀBW = I.
     RatioTrace,
 }
@@ -90,7 +90,7 @@ pub fn learn(x: ArrayView2<'_, f64>, alike: &Array2<f64>, settings: &RdsrSetting
     b.diag_mut().mapv_inplace(|v| v + ridge);
     clock.lap("B");
     let w = match settings.criterion {
-        Criterion::TraceRatio(method) => maximize(&a, &b, rank, method).map(|t| t.w),
+        Criterion::TraceRatio => maximize(&a, &b, rank).map(|t| t.w),
         Criterion::RatioTrace => {
             generalized_eigen(&a, &b).map(|(_, w)| w.slice(s![.., ..rank]).to_owned())
         }
@@ -152,10 +152,7 @@ mod tests {
     #[test]
     fn directions_in_which_alike_poses_differ_are_left_out() {
         let (x, alike) = people();
-        for criterion in [
-            Criterion::RatioTrace,
-            Criterion::TraceRatio(TraceRatioMethod::Newton),
-        ] {
+        for criterion in [Criterion::RatioTrace, Criterion::TraceRatio] {
             let w = learn(x.view(), &alike, &settings(criterion)).unwrap().w;
             let weight = |rows: std::ops::Range<usize>| w.slice(s![rows, ..]).mapv(|v| v * v).sum();
             assert!(weight(2..6) < 0.05 * weight(0..2));

@@ -1,9 +1,9 @@
 //! How features are scaled before poses are compared.
 
 use super::features::PoseFeatures;
-#[cfg(feature = "published")]
-use super::game;
 use super::gpd::Family;
+#[cfg(feature = "published")]
+use super::motion_matching;
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Velocities count as the way of this many seconds.
@@ -28,30 +28,12 @@ pub enum ScalingRule {
     Standard,
 }
 
-impl ScalingRule {
-    /// All rules.
-    pub const ALL: [ScalingRule; 4] = [
-        ScalingRule::None,
-        ScalingRule::Balanced,
-        ScalingRule::UnitLength,
-        ScalingRule::Standard,
-    ];
-
-    /// The name of the rule.
-    pub fn name(self) -> &'static str {
-        match self {
-            ScalingRule::None => "none",
-            ScalingRule::Balanced => "balanced",
-            ScalingRule::UnitLength => "unit-length",
-            ScalingRule::Standard => "standard",
-        }
-    }
-
-    /// The rule of a name.
-    pub fn parse(name: &str) -> Option<ScalingRule> {
-        ScalingRule::ALL.into_iter().find(|r| r.name() == name)
-    }
-}
+names!(ScalingRule {
+    None = "none",
+    Balanced = "balanced",
+    UnitLength = "unit-length",
+    Standard = "standard",
+});
 
 /// Scaled features: (x - shift) scale, and then unit length where the rule says so.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,14 +108,17 @@ fn balance(features: PoseFeatures, variances: &[f64]) -> Vec<f32> {
     }
     match features {
         #[cfg(feature = "published")]
-        PoseFeatures::Game => {
+        PoseFeatures::MotionMatching => {
             let mut start = 0;
             let group = |width: usize| {
                 let total: f64 = variances[start..start + width].iter().sum();
                 start += width;
                 vec![total.max(1e-12).powf(-0.5) as f32; width]
             };
-            game::GROUPS.into_iter().flat_map(group).collect()
+            motion_matching::GROUPS
+                .into_iter()
+                .flat_map(group)
+                .collect()
         }
         _ => {
             let (still, moving) = variances.split_at(variances.len() / 2);

@@ -12,7 +12,6 @@ use super::rdsr::{self, Criterion, RdsrSettings};
 use super::reduction;
 use super::scaling::ScalingRule;
 use super::stopwatch::Stopwatch;
-use super::trace_ratio::TraceRatioMethod;
 #[cfg(feature = "published")]
 use super::weights::{self, WeightRule};
 use crate::Result;
@@ -120,7 +119,7 @@ impl TrainSettings {
             reach: 0.0,
             is_reduced: false,
             rdsr: RdsrSettings {
-                criterion: Criterion::TraceRatio(TraceRatioMethod::Newton),
+                criterion: Criterion::TraceRatio,
                 ridge: 1e-6,
                 ..default.rdsr
             },

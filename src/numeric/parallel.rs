@@ -1,5 +1,5 @@
 //! Work shared between threads so that the result does not depend on how many there are:
-//! fixed chunks, answered in order; a random generator for each chunk.
+//! fixed chunks, combined in order; a random generator for each chunk.
 
 use crate::Result;
 use rand::SeedableRng;
@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Applies `work` to fixed chunks of `0..len` (the last may be shorter) on rayon's threads.
 ///
-/// The answers come back in the order of the chunks, whatever the number of threads,
+/// The results come back in the order of the chunks, whatever the number of threads,
 /// so that folding them one after another gives the same floating-point result every time.
 /// (Never use rayon's `sum` or `reduce` on floats: their order varies.)
 pub fn map_chunks<T, F>(len: usize, chunk: usize, work: F) -> Vec<T>
@@ -31,11 +31,11 @@ where
     chunks.into_par_iter().map(one).collect()
 }
 
-/// Applies `work` to each item on rayon's threads, the answers in the order of the items; `desk`
-/// makes what one thread works with, which must not change an answer.
+/// Applies `work` to each item on rayon's threads, the results in the order of the items; `scratch`
+/// makes what one thread works with, which must not change an result.
 pub fn map_each<T, D, R>(
     items: Vec<T>,
-    desk: impl Fn() -> D + Sync + Send,
+    scratch: impl Fn() -> D + Sync + Send,
     work: impl Fn(&mut D, T) -> R + Sync + Send,
 ) -> Vec<R>
 where
@@ -43,27 +43,27 @@ where
     R: Send,
 {
     if SINGLE_THREADED.get() {
-        let mut desk = desk();
-        return items.into_iter().map(|i| work(&mut desk, i)).collect();
+        let mut scratch = scratch();
+        return items.into_iter().map(|i| work(&mut scratch, i)).collect();
     }
-    items.into_par_iter().map_init(desk, work).collect()
+    items.into_par_iter().map_init(scratch, work).collect()
 }
 
-/// [`map_chunks`] where `desk` makes what one thread works with. A desk serves one chunk after
-/// another: it must not change an answer, but room that is large is made once a thread.
+/// [`map_chunks`] where `scratch` makes what one thread works with. One serves one chunk after
+/// another: it must not change an result, but room that is large is made once a thread.
 pub fn map_chunks_with<T, D>(
     len: usize,
     chunk: usize,
-    desk: impl Fn() -> D + Sync,
+    scratch: impl Fn() -> D + Sync,
     work: impl Fn(&mut D, Range<usize>) -> T + Sync,
 ) -> Vec<T>
 where
     T: Send,
     D: Send,
 {
-    let desks = ScratchPool::default();
+    let scratches = ScratchPool::default();
     map_chunks(len, chunk, |range| {
-        desks.with(&desk, |desk| work(desk, range))
+        scratches.with(&scratch, |scratch| work(scratch, range))
     })
 }
 
@@ -77,14 +77,14 @@ impl<D> Default for ScratchPool<D> {
 }
 
 impl<D> ScratchPool<D> {
-    /// Works at a desk that is free, or at a new one.
+    /// Works with what is free, or with something new.
     pub fn with<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
         let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let before = free().pop();
-        let mut desk = before.unwrap_or_else(new);
-        let answer = work(&mut desk);
-        free().push(desk);
-        answer
+        let mut scratch = before.unwrap_or_else(new);
+        let result = work(&mut scratch);
+        free().push(scratch);
+        result
     }
 }
 
@@ -122,43 +122,43 @@ pub fn ordered_pipeline<T: Send, R: Send>(
     mut put: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     debug_assert!(rayon::current_thread_index().is_none());
-    let (done, answers) = channel();
+    let (done, results) = channel();
     let work = &work;
     rayon::in_place_scope(|scope| {
         let mut end = None;
         let mut given = 0;
         // Of those on their way what became of them, the first of them first.
-        let mut answered = VecDeque::new();
+        let mut finished = VecDeque::new();
         loop {
-            while end.is_none() && answered.len() < ahead.max(1) {
+            while end.is_none() && finished.len() < ahead.max(1) {
                 match next() {
                     Ok(Some(item)) => {
                         let (done, number) = (done.clone(), given);
                         scope.spawn(move |_| {
-                            let answer = catch_unwind(AssertUnwindSafe(|| work(item)));
+                            let result = catch_unwind(AssertUnwindSafe(|| work(item)));
                             // Nobody listens any more after an error.
-                            let _ = done.send((number, answer));
+                            let _ = done.send((number, result));
                         });
                         given += 1;
-                        answered.push_back(None);
+                        finished.push_back(None);
                     }
                     Ok(None) => end = Some(Ok(())),
                     Err(error) => end = Some(Err(error)),
                 }
             }
-            let Some(wait) = answered.front() else {
+            let Some(wait) = finished.front() else {
                 return end.unwrap_or(Ok(()));
             };
             if wait.is_none() {
-                let (number, answer): (usize, _) = match answers.recv() {
-                    Ok(answer) => answer,
+                let (number, result): (usize, _) = match results.recv() {
+                    Ok(result) => result,
                     Err(_) => unreachable!("`done` is here"),
                 };
-                let first = given - answered.len();
-                answered[number - first] = Some(answer);
+                let first = given - finished.len();
+                finished[number - first] = Some(result);
             }
-            while let Some(answer) = answered.pop_front_if(|a| a.is_some()).flatten() {
-                put(answer.unwrap_or_else(|panic| resume_unwind(panic))?)?;
+            while let Some(result) = finished.pop_front_if(|a| a.is_some()).flatten() {
+                put(result.unwrap_or_else(|panic| resume_unwind(panic))?)?;
             }
         }
     })
@@ -178,11 +178,11 @@ mod tests {
     use crate::Error;
 
     #[test]
-    fn desks_serve_many_chunks_and_the_answers_are_in_order() {
+    fn scratches_serve_many_chunks_and_the_answers_are_in_order() {
         let made = std::sync::atomic::AtomicUsize::new(0);
-        let desk = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        let answers = map_chunks_with(1000, 3, desk, |_, range| range.start);
-        assert_eq!(answers, (0..1000).step_by(3).collect::<Vec<_>>());
+        let scratch = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let results = map_chunks_with(1000, 3, scratch, |_, range| range.start);
+        assert_eq!(results, (0..1000).step_by(3).collect::<Vec<_>>());
         // Threads that work at a time have one each.
         assert!(made.into_inner() <= rayon::current_num_threads() + 1);
     }
@@ -230,8 +230,8 @@ mod tests {
                 Ok(())
             };
             let first = reading.min(working).min(putting);
-            let told = ordered_pipeline(5, next, work, put).unwrap_err();
-            assert!(told.to_string().contains(&first.to_string()), "{told}");
+            let error = ordered_pipeline(5, next, work, put).unwrap_err();
+            assert!(error.to_string().contains(&first.to_string()), "{error}");
             assert_eq!(all, (1..first).collect::<Vec<_>>());
         }
         let panic = std::panic::catch_unwind(|| {

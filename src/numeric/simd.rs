@@ -5,7 +5,7 @@
 //! [`LANES`]; what is beyond the data is 0.
 
 use ndarray::Array2;
-use pulp::{Simd, WithSimd};
+use pulp::WithSimd;
 use std::sync::OnceLock;
 
 /// Numbers that are summed side by side.
@@ -38,20 +38,6 @@ pub fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
 pub fn dispatch_widest<J: WithSimd>(job: J) -> J::Output {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(pulp::Arch::new).dispatch(job)
-}
-
-/// How many numbers of single precision the widest vectors hold.
-pub fn widest_lanes() -> usize {
-    struct Lanes;
-    impl WithSimd for Lanes {
-        type Output = usize;
-
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, _: S) -> usize {
-            S::F32_LANES
-        }
-    }
-    dispatch_widest(Lanes)
 }
 
 /// e^x by 12 terms of its series beside the nearest power of two, so that loops of it run side by
@@ -304,25 +290,6 @@ fn combine_each<'a>(rows: impl Iterator<Item = (&'a [f32], &'a f32)> + Clone, ou
     )
 }
 
-/// Σ (yᵢ − xᵢ)².
-pub fn distance(y: &[f32], x: &[f32]) -> f32 {
-    dispatch8(
-        #[inline(always)]
-        || {
-            let (y, _) = y.as_chunks::<LANES>();
-            let (x, _) = x.as_chunks::<LANES>();
-            let mut sums = [0.0f32; LANES];
-            for (y, x) in y.iter().zip(x) {
-                for l in 0..LANES {
-                    let off = y[l] - x[l];
-                    sums[l] += off * off;
-                }
-            }
-            sum(sums)
-        },
-    )
-}
-
 /// Σ w (y − row)² of each row.
 pub fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
     out.clear();
@@ -419,8 +386,6 @@ mod tests {
                 let plain: f64 = (0..5).map(|i| wide(&w, i) * wide(&rows, i * n + k)).sum();
                 assert!(near(out[k], plain));
             }
-            let plain: f64 = (0..n).map(|i| (wide(&x, i) - wide(&y, i)).powi(2)).sum();
-            assert!(near(distance(&x, &y), plain));
             let mut all = vec![0.0; 25];
             weighted_products(&rows, n, &w[..n - 8], &mut all);
             for (i, j) in [(0, 0), (3, 1), (4, 3), (4, 4)] {

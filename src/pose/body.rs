@@ -5,6 +5,7 @@
 //! whatever joints are missing there.
 
 use super::joints::{CMU, parents_by_name};
+use crate::numeric::statistics::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 
@@ -37,7 +38,7 @@ impl Body {
             .enumerate()
             .map(|(k, parent)| {
                 let Some(p) = *parent else { return f64::NAN };
-                let mut seen: Vec<f64> = xyz
+                let seen: Vec<f64> = xyz
                     .rows()
                     .into_iter()
                     .step_by(step)
@@ -47,11 +48,7 @@ impl Body {
                     })
                     .filter(|l| l.is_finite())
                     .collect();
-                if seen.is_empty() {
-                    return f64::NAN;
-                }
-                let middle = seen.len() / 2;
-                *seen.select_nth_unstable_by(middle, f64::total_cmp).1
+                median(seen).unwrap_or(f64::NAN)
             })
             .collect();
         Body {
@@ -85,9 +82,8 @@ impl Body {
     pub fn ratios_to(&self, other: &Body) -> Vec<f64> {
         let ratio = |k: usize| other.lengths[k] / self.lengths[k];
         let known = |r: &f64| r.is_finite() && *r > 0.0;
-        let mut all: Vec<f64> = (0..self.lengths.len()).map(ratio).filter(known).collect();
-        all.sort_by(f64::total_cmp);
-        let usual = all.get(all.len() / 2).copied().unwrap_or(1.0);
+        let all = (0..self.lengths.len()).map(ratio).filter(known);
+        let usual = median(all.collect()).unwrap_or(1.0);
         (0..self.lengths.len())
             .map(ratio)
             .map(|r| if known(&r) { r } else { usual })

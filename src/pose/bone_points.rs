@@ -2,6 +2,7 @@
 //! the joints of a BVH file.
 
 use super::joints::{CMU, CMU_PARENT};
+use crate::numeric::statistics::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::borrow::Cow;
@@ -107,8 +108,7 @@ fn siblings_are_together(names: &[String], xyz: ArrayView2<'_, f64>) -> bool {
         let ratios = (pairs.iter()).map(|&(a, b)| (at(a) - at(b)).length() / size);
         apart.extend(ratios.filter(|r| r.is_finite()));
     }
-    let middle = apart.len() / 2;
-    !apart.is_empty() && *apart.select_nth_unstable_by(middle, f64::total_cmp).1 < TOGETHER
+    median(apart).is_some_and(|ratio| ratio < TOGETHER)
 }
 
 #[cfg(test)]

@@ -161,18 +161,18 @@ fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
     if (own - rate).abs() <= CLOSE * rate {
         return true;
     }
-    let (mut steps, mut span, mut stretches, mut goes_on) = (0, 0.0, 0, false);
+    let (mut steps, mut span, mut segments, mut goes_on) = (0, 0.0, 0, false);
     for i in 1..time.len() {
         let step = time[i] - time[i - 1];
         let is_one = joined(i) && ONE_FRAME.contains(&(step * rate));
         if is_one {
-            stretches += usize::from(!goes_on);
+            segments += usize::from(!goes_on);
             (steps, span) = (steps + 1, span + step);
         }
         goes_on = is_one;
     }
-    // The ends of each stretch are off by up to half a grain.
-    let slack = grain(time) * stretches as f64 + CLOSE * span;
+    // The ends of each segment are off by up to half a grain.
+    let slack = grain(time) * segments as f64 + CLOSE * span;
     ONE_FRAME.contains(&(own / rate)) && (span - f64::from(steps) / rate).abs() <= slack
 }
 

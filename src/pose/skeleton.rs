@@ -183,20 +183,6 @@ impl Skeleton {
     pub fn find(&self, name: &str) -> Option<usize> {
         self.bones.iter().position(|b| b.name == name)
     }
-    /// The bones that start where `bone` ends, in order.
-    pub fn children(&self, bone: usize) -> impl Iterator<Item = usize> + '_ {
-        (0..self.bones.len()).filter(move |&i| self.bones[i].parent == Some(bone))
-    }
-    /// Whether `bone` is `ancestor` or hangs below it.
-    pub fn descends_from(&self, mut bone: usize, ancestor: usize) -> bool {
-        while bone > ancestor {
-            match self.bones[bone].parent {
-                Some(p) => bone = p,
-                None => return false,
-            }
-        }
-        bone == ancestor
-    }
     /// The limits of every value, infinite where there are none.
     pub fn limits(&self) -> Vec<(f64, f64)> {
         let open = (f64::NEG_INFINITY, f64::INFINITY);

@@ -16,32 +16,13 @@ pub enum Status {
     Unknown,
 }
 
-impl Status {
-    /// Every status, in the order of their numbers in a page.
-    pub const ALL: [Status; 5] = [
-        Status::Observed,
-        Status::Changed,
-        Status::Inferred,
-        Status::Rejected,
-        Status::Unknown,
-    ];
-
-    /// The word that tables use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Observed => "observed",
-            Status::Changed => "changed",
-            Status::Inferred => "inferred",
-            Status::Rejected => "rejected",
-            Status::Unknown => "unknown",
-        }
-    }
-
-    /// The status that a table's word means; `None` for any other word.
-    pub fn from_name(name: &str) -> Option<Status> {
-        Status::ALL.into_iter().find(|status| status.name() == name)
-    }
-}
+names!(Status {
+    Observed = "observed",
+    Changed = "changed",
+    Inferred = "inferred",
+    Rejected = "rejected",
+    Unknown = "unknown",
+});
 
 /// How a point was filled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,25 +35,8 @@ pub enum FillMethod {
     Model,
 }
 
-impl FillMethod {
-    /// Every method, in the order of their numbers in a page.
-    pub const ALL: [FillMethod; 3] = [
-        FillMethod::Regression,
-        FillMethod::Interpolation,
-        FillMethod::Model,
-    ];
-
-    /// The method that a table's word means; `None` for any other word.
-    pub fn from_name(name: &str) -> Option<FillMethod> {
-        FillMethod::ALL.into_iter().find(|m| m.name() == name)
-    }
-
-    /// Its name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            FillMethod::Regression => "regression",
-            FillMethod::Interpolation => "pchip",
-            FillMethod::Model => "model",
-        }
-    }
-}
+names!(FillMethod {
+    Regression = "regression",
+    Interpolation = "pchip",
+    Model = "model",
+});

@@ -1,6 +1,6 @@
 //! Points that stand far off all others, and so belong to no body among them.
 
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 

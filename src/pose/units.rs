@@ -20,16 +20,15 @@ pub enum LengthUnit {
     Asf,
 }
 
-impl LengthUnit {
-    /// All units.
-    pub const ALL: [LengthUnit; 5] = [
-        LengthUnit::Cm,
-        LengthUnit::M,
-        LengthUnit::Mm,
-        LengthUnit::In,
-        LengthUnit::Asf,
-    ];
+names!(LengthUnit {
+    Cm = "cm",
+    M = "m",
+    Mm = "mm",
+    In = "in",
+    Asf = "asf",
+});
 
+impl LengthUnit {
     /// Centimeters in one unit.
     pub fn centimeters(self) -> f64 {
         match self {
@@ -38,17 +37,6 @@ impl LengthUnit {
             LengthUnit::Mm => 0.1,
             LengthUnit::In => 2.54,
             LengthUnit::Asf => ASF_UNIT_CM,
-        }
-    }
-
-    /// The unit's symbol, such as `mm`.
-    pub fn name(self) -> &'static str {
-        match self {
-            LengthUnit::Cm => "cm",
-            LengthUnit::M => "m",
-            LengthUnit::Mm => "mm",
-            LengthUnit::In => "in",
-            LengthUnit::Asf => "asf",
         }
     }
 
@@ -92,19 +80,13 @@ pub enum UpAxis {
     Z,
 }
 
+names!(UpAxis {
+    X = "x",
+    Y = "y",
+    Z = "z",
+});
+
 impl UpAxis {
-    /// All axes.
-    pub const ALL: [UpAxis; 3] = [UpAxis::X, UpAxis::Y, UpAxis::Z];
-
-    /// The axis as a letter, such as `z`.
-    pub fn name(self) -> &'static str {
-        match self {
-            UpAxis::X => "x",
-            UpAxis::Y => "y",
-            UpAxis::Z => "z",
-        }
-    }
-
     /// The axis of a word in a file, such as `+Z`; an axis that points down is none.
     pub fn of_word(word: &str) -> Option<UpAxis> {
         Some(match word.trim().to_ascii_lowercase().as_str() {

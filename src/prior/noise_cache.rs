@@ -53,18 +53,18 @@ mod tests {
     fn a_pattern_is_made_once_until_there_are_too_many() {
         let cache = NoiseCache::default();
         let mut count = 0;
-        let mut ask = |noise: &[f64]| {
+        let mut made = |noise: &[f64]| {
             *cache.get(noise, 2, || {
                 count += 1;
                 count
             })
         };
         let missing = [f64::INFINITY, 1.0];
-        assert_eq!([ask(&[0.0, 1.0]), ask(&missing)], [1, 2]);
-        assert_eq!([ask(&[0.0, 1.0]), ask(&missing)], [1, 2]);
+        assert_eq!([made(&[0.0, 1.0]), made(&missing)], [1, 2]);
+        assert_eq!([made(&[0.0, 1.0]), made(&missing)], [1, 2]);
         // The third is one too many: all is forgotten before it.
-        assert_eq!([ask(&[5.0, 1.0]), ask(&missing)], [3, 4]);
-        assert_eq!(ask(&[0.0, 1.0]), 5);
+        assert_eq!([made(&[5.0, 1.0]), made(&missing)], [3, 4]);
+        assert_eq!(made(&[0.0, 1.0]), 5);
     }
 
     #[test]

@@ -217,7 +217,7 @@ mod tests {
     use super::*;
     use crate::pose::PoseTransform;
     use crate::pose::rotation::from_rotation_vector;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use glam::DVec3;
     use ndarray::{Array2, s};
 

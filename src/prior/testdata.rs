@@ -1,11 +1,11 @@
-//! Made poses and short questions for the tests of priors.
+//! Made poses and short calls for the tests of priors.
 
 use super::{Posterior, Prior, Want, posterior_rows};
 use crate::pose::Observation;
 use ndarray::{Array2, ArrayView2};
 
-/// Short questions to a prior.
-pub trait Ask {
+/// Short calls of a prior.
+pub trait PriorExt {
     /// The posterior with its covariance.
     fn full(&self, values: &[f64], variance: &[f64]) -> Posterior;
     /// The posteriors of observations in rows (n, 3 J), with their covariances.
@@ -18,7 +18,7 @@ pub trait Ask {
     fn mean_rows(&self, values: ArrayView2<'_, f64>, variance: ArrayView2<'_, f64>) -> Array2<f64>;
 }
 
-impl<P: Prior + ?Sized> Ask for P {
+impl<P: Prior + ?Sized> PriorExt for P {
     fn full(&self, values: &[f64], variance: &[f64]) -> Posterior {
         self.posterior(&Observation { values, variance }, Want::Covariance)
     }

@@ -47,7 +47,7 @@ pub struct TrainOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HoldBack {
-    /// About a fifth of the poses, as whole takes; as contiguous stretches of time if the takes are
+    /// About a fifth of the poses, as whole takes; as contiguous segments of time if the takes are
     /// too few. For motion that was not seen before.
     #[default]
     Takes,

@@ -1,7 +1,7 @@
 //! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two
 //! captures, and nothing is interpolated across.
 
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;

@@ -2,7 +2,7 @@
 
 use super::loaded_model::LoadedModel;
 use super::rigid::noise_floor::NoiseFloor;
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;

@@ -1,8 +1,8 @@
-//! What answers the requests of the page of `edit`: a session, and the files that it becomes.
+//! What handles the requests of the page of `edit`: a session, and the files that it becomes.
 
 use super::figure::Figure;
 use super::session_file::SessionPath;
-use super::{Answer, Refusal, Reply, Request, Route};
+use super::{Handler, Refusal, Reply, Request, Route};
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::edit::{OpenedModel, Session};
@@ -26,7 +26,7 @@ pub struct EditSource {
     pub session: Option<PathBuf>,
 }
 
-/// A session that answers requests.
+/// A session that handles requests.
 pub struct Editor {
     session: Session,
     figure: Figure,
@@ -100,7 +100,7 @@ impl Editor {
         Value::Object(state)
     }
 
-    fn answered(&mut self, request: &Request) -> Result<Reply> {
+    fn try_handle(&mut self, request: &Request) -> Result<Reply> {
         let session = &mut self.session;
         Ok(json_reply(&match request.route {
             Route::State => self.state(true),
@@ -157,9 +157,9 @@ impl Editor {
     }
 }
 
-impl Answer for Editor {
-    fn answer(&mut self, request: &Request) -> std::result::Result<Reply, Refusal> {
-        self.answered(request)
+impl Handler for Editor {
+    fn handle(&mut self, request: &Request) -> std::result::Result<Reply, Refusal> {
+        self.try_handle(request)
             .map_err(|e| Refusal::new(status(&e), e.to_string()))
     }
 

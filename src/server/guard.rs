@@ -1,7 +1,7 @@
 //! Which requests are let in: those of the program's own page, and of nobody else on this machine
 //! or any website.
 
-use super::answerer::Refusal;
+use super::handler::Refusal;
 use crate::{Error, Result};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
 use axum::http::{Method, Uri};

@@ -1,22 +1,21 @@
-//! The local HTTP server of `edit`: a page, and its requests, which one thread answers in turn.
+//! The local HTTP server of `edit`: a page, and its requests, which one thread handles in turn.
 //!
 //! It listens on 127.0.0.1 only. Every request passes the guard. HTTP runs on the calling thread
 //! and never computes, so that a slow client or a long computation does not keep others waiting for
 //! a connection.
 
-pub mod answerer;
 pub mod editor;
 pub mod figure;
 mod guard;
+pub mod handler;
 mod impatient;
 pub mod page;
 mod session_file;
 
-pub use answerer::{Answer, Refusal, Reply, Request, Route};
+pub use handler::{Handler, Refusal, Reply, Request, Route};
 
 use crate::edit::LARGEST_SESSION;
 use crate::{Error, Place, Result};
-use answerer::{AnswererThread, Queue};
 use axum::Router;
 use axum::body::{Body, HttpBody, to_bytes};
 use axum::extract::State;
@@ -25,6 +24,7 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
 use guard::Guard;
+use handler::{HandlerThread, Queue};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
@@ -72,12 +72,12 @@ struct Shared {
 /// A server that runs until this is dropped.
 pub struct Running(#[allow(dead_code)] oneshot::Sender<()>);
 
-/// Serves a page. `make` builds what answers its requests, on the thread where that stays;
-/// `on_ready` is told the address, token included, once requests are answered.
+/// Serves a page. `make` builds what handles its requests, on the thread where that stays;
+/// `on_ready` gets the address, token included, once requests are handled.
 ///
 /// # Errors
-/// The port is taken, or `make`, `on_ready` or [`Answer::finish`] fails.
-pub fn serve<A: Answer>(
+/// The port is taken, or `make`, `on_ready` or [`Handler::finish`] fails.
+pub fn serve<A: Handler>(
     port: u16,
     page: Page,
     make: impl FnOnce() -> Result<A> + Send + 'static,
@@ -94,14 +94,14 @@ pub fn serve<A: Answer>(
         guard: Guard::new(port, &page.policy)?,
         queue: Arc::clone(&queue),
     });
-    let thread = AnswererThread::start(Arc::clone(&queue), make)?;
+    let thread = HandlerThread::start(Arc::clone(&queue), make)?;
     let (stop, stopped) = oneshot::channel::<()>();
     runtime.block_on(async {
-        let told = on_ready(&shared.guard.address(), Running(stop));
+        let ready = on_ready(&shared.guard.address(), Running(stop));
         let connections = Arc::new(GracefulShutdown::new());
         let accepting = accept(listener, router(&shared), Arc::clone(&connections));
         let accepting = tokio::spawn(accepting);
-        if told.is_ok() {
+        if ready.is_ok() {
             // The other end is dropped, never used.
             let _ = stopped.await;
         }
@@ -113,7 +113,7 @@ pub fn serve<A: Answer>(
         if let Some(connections) = Arc::into_inner(connections) {
             let _ = timeout(FAREWELL, connections.shutdown()).await;
         }
-        told.and(finished)
+        ready.and(finished)
     })
 }
 
@@ -164,12 +164,12 @@ async fn accept(listener: TcpListener, router: Router, connections: Arc<Graceful
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/", get(page));
     for (route, path) in Route::ALL {
-        let ask = move |State(shared): State<Arc<Shared>>, body: Body| async move {
-            ask(&shared, route, body).await
+        let send = move |State(shared): State<Arc<Shared>>, body: Body| async move {
+            send(&shared, route, body).await
         };
         let handler = match route {
-            Route::State => get(ask),
-            _ => post(ask),
+            Route::State => get(send),
+            _ => post(send),
         };
         router = router.route(path, handler);
     }
@@ -205,7 +205,7 @@ async fn page(State(shared): State<Arc<Shared>>) -> Html<String> {
     Html(shared.html.clone())
 }
 
-async fn ask(
+async fn send(
     shared: &Shared,
     route: Route,
     body: Body,
@@ -227,7 +227,7 @@ async fn ask(
     let body = body.map_err(late)?.ok();
     let body = body.filter(|b| b.len() <= largest).ok_or_else(large)?;
     let body = body.into();
-    let reply = shared.queue.ask(Request { route, body }).await?;
+    let reply = shared.queue.send(Request { route, body }).await?;
     Ok(([(header::CONTENT_TYPE, reply.content_type)], reply.body))
 }
 

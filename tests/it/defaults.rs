@@ -4,7 +4,7 @@ use crate::common::command;
 use posing::cluster::KMeans;
 use posing::draw::figure;
 use posing::evaluate::benchmark::Settings;
-use posing::evaluate::corruption::Corruption;
+use posing::evaluate::damage::Corruption;
 use posing::prior::multiscale::TrainSettings;
 use posing::prior::{OpenOptions, TrainOptions};
 use posing::restore::Denoise;

@@ -3,6 +3,7 @@
 
 mod architecture;
 mod audit;
+mod baselines;
 mod bodies;
 mod body;
 mod browser;
@@ -40,7 +41,6 @@ mod plot_meshes;
 mod prior_train;
 mod prose;
 mod readme;
-mod rivals;
 mod same_bytes;
 mod score;
 mod streams;

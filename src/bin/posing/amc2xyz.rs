@@ -1,6 +1,6 @@
 //! Turns ASF/AMC takes into a table of joint positions.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
 use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin};
 use posing::cli::messages;
@@ -40,7 +40,7 @@ pub struct Args {
     fps: f64,
     /// Space of the written poses
     #[arg(long, value_enum, default_value = "world")]
-    space: SpaceFlag,
+    space: Space,
     /// Joints to write: 23 (those of the built-in model), all, or a comma-separated list
     #[arg(long, value_name = "23|all|LIST", default_value = "23")]
     joints: String,
@@ -54,16 +54,6 @@ pub struct Args {
     out: OutputArgs,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum SpaceFlag {
-    /// As captured
-    World,
-    /// Root at the origin, global rotation kept
-    Root,
-    /// Root at the origin, no global rotation, as in the paper
-    Body,
 }
 
 pub fn work(args: &Args) -> Result<()> {
@@ -114,11 +104,6 @@ fn convert(
     (take, name): (&Path, Arc<str>),
     sink: &mut UnitWriter,
 ) -> Result<()> {
-    let space = match args.space {
-        SpaceFlag::World => Space::World,
-        SpaceFlag::Root => Space::Root,
-        SpaceFlag::Body => Space::Body,
-    };
     let mut reader = AmcReader::new(asf, open(take)?, args.keep_whole)?;
     let mut row = Row {
         take: Some(name),
@@ -126,7 +111,7 @@ fn convert(
     };
     let mut frames = AmcFrames::default();
     while reader.read_block(&mut frames)? {
-        let xyz = frames.positions(&asf.skeleton, joints, space);
+        let xyz = frames.positions(&asf.skeleton, joints, args.space);
         let poses = xyz.chunks_exact(3 * joints.len());
         for (&number, xyz) in frames.numbers.iter().zip(poses) {
             row.time = Some((number as f64 - 1.0) / args.fps);

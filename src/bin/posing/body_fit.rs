@@ -7,16 +7,14 @@ use posing::body::fit::{Fit, FitProblem};
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::body::report_missed;
 use posing::cli::body::{
-    check_points, columns_of, open_body, points_of, read_marker_map, write_rotations, write_shapes,
+    marker_frames, open_body, read_marker_map, report_fits, write_rotations, write_shapes,
 };
 use posing::cli::progress::Progress;
-use posing::cli::{input, messages, streams};
+use posing::cli::{input, streams};
 use posing::io::MeshFormat;
 use posing::io::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
-use posing::numeric::median::median;
 use posing::numeric::parallel;
 use posing::pose::units::{Units, parse_length};
 use posing::{Error, Place, Result};
@@ -79,11 +77,7 @@ pub fn work(args: &Args) -> Result<()> {
     let body = open_body(&args.model)?;
     let (names, markers) = read_marker_map(&args.on, body.template.vertices.len())?;
     let table = input::read_table(&args.input, false, false)?;
-    let columns = columns_of(&table.poses, &names, "the map", &table.name)?;
-    let mut frames: Vec<_> = (0..table.poses.frames())
-        .map(|t| points_of(&table.poses, t, &columns))
-        .collect();
-    check_points(&body, &markers, &mut frames, &table.name)?;
+    let frames = marker_frames(&body, &markers, &table, &names, "the map")?;
     let poses = timed(&table.poses, args.input.rate(&table.poses)?);
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
@@ -125,18 +119,11 @@ pub fn work(args: &Args) -> Result<()> {
 
 fn report(fits: &[Option<(Fit, Completion)>], source: &str) -> Result<()> {
     let rms: Vec<f64> = fits.iter().flatten().map(|(f, _)| f.rms).collect();
-    let missed = fits.len() - rms.len();
     if rms.is_empty() {
         let what = "no frame has four markers of the map or more";
         return Err(Error::data(Place::file(source), what));
     }
-    let worst = rms.iter().copied().fold(0.0, f64::max);
-    messages::info(&format!(
-        "{} frames: markers are {:.2} cm from the predicted bodies (median), {worst:.2} at most",
-        fits.len() - missed,
-        median(rms).unwrap_or_default()
-    ));
-    report_missed(missed);
+    report_fits(rms, fits.len(), "markers are", "the predicted bodies");
     Ok(())
 }
 

@@ -1,16 +1,12 @@
 //! Completes a body from a partial scan.
 
 use clap::Parser;
-use glam::DVec3;
 use posing::body::scan_fit::fit_scan;
-use posing::body::surface::Surface;
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
-use posing::cli::registration_points::RegistrationPoints;
+use posing::cli::registration_points::{RegistrationPoints, read_scan};
 use posing::cli::{input, messages};
-use posing::io::Mesh;
 use posing::io::mesh_output::MeshOutput;
-use posing::pose::units::Units;
 use posing::{Place, Result};
 use std::path::PathBuf;
 
@@ -63,7 +59,7 @@ pub fn work(args: &Args) -> Result<()> {
     let body = open_body(&args.model)?;
     let units = args.units.table_units();
     let source = args.scan.display().to_string();
-    let scan = read_scan(args, units)?;
+    let scan = read_scan(&args.scan, units)?;
     let template = &body.template.vertices;
     let placed = RegistrationPoints::read(&args.points, template.len(), units)?;
     placed.check(template, &scan)?;
@@ -83,17 +79,4 @@ pub fn work(args: &Args) -> Result<()> {
         output.write(&[mesh], body.template.surface(), units)?;
     }
     Ok(())
-}
-
-/// The scan in centimeters, y up.
-fn read_scan(args: &Args, units: Units) -> Result<Surface> {
-    let mesh = Mesh::read(input::open(&args.scan)?)?;
-    let point = |v: &[f64; 3]| {
-        let mut xyz = *v;
-        units.read(&mut xyz);
-        DVec3::from_array(xyz)
-    };
-    let points = mesh.vertices.iter().map(point).collect();
-    let faces = mesh.faces.iter().map(|f| f.map(|v| v as usize)).collect();
-    Ok(Surface::new(points, faces))
 }

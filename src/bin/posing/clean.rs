@@ -1,8 +1,8 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
-use clap::{Parser, ValueEnum};
-use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Stretch, clean};
-use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
+use clap::Parser;
+use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Segment, clean};
+use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::name_maps::name_map;
@@ -103,7 +103,7 @@ pub struct Args {
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
-    outliers: Option<Outliers>,
+    outliers: Option<OutlierDetection>,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
@@ -122,10 +122,10 @@ pub struct Args {
     #[arg(
         long,
         value_name = "NAME:FROM-TO",
-        value_parser = Stretch::parse,
+        value_parser = Segment::parse,
         help_heading = "Method"
     )]
-    redo: Vec<Stretch>,
+    redo: Vec<Segment>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
@@ -133,14 +133,6 @@ pub struct Args {
     limits: MotionLimitArgs,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum Outliers {
-    /// Detect and replace outliers
-    Auto,
-    /// Use every point as measured
-    None,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
@@ -155,7 +147,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let progress = |done: usize, all: usize| bar.set_of(done as u64, all as u64);
     let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
     drop(bar);
-    tell(&report)?;
+    write_outputs(&report)?;
     Ok(match (report.has_failures(), report.has_findings()) {
         (true, _) => Outcome::Failed,
         (_, true) => Outcome::Findings,
@@ -163,21 +155,21 @@ pub fn work(args: &Args) -> Result<Outcome> {
     })
 }
 
-/// Writes the page, the table and the list. What the list has counts as told, so it comes last;
-/// where nobody reads the table any more, nothing new counts as told.
-fn tell(report: &CleanReport) -> Result<()> {
+/// Writes the page, the table and the list. What the list has counts as reported, so it comes last;
+/// where nobody reads the table any more, nothing new counts as written.
+fn write_outputs(report: &CleanReport) -> Result<()> {
     report
         .errors()
         .for_each(|e| messages::error(&e.to_string()));
     report.notes().iter().for_each(|note| messages::info(note));
     report.write_page()?;
-    let told = write_bytes(None, report.text().as_bytes(), false);
-    let is_closed = told.as_ref().is_err_and(Error::is_closed_pipe);
-    if told.is_ok() || is_closed && !report.only_new {
+    let written = write_bytes(None, report.text().as_bytes(), false);
+    let is_closed = written.as_ref().is_err_and(Error::is_closed_pipe);
+    if written.is_ok() || is_closed && !report.only_new {
         report.write_list()?;
     }
     // The outcome says whether files failed, also where nobody reads the table.
-    if is_closed { Ok(()) } else { told }
+    if is_closed { Ok(()) } else { written }
 }
 
 fn settings(args: &Args) -> Result<CleanSettings> {
@@ -186,8 +178,8 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         .as_ref()
         .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
     let outliers = match args.redo.is_empty() {
-        true => args.outliers != Some(Outliers::None),
-        false => args.outliers == Some(Outliers::Auto),
+        true => args.outliers != Some(OutlierDetection::None),
+        false => args.outliers == Some(OutlierDetection::Auto),
     };
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {

@@ -1,13 +1,11 @@
 //! Damages poses on purpose, for tests.
 
 use clap::Parser;
-use ndarray::ArrayView1;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_positive};
 use posing::cli::input::{RowStream, read_table};
 use posing::cli::messages;
 use posing::cli::streams::{create_table, write_table};
-use posing::evaluate::corruption::Corruption;
-use posing::evaluate::gap_injection::GapInjection;
+use posing::evaluate::damage::{Corruption, GapInjection};
 use posing::io::{Row, parse_point_names};
 use posing::pose::units::parse_length;
 use posing::{Error, Place, Result};
@@ -120,11 +118,7 @@ fn with_gaps(args: &Args, corruption: &Corruption, gaps: &GapInjection) -> Resul
     }
     let rates = args.table.rates(&table.poses)?;
     let mut poses = table.poses.clone();
-    for (frame, mut row) in (0..).zip(poses.xyz.rows_mut()) {
-        let mut xyz = row.to_vec();
-        corruptor.apply(frame, &mut xyz);
-        row.assign(&ArrayView1::from(&xyz));
-    }
+    corruptor.apply_frames(&mut poses.xyz);
     let skipped = &mut |what: &str| messages::info(&format!("{}: {what}", table.name));
     gaps.inject(&mut poses, &rates, &table.name, skipped)?;
     write_table(

@@ -1,6 +1,6 @@
 //! Turns a table of markers of another program into a pose table.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use posing::Result;
 use posing::cli::marker_files::MarkerFileArgs;
 use posing::io::{
@@ -33,7 +33,7 @@ use posing::io::{
 pub struct Args {
     /// Points of a Motive file [default: the first of these that it has]
     #[arg(long, value_enum, value_name = "KIND")]
-    points: Option<Points>,
+    points: Option<MotivePoints>,
     /// Point names for an array without any: smpl, 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
@@ -41,28 +41,13 @@ pub struct Args {
     file: MarkerFileArgs,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Points {
-    /// Measured markers
-    Markers,
-    /// Where the markers of rigid bodies and skeletons are expected, also when they are hidden
-    Expected,
-    /// Bones and rigid bodies
-    Bones,
-}
-
 pub fn work(args: &Args) -> Result<()> {
-    let points = args.points.map(|points| match points {
-        Points::Markers => MotivePoints::Markers,
-        Points::Expected => MotivePoints::Expected,
-        Points::Bones => MotivePoints::Bones,
-    });
     let joints = args.joints.as_deref().map(parse_point_names).transpose()?;
     let read = |input: Input, keep_whole| match MotionFormat::of(input.first_bytes()) {
         MotionFormat::OpenSim => opensim::read(input, keep_whole),
         MotionFormat::Npy => read_npy(input, joints.as_deref()),
         MotionFormat::Npz => Ok(NpzTake::read(input, joints.as_deref())?.take),
-        _ => marker_csv::read(input, points, keep_whole),
+        _ => marker_csv::read(input, args.points, keep_whole),
     };
     args.file.convert(read, false)
 }

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::CommonArgs;
+use posing::cli::args::{CommonArgs, OutlierDetection};
 use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::pose::units::parse_length;
 use posing::restore::Denoise;
@@ -35,7 +35,7 @@ pub struct Args {
     noise: Noise,
     /// Whether to detect outliers
     #[arg(long, value_enum, default_value = "auto")]
-    outliers: Outliers,
+    outliers: OutlierDetection,
     /// Also fill missing points
     #[arg(long)]
     fill: bool,
@@ -64,19 +64,11 @@ fn parse_noise(text: &str) -> std::result::Result<Noise, String> {
     }
 }
 
-#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
-enum Outliers {
-    /// Detect and replace outliers
-    Auto,
-    /// Use every point as measured
-    None,
-}
-
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let options = Denoise {
         noise: args.noise.0,
-        outliers: args.outliers == Outliers::Auto,
+        outliers: args.outliers == OutlierDetection::Auto,
         fill: args.fill,
         max_gap: None,
         fps: args.restoring.input.fps,

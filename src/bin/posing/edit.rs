@@ -3,17 +3,13 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
-use posing::cli::input::IN_CENTIMETERS;
-use posing::cli::input::{check_single_stdin, open, open_model, read_table};
-use posing::cli::messages;
+use posing::cli::ik::{name_bone_ends, read_skeleton};
+use posing::cli::input::{check_single_stdin, open_model, read_table};
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
 use posing::cli::{browser, signals};
 use posing::edit::OpenedModel;
-use posing::io::{Model, SkeletonFile, Table};
-use posing::pose::BonePoints;
-use posing::pose::bone_points::bone_ends_of_starts;
-use posing::restore::body_size::check_body_size;
+use posing::io::{Model, Table};
 use posing::server::editor::{EditSource, Editor};
 use posing::server::figure::Figure;
 use posing::server::{Page, page, serve};
@@ -100,8 +96,8 @@ pub fn work(args: &Args) -> Result<()> {
     };
     // Removed when the server has ended.
     let mut redirecting = None;
-    let answerer = move || Editor::open(source);
-    serve(args.port, page, answerer, |address, running| {
+    let handler = move || Editor::open(source);
+    serve(args.port, page, handler, |address, running| {
         signals::on_stop(move || drop(running));
         write_bytes(None, format!("{address}\n").as_bytes(), false)?;
         if !args.no_open {
@@ -115,12 +111,12 @@ pub fn work(args: &Args) -> Result<()> {
 fn table(args: &Args, path: &Path) -> Result<Table> {
     let input = InputArgs::plain(vec![path.to_path_buf()], None, &None);
     let mut table = read_table(&input, false, false)?;
-    let points = BonePoints::of(&table.poses.points, table.poses.xyz.view());
-    let names = points.bone_ends(&table.poses.points);
-    check_body_size(&table.poses, &names, &table.name, IN_CENTIMETERS)?;
-    if points == BonePoints::Starts && args.skeleton.is_none() {
-        table.poses.points = bone_ends_of_starts(&table.poses.points);
-    }
+    name_bone_ends(
+        &mut table.poses,
+        &table.name,
+        false,
+        args.skeleton.is_some(),
+    )?;
     Ok(table)
 }
 
@@ -129,8 +125,7 @@ fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Fig
     let (unit, turn) = (args.units.centimeters(), args.units.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
-            let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;
-            notes.iter().for_each(|note| messages::info(note));
+            let file = read_skeleton(path, unit, turn)?;
             let map = args
                 .map
                 .as_deref()

@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use ndarray::{Axis, concatenate};
-use posing::cli::args::{CommonArgs, Format, InputArgs};
-use posing::cli::feature_table::{self, body_frames, joint_map};
+use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
 use posing::io::TableFormat;
 use posing::metric::{Family, Gpd};
@@ -41,15 +41,8 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// Comma-separated families of features (default: all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = family)]
     features: Vec<Family>,
@@ -61,14 +54,14 @@ pub struct Args {
     output: Option<PathBuf>,
     /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
-    to: Option<Format>,
+    to: Option<TableFormat>,
     #[command(flatten)]
     common: CommonArgs,
 }
 
 fn family(text: &str) -> std::result::Result<Family, String> {
     let names = || Family::ALL.map(Family::name).join(", ");
-    Family::parse(text.trim()).ok_or_else(|| format!("expected families of {}", names()))
+    Family::of_name(text.trim()).ok_or_else(|| format!("expected families of {}", names()))
 }
 
 pub fn work(args: &Args) -> Result<()> {
@@ -81,7 +74,7 @@ pub fn work(args: &Args) -> Result<()> {
         families.retain(|f| *f != Family::JointKinetics);
     }
     let gpd = Gpd::new(&families);
-    let map = joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let table = input::read_table(&args.input, false, false)?;
     let rates = args.input.rates(&table.poses)?;
     if gpd.needs_rate() && rates.iter().any(Option::is_none) {
@@ -94,14 +87,10 @@ pub fn work(args: &Args) -> Result<()> {
     let described: Vec<_> = takes.iter().map(|take| gpd.describe(take)).collect();
     let views: Vec<_> = described.iter().map(|d| d.view()).collect();
     let features = concatenate(Axis(0), &views).unwrap_or_default();
-    let is_npy = match (args.to, &args.output) {
-        (Some(format), _) => format == Format::Npy,
-        (None, Some(path)) => TableFormat::of_path(path) == TableFormat::Npy,
-        (None, None) => false,
-    };
+    let named = args.output.as_ref().map(TableFormat::of_path);
     feature_table::write(
         args.output.as_deref(),
-        is_npy,
+        args.to.or(named) == Some(TableFormat::Npy),
         &table.poses,
         &gpd.names(),
         &features,

@@ -114,10 +114,10 @@ fn main() -> ExitCode {
         words.remove(0);
         return (entry.run)(words);
     }
-    run(words, version(), answer)
+    run(words, version(), work)
 }
 
-fn answer(args: &Args) -> Result<()> {
+fn work(args: &Args) -> Result<()> {
     let text = match &args.request {
         None | Some(Request::Help { command: None }) => help("posing"),
         Some(Request::Help {

@@ -1,17 +1,15 @@
 //! Lays a template's mesh on a raw scan.
 
 use clap::Parser;
-use glam::DVec3;
 use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
-use posing::body::surface::Surface;
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::progress::Progress;
-use posing::cli::registration_points::RegistrationPoints;
+use posing::cli::registration_points::{RegistrationPoints, read_scan};
 use posing::cli::{input, messages};
+use posing::io::MeshFormat;
 use posing::io::mesh_output::mesh;
-use posing::io::{Mesh, MeshFormat};
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -98,21 +96,6 @@ fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
     let faces = set.faces.iter().map(|f| f.map(|v| v as usize)).collect();
     let parts = vec![0; set.vertices.dim().1];
     Template::new(vertices(&set, 0), faces, parts).map_err(|e| e.at(Place::file(&set.names[0])))
-}
-
-/// The scan in centimeters, y up.
-fn read_scan(path: &Path, units: Units) -> Result<Surface> {
-    let scan = Mesh::read(input::open(path)?)?;
-    let vertex = |v: &[f64; 3]| {
-        let mut xyz = *v;
-        units.read(&mut xyz);
-        DVec3::from_array(xyz)
-    };
-    let faces = scan.faces.iter().map(|f| f.map(|v| v as usize)).collect();
-    Ok(Surface::new(
-        scan.vertices.iter().map(vertex).collect(),
-        faces,
-    ))
 }
 
 /// Says how near the mesh is to the scan, what the scan does not show, and whether the mesh folds.

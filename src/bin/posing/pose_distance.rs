@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::{feature_table, input, messages, streams};
 use posing::io::text::push_f32;
 use posing::metric::pairs::{FrameRef, LabeledPair, best_threshold};
@@ -72,18 +72,14 @@ pub struct Args {
 
 fn baseline(name: &str) -> std::result::Result<Baseline, String> {
     let names = || Baseline::ALL.map(Baseline::name).join(", ");
-    Baseline::parse(name).ok_or_else(|| format!("expected one of {}", names()))
+    Baseline::of_name(name).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let others = (args.model.iter()).chain(&args.labels).chain(&args.pairs);
     input::check_single_stdin_with(&args.input, others)?;
-    let model = args
-        .model
-        .as_ref()
-        .map(|path| open_metric(path))
-        .transpose()?;
+    let model = args.model.as_deref().map(open_metric).transpose()?;
     let (map, needs_rate) = match (&model, args.baseline) {
         (Some(metric), _) => (metric.map.clone(), metric.needs_rate()),
         (None, baseline) => (
@@ -114,10 +110,6 @@ pub fn work(args: &Args) -> Result<()> {
         Some(path) => write_pairs(args, &metric, a, path),
         None => write_tables(args, &metric, a, b),
     }
-}
-
-fn open_metric(path: &Path) -> Result<PoseMetric> {
-    PoseMetric::from_model(&input::open_model(path)?, &path.display().to_string())
 }
 
 fn learn_baseline(args: &Args, map: &JointMap, tables: &[MetricTakes]) -> Result<PoseMetric> {

@@ -1,6 +1,6 @@
 //! Learns a prior of poses of any kind.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, value_name};
 use posing::cli::progress::Progress;
@@ -36,7 +36,7 @@ pub struct Args {
     /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale
     /// holds out both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
-    hold_back: HoldBackFlag,
+    hold_back: HoldBack,
     /// Space in which poses are learned
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
@@ -52,14 +52,6 @@ pub struct Args {
     seed: SeedArgs,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum HoldBackFlag {
-    /// Whole takes, about a fifth of the poses
-    Takes,
-    /// Random frames, a fifth of all
-    Frames,
 }
 
 /// The kinds, with what each is.
@@ -95,13 +87,9 @@ pub fn work(args: &Args) -> Result<()> {
             kind.name()
         ));
     }
-    let hold_back = match args.hold_back {
-        HoldBackFlag::Takes => HoldBack::Takes,
-        HoldBackFlag::Frames => HoldBack::Frames,
-    };
     let options = TrainOptions {
         seed: args.seed.seed,
-        hold_back,
+        hold_back: args.hold_back,
     };
     let bar = Progress::new("prior-train", 0);
     let report = &mut |what: &str| {

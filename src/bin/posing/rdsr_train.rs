@@ -1,9 +1,10 @@
 //! Learns a distance of poses from labeled pairs.
 
-use clap::{Parser, ValueEnum};
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
+use clap::Parser;
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive, value_name};
+use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
-use posing::cli::{feature_table, input, messages, streams};
+use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
@@ -41,15 +42,8 @@ pub struct Args {
     /// Labeled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: PathBuf,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// What describes a pose: geometric features (gpd), distances of joints (jrf), coordinates
     /// with velocities (jc), rotations with velocities (jo), what game engines compare (game)
     /// [default: gpd]
@@ -65,20 +59,20 @@ pub struct Args {
     window: Option<f64>,
     /// How the metric is learned
     #[arg(long, value_enum, value_name = "METHOD", default_value = "rdsr")]
-    learner: LearnerFlag,
+    learner: Learner,
     /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
     /// 50]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
     rank: Option<u16>,
     /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
-    #[arg(long, value_name = "A", value_parser = posing::cli::args::parse_positive)]
+    #[arg(long, value_name = "A", value_parser = parse_positive)]
     alpha: Option<f64>,
     /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
     #[arg(long, value_name = "G", value_parser = share)]
     gamma: Option<f64>,
     /// For rdsr: share of the mean variance added to all directions [default: 0.1; with --paper
     /// 1e-6]
-    #[arg(long, value_name = "R", value_parser = posing::cli::args::parse_positive)]
+    #[arg(long, value_name = "R", value_parser = parse_positive)]
     ridge: Option<f64>,
     /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs
     /// alone
@@ -106,44 +100,6 @@ pub struct Args {
     common: CommonArgs,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LearnerFlag {
-    /// Regularized distance metric learning with sparse representation
-    Rdsr,
-    /// Nothing is learned but the scaling of the features
-    L2,
-    /// Weights of features or joints by least squares (Wang and Bodenheimer); needs both labels
-    Lms,
-    /// Features chosen by boosting (Chen et al. 2009); needs both labels
-    Boost,
-    /// Distance metric learning with side information (Xing et al.); needs both labels
-    Xing,
-    /// Semi-supervised discriminant analysis (Cai et al.); needs both labels
-    Sda,
-    /// Relevant component analysis (Bar-Hillel et al.)
-    Rca,
-    /// Large margin nearest neighbors (Weinberger and Saul); needs both labels
-    Lmnn,
-    /// Neighborhood component analysis (Goldberger et al.)
-    Nca,
-}
-
-impl LearnerFlag {
-    fn learner(self) -> Learner {
-        match self {
-            LearnerFlag::Rdsr => Learner::Rdsr,
-            LearnerFlag::L2 => Learner::L2,
-            LearnerFlag::Lms => Learner::Lms,
-            LearnerFlag::Boost => Learner::Boost,
-            LearnerFlag::Xing => Learner::Xing,
-            LearnerFlag::Sda => Learner::Sda,
-            LearnerFlag::Rca => Learner::Rca,
-            LearnerFlag::Lmnn => Learner::Lmnn,
-            LearnerFlag::Nca => Learner::Nca,
-        }
-    }
-}
-
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if (0.0..=60.0).contains(&v) => Ok(v),
@@ -161,7 +117,7 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     input::check_single_stdin_with(&args.input, [&args.pairs])?;
-    let map = feature_table::joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
     let takes = read_takes(&args.input, args.input.files.clone(), &map, needs_rate)?;
@@ -171,7 +127,7 @@ pub fn work(args: &Args) -> Result<()> {
     report(&trained);
     let mut model = trained.metric.to_model();
     let flags = [
-        ("learner", value(args.learner)),
+        ("learner", value_name(args.learner)),
         ("rank", settings.rdsr.rank.to_string()),
         ("alpha", settings.rdsr.alpha.to_string()),
         ("gamma", settings.rdsr.gamma.to_string()),
@@ -188,19 +144,15 @@ pub fn work(args: &Args) -> Result<()> {
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }
 
-fn value(learner: LearnerFlag) -> String {
-    posing::cli::args::value_name(learner)
-}
-
 fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
     let mut settings = match args.paper {
         true => TrainSettings::paper(map),
         false => TrainSettings::new(map),
     };
     if let Some(name) = &args.features {
-        settings.features = PoseFeatures::parse(name).unwrap_or(settings.features);
+        settings.features = PoseFeatures::of_name(name).unwrap_or(settings.features);
     }
-    settings.learner = args.learner.learner();
+    settings.learner = args.learner;
     settings.window = args.window.unwrap_or(settings.window);
     settings.reach = args.reach.unwrap_or(settings.reach);
     settings.unlabeled = args.unlabeled as usize;

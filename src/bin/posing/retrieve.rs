@@ -2,14 +2,14 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::take_classes::{self, TakeClass};
 use posing::cli::{input, messages, streams};
 use posing::draw::figure::strip::{StripPose, strip};
-use posing::evaluate::metric::SIXTEEN_JOINTS;
+use posing::evaluate::retrieval::SIXTEEN_JOINTS;
 use posing::io::text::push_f32;
 use posing::metric::nearest::Neighbor;
-use posing::metric::{FrameRef, PoseDatabase, PoseMetric};
+use posing::metric::{FrameRef, PoseDatabase};
 use posing::{Error, Result};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -97,8 +97,7 @@ pub fn work(args: &Args) -> Result<()> {
             args.k
         )));
     }
-    let model = input::open_model(&args.model)?;
-    let metric = PoseMetric::from_model(&model, &args.model.display().to_string())?;
+    let metric = open_metric(&args.model)?;
     let needs_rate = metric.needs_rate();
     let takes = |files| read_takes(&args.input, files, &metric.map, needs_rate);
     let database = takes(vec![args.database.clone()])?;
@@ -121,7 +120,7 @@ pub fn work(args: &Args) -> Result<()> {
             found.len()
         ));
     }
-    let answers = Answers {
+    let matches = Matches {
         queries: &queries,
         query_rows: &query_rows,
         database: &database,
@@ -134,20 +133,20 @@ pub fn work(args: &Args) -> Result<()> {
             .transpose()?,
     };
     let mut out = streams::open_output(args.output.as_deref(), false)?;
-    out.write(answers.head())?;
+    out.write(matches.head())?;
     for query in 0..query_rows.len() {
-        out.write(&answers.lines(query))?;
+        out.write(&matches.lines(query))?;
     }
     out.finish()?;
     if let Some(path) = &args.picture {
-        streams::write_bytes(Some(path), answers.picture().as_bytes(), false)?;
+        streams::write_bytes(Some(path), matches.picture().as_bytes(), false)?;
     }
     let scopes = match &args.scope[..] {
         [] => &[args.k],
         scopes => scopes,
     };
     for scope in scopes {
-        if let Some(share) = answers.precision(*scope as usize) {
+        if let Some(share) = matches.precision(*scope as usize) {
             messages::info(&format!("precision at {scope}: {share:.3}"));
         }
     }
@@ -155,7 +154,7 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// Poses found, with what is needed to write, judge and draw them.
-struct Answers<'a> {
+struct Matches<'a> {
     queries: &'a MetricTakes,
     query_rows: &'a [FrameRef],
     database: &'a MetricTakes,
@@ -164,7 +163,7 @@ struct Answers<'a> {
     classes: Option<HashMap<String, TakeClass>>,
 }
 
-impl Answers<'_> {
+impl Matches<'_> {
     fn head(&self) -> &'static [u8] {
         match self.classes {
             Some(_) => b"take,frame,rank,found_take,found_frame,distance,right\n",

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
-use posing::cli::args::{CommonArgs, Format, InputArgs, OutputArgs, parse_hertz, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
-use posing::io::{Table, parse_point_names};
+use posing::io::{Table, TableFormat, parse_point_names};
 use posing::pose::Poses;
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
@@ -77,12 +77,12 @@ pub struct Args {
 #[derive(Debug, Clone, Copy)]
 enum To {
     Seconds(f64),
-    Format(Format),
+    Format(TableFormat),
 }
 
 fn parse_to(text: &str) -> std::result::Result<To, String> {
     let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
-    match (seconds, Format::from_str(text, true)) {
+    match (seconds, TableFormat::from_str(text, true)) {
         (Some(seconds), _) => Ok(To::Seconds(seconds)),
         (None, Ok(format)) => Ok(To::Format(format)),
         (None, Err(_)) => Err("expected a time in seconds, or the format csv or npy".into()),

@@ -4,16 +4,12 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
-use posing::cli::ik::{fit, report_time_jumps};
-use posing::cli::input::IN_CENTIMETERS;
+use posing::cli::ik::{fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::io::{Amc, Asf};
-use posing::pose::BonePoints;
-use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::one_take::{first_frame_number, one_take};
 use posing::pose::units::LengthUnit;
-use posing::restore::body_size::check_body_size;
 use posing::restore::ik::SkeletonFit;
 use std::path::PathBuf;
 
@@ -74,18 +70,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
     let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
-    let points = BonePoints::of(&poses.points, poses.xyz.view());
-    if !args.force {
-        check_body_size(
-            &poses,
-            &points.bone_ends(&poses.points),
-            &table.name,
-            IN_CENTIMETERS,
-        )?;
-    }
-    if points == BonePoints::Starts {
-        poses.points = bone_ends_of_starts(&poses.points);
-    }
+    name_bone_ends(&mut poses, &table.name, args.force, false)?;
     let rate = input.rate(&poses)?;
     report_time_jumps(&poses, &table.name, "an AMC file");
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());

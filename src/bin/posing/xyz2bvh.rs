@@ -2,20 +2,16 @@
 
 use clap::Parser;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
-use posing::cli::ik::{fit, report_time_jumps};
-use posing::cli::input::IN_CENTIMETERS;
+use posing::cli::ik::{fit, name_bone_ends, read_skeleton, report_time_jumps, skeleton_fit};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::{Bvh, Input, SkeletonFile};
-use posing::pose::BonePoints;
-use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
-use posing::restore::body_size::check_body_size;
 
 use posing::pose::one_take;
-use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
+use posing::restore::ik::solve_missing_channels;
 use posing::{Error, Place, Result};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -113,28 +109,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
         let what = format!("{}: has no frame rate; give it with --fps", table.name);
         return Err(Error::usage(what));
     };
-    let points = BonePoints::of(&poses.points, poses.xyz.view());
-    if !args.force {
-        check_body_size(
-            &poses,
-            &points.bone_ends(&poses.points),
-            &table.name,
-            IN_CENTIMETERS,
-        )?;
-    }
-    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
-        poses.points = bone_ends_of_starts(&poses.points);
-    }
+    let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
+    name_bone_ends(&mut poses, &table.name, args.force, is_bvh)?;
     report_time_jumps(&poses, &table.name, "a BVH");
-    let estimated;
-    let skeleton = match &given {
-        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
-        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
-        None => {
-            estimated = estimate_skeleton(&poses)?;
-            SkeletonFit::new(&estimated)
-        }
-    };
+    let mut measured = None;
+    let skeleton = skeleton_fit(given.as_ref(), &poses, &mut measured)?;
     let no_joint = "no point has the name of a joint of the skeleton";
     let skeleton = skeleton.limits(args.limits);
     let (fitted, outcome) = fit(&skeleton, &poses, &table.name, no_joint, args.force)?;
@@ -174,9 +153,7 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
-    let unit = args.units.centimeters();
-    let (file, notes) = SkeletonFile::read(open(path)?, unit, args.units.rotation())?;
-    notes.iter().for_each(|n| messages::info(n));
+    let file = read_skeleton(path, args.units.centimeters(), args.units.rotation())?;
     if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
         let what = "--order cannot be used with a BVH skeleton, which keeps its own order";
         return Err(Error::usage(what));

@@ -2,20 +2,14 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::Outcome;
 use posing::cli::args::BvhSkeletonArgs;
-use posing::cli::ik::fit;
-use posing::cli::input::IN_CENTIMETERS;
-use posing::cli::input::open;
+use posing::cli::ik::{fit, name_bone_ends, read_skeleton, skeleton_fit};
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::cli::{Outcome, messages};
 use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
-use posing::pose::BonePoints;
-use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::units::Units;
-use posing::restore::body_size::check_body_size;
-use posing::restore::ik::{SkeletonFit, estimate_skeleton};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Convert a pose table to binary glTF: a skeleton that viewers play
 ///
@@ -48,29 +42,20 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     let one = args.take.read(args.skeleton.as_ref())?;
-    let given = args.skeleton.as_deref().map(|p| skeleton_file(args, p));
+    let (unit, rotation) = (args.units.units.centimeters(), args.units.up.rotation());
+    let given = args
+        .skeleton
+        .as_deref()
+        .map(|p| read_skeleton(p, unit, rotation));
     let given = given.transpose()?;
     let table = one.table.clone();
     let NewTake {
         mut poses, rate, ..
     } = args.take.new_take(one, Units::CM_Y, "GLB")?;
-    let points = BonePoints::of(&poses.points, poses.xyz.view());
-    if !args.force {
-        let names = points.bone_ends(&poses.points);
-        check_body_size(&poses, &names, &table, IN_CENTIMETERS)?;
-    }
-    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
-        poses.points = bone_ends_of_starts(&poses.points);
-    }
-    let estimated;
-    let skeleton = match &given {
-        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
-        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
-        None => {
-            estimated = estimate_skeleton(&poses)?;
-            SkeletonFit::new(&estimated)
-        }
-    };
+    let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
+    name_bone_ends(&mut poses, &table, args.force, is_bvh)?;
+    let mut measured = None;
+    let skeleton = skeleton_fit(given.as_ref(), &poses, &mut measured)?;
     let no_joint = "no point has the name of a bone of the skeleton";
     let (fitted, outcome) = fit(&skeleton, &poses, &table, no_joint, args.force)?;
     let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
@@ -84,11 +69,4 @@ pub fn work(args: &Args) -> Result<Outcome> {
     };
     args.take.write(&mesh.to_glb()?, true)?;
     Ok(outcome)
-}
-
-fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
-    let units = &args.units;
-    let (file, notes) = SkeletonFile::read(open(path)?, units.centimeters(), units.rotation())?;
-    notes.iter().for_each(|note| messages::info(note));
-    Ok(file)
 }

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 /// Largest size of the coordinates in a page, bytes of base64.
 const LIMIT: usize = 24_000_000;
-/// Steps of a standard deviation in a centimeter; the largest that is told is 65 cm.
+/// Steps of a standard deviation in a centimeter; the largest that is stated is 65 cm.
 const SD_STEPS: f64 = 1e3;
 
 /// The smallest step through the frames that keeps the coordinates within [`LIMIT`].
@@ -144,7 +144,7 @@ fn deviations(points: usize, kept: &[usize], sd: impl Fn(usize, usize) -> f64) -
     json!({ "runs": runs, "data": BASE64_STANDARD.encode(&bytes) })
 }
 
-/// Run lengths: the code and the length of each stretch of equal codes, one after another.
+/// Run lengths: the code and the length of each run of equal codes, one after another.
 fn run_lengths(codes: impl Iterator<Item = usize>) -> Vec<usize> {
     let codes: Vec<usize> = codes.collect();
     let runs = codes.chunk_by(|a, b| a == b);
@@ -182,11 +182,11 @@ mod tests {
     }
 
     #[test]
-    fn deviations_are_told_where_they_are_stated() {
+    fn deviations_are_kept_where_they_are_stated() {
         let sd = ndarray::arr2(&[[0.0, 0.25], [1.5, f64::NAN], [99.0, 0.0], [0.0, 1e-5]]);
-        let told = deviations(2, &[0, 1, 2, 3], |t, p| sd[[t, p]]);
-        assert_eq!(told["runs"], json!([[1, 2, 1], [0, 1, 3]]));
-        let bytes = BASE64_STANDARD.decode(told["data"].as_str().unwrap());
+        let packed = deviations(2, &[0, 1, 2, 3], |t, p| sd[[t, p]]);
+        assert_eq!(packed["runs"], json!([[1, 2, 1], [0, 1, 3]]));
+        let bytes = BASE64_STANDARD.decode(packed["data"].as_str().unwrap());
         let bytes = bytes.unwrap();
         let steps = bytes.chunks(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
         assert_eq!(steps.collect::<Vec<_>>(), [1500, 65535, 250]);

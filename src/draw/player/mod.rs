@@ -8,14 +8,12 @@ pub mod mesh;
 pub(crate) mod parts;
 mod table;
 
-use crate::draw::html::{escape, fill, script_json};
+use crate::draw::html::{self, escape, fill, script_json};
 use crate::draw::scene::{Scene, Table};
 use crate::draw::scene_geometry::SceneGeometry;
 use crate::{Error, Result};
-use base64::prelude::{BASE64_STANDARD, Engine};
 use embedded::{embedded, sparing};
 use parts::{PAPER, Part, parts};
-use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
@@ -89,8 +87,10 @@ fn whole_page(page: &Page<'_>) -> String {
         .map(|note| format!("<p>{}</p>", escape(note)))
         .unwrap_or_default();
     let links = fill(LINKS, &[("own", page.links)]);
-    fill(
+    html::page(
         PAGE,
+        page.style,
+        page.script,
         &[
             ("title", &title),
             ("note", &note),
@@ -102,10 +102,6 @@ fn whole_page(page: &Page<'_>) -> String {
                 "keys",
                 &fill(KEYS, &[("own", page.keys), ("links", &links)]),
             ),
-            ("style", page.style),
-            ("style-hash", &policy_hash(page.style)),
-            ("script", page.script),
-            ("script-hash", &policy_hash(page.script)),
         ],
     )
 }
@@ -174,19 +170,12 @@ fn paragraphs(remarks: &[String]) -> String {
     remarks.iter().map(paragraph).collect()
 }
 
-/// A source's hash as a content security policy wants it.
-pub(crate) fn policy_hash(source: &str) -> String {
-    format!(
-        "sha256-{}",
-        BASE64_STANDARD.encode(Sha256::digest(source.as_bytes()))
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::draw::scene::Status;
     use crate::draw::scene::tests::{run, scene};
+    use base64::prelude::{BASE64_STANDARD, Engine};
     use ndarray::Array2;
     use serde_json::{Value, json};
 
@@ -293,7 +282,7 @@ mod tests {
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
         for source in [SCRIPT.as_str(), PAGE_STYLE] {
             assert!(
-                page.contains(&policy_hash(source)),
+                page.contains(&html::policy_hash(source)),
                 "the policy knows the page's own sources"
             );
             assert!(

@@ -14,8 +14,8 @@ pub struct Gesture {
     dragged: Vec<usize>,
     pinned: Vec<usize>,
     reference: Reference,
-    /// What the last solve asked for.
-    asked: Constraints,
+    /// The goals of the last solve.
+    goals: Constraints,
 }
 
 impl Gesture {
@@ -69,11 +69,11 @@ impl Session {
                 self.begin(drags, pins, rest)
             }
         };
-        let asked = self.asked(drags, pins, rest, &gesture.before.pose.xyz);
-        let way = asked.way_from(&gesture.asked);
-        self.now.pose = (self.solver).follow(&asked, &gesture.reference, &self.now.pose, way);
-        (self.now.pins, self.now.rest) = (asked.pins.clone(), rest);
-        gesture.asked = asked;
+        let goals = self.goals(drags, pins, rest, &gesture.before.pose.xyz);
+        let way = goals.way_from(&gesture.goals);
+        self.now.pose = (self.solver).follow(&goals, &gesture.reference, &self.now.pose, way);
+        (self.now.pins, self.now.rest) = (goals.pins.clone(), rest);
+        gesture.goals = goals;
         self.gesture = Some(gesture);
         self.revision += 1;
         Ok(&self.now.pose)
@@ -82,24 +82,24 @@ impl Session {
     /// The beginning of a gesture; what was under way before is a step of its own.
     fn begin(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Gesture {
         self.release();
-        let asked = self.asked(drags, pins, rest, &self.now.pose.xyz);
-        let moves = !drags.is_empty() || asked.pins != self.now.pins;
+        let goals = self.goals(drags, pins, rest, &self.now.pose.xyz);
+        let moves = !drags.is_empty() || goals.pins != self.now.pins;
         Gesture {
             before: self.now.clone(),
             photograph: None,
             dragged: drags.keys().copied().collect(),
             pinned: pins.keys().copied().collect(),
-            asked: asked.at_places(&self.now.pose.xyz),
+            goals: goals.at_places(&self.now.pose.xyz),
             reference: match moves {
-                true => self.solver.reference(&asked, &self.now.pose),
+                true => self.solver.reference(&goals, &self.now.pose),
                 false => Reference::at(self.now.pose.xyz.clone()),
             },
         }
     }
 
-    /// What is asked in a gesture that began with the joints at `from` (3 K, cm).
-    pub(super) fn asked(&self, drags: &Drags, pins: &Pins, rest: f64, from: &[f64]) -> Constraints {
-        let mut asked = Constraints {
+    /// The goals of a gesture that began with the joints at `from` (3 K, cm).
+    pub(super) fn goals(&self, drags: &Drags, pins: &Pins, rest: f64, from: &[f64]) -> Constraints {
+        let mut goals = Constraints {
             rest,
             floor: self.now.floor.then(|| floor_under(from)),
             limits: self.now.limits,
@@ -107,9 +107,9 @@ impl Session {
         };
         drags
             .iter()
-            .for_each(|(&k, &drag)| asked.drags[k] = Some(drag));
-        pins.iter().for_each(|(&k, &pin)| asked.pins[k] = pin);
-        asked
+            .for_each(|(&k, &drag)| goals.drags[k] = Some(drag));
+        pins.iter().for_each(|(&k, &pin)| goals.pins[k] = pin);
+        goals
     }
 
     /// Ends a gesture: it becomes one step of undo.
@@ -156,7 +156,7 @@ impl Session {
             dragged: Vec::new(),
             pinned: Vec::new(),
             reference: Reference::at(self.now.pose.xyz.clone()),
-            asked: Constraints::none(self.rig().joints()),
+            goals: Constraints::none(self.rig().joints()),
         });
         self.now.pose = fit.pose.clone();
         self.now.pins.fill([None; 3]);

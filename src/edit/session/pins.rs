@@ -39,9 +39,9 @@ impl Session {
             apart.into_iter().all(|d| d.abs() <= THERE)
         };
         if pins.iter().all(is_there) {
-            let asked = self.asked(&Drags::new(), pins, self.now.rest, &self.now.pose.xyz);
+            let goals = self.goals(&Drags::new(), pins, self.now.rest, &self.now.pose.xyz);
             self.change("the pins", |now, _| {
-                now.pins = asked.pins;
+                now.pins = goals.pins;
                 now.pose.missed.fill(0.0);
             });
             return Ok(());

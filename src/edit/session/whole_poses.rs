@@ -36,16 +36,16 @@ impl Session {
         self.check_joints(joints)?;
         self.change("the reset", |now, solver| {
             joints.iter().for_each(|&k| now.pins[k] = [None; 3]);
-            let mut asked = Constraints {
+            let mut goals = Constraints {
                 rest: 1.0,
                 pins: now.pins.clone(),
                 floor: now.floor.then(|| floor_under(&now.pose.xyz)),
                 limits: now.limits,
                 ..Constraints::none(solver.rig.joints())
             };
-            joints.iter().for_each(|&k| asked.forgotten[k] = true);
+            joints.iter().for_each(|&k| goals.forgotten[k] = true);
             let reference = Reference::at(now.pose.xyz.clone());
-            now.pose = solver.follow(&asked, &reference, &now.pose, f64::INFINITY);
+            now.pose = solver.follow(&goals, &reference, &now.pose, f64::INFINITY);
         });
         Ok(())
     }
@@ -53,13 +53,13 @@ impl Session {
     /// Finds other poses with the present pins; see [`other_poses`].
     pub fn find_others(&mut self) -> &[OtherPose] {
         self.release();
-        let asked = self.asked(
+        let goals = self.goals(
             &Drags::new(),
             &self.pins(),
             self.now.rest,
             &self.now.pose.xyz,
         );
-        self.others = other_poses(&self.solver, &asked, &self.now.pose);
+        self.others = other_poses(&self.solver, &goals, &self.now.pose);
         &self.others
     }
 

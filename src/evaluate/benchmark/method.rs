@@ -75,7 +75,7 @@ impl Method {
     pub fn default_names() -> Vec<String> {
         let mut names: Vec<String> = Kind::all().iter().map(Kind::to_string).collect();
         names.retain(|n| n != "sparse");
-        // Only the default model also runs with outlier detection; the rivals run as published.
+        // Only the default model also runs with outlier detection; the others run as published.
         names.extend(["multiscale+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));
         names
     }

@@ -3,6 +3,7 @@
 use super::dataset::Dataset;
 use super::splits::Split;
 use super::task::{DamagedPoses, Task};
+use crate::numeric::statistics::span;
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::{EXACT_VARIANCE, Posterior};
 use ndarray::ArrayView2;
@@ -157,16 +158,10 @@ impl Measurement {
 
 /// Whether each coordinate differs between training poses.
 pub fn varying_coordinates(poses: ArrayView2<'_, f32>) -> Vec<bool> {
-    let range = |column: ndarray::ArrayView1<'_, f32>| {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for v in column {
-            low = low.min(f64::from(*v));
-            high = high.max(f64::from(*v));
-        }
-        high - low
-    };
-    let columns = poses.columns();
-    columns.into_iter().map(|c| range(c) > MIN_RANGE).collect()
+    let columns = poses.columns().into_iter();
+    columns
+        .map(|c| span(c.iter().map(|v| f64::from(*v))) > MIN_RANGE)
+        .collect()
 }
 
 /// Compares estimates with the truth.

@@ -20,26 +20,19 @@ pub enum Split {
     Subjects,
 }
 
+names!(Split {
+    Frames = "frames",
+    Takes = "takes",
+    Subjects = "subjects",
+});
+
 impl Split {
-    /// Every split.
-    pub const ALL: [Split; 3] = [Split::Frames, Split::Takes, Split::Subjects];
-
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            Split::Frames => "frames",
-            Split::Takes => "takes",
-            Split::Subjects => "subjects",
-        }
-    }
-
     /// Parses a name.
     ///
     /// # Errors
     /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Split> {
-        let found = Split::ALL.into_iter().find(|s| s.name() == name);
-        found.ok_or_else(|| {
+        Split::of_name(name).ok_or_else(|| {
             Error::usage(format!(
                 "the option `splits {name}`: expected frames, takes or subjects"
             ))

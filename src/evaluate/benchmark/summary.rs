@@ -10,12 +10,10 @@ use super::result::{BenchmarkResult, Case, Measurement, ResampledUnit};
 use super::splits::Split;
 use super::task::Task;
 use crate::numeric::parallel;
+use crate::numeric::statistics::{DRAWS, interval_95};
 use crate::pose::ASF_UNIT_CM;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
-
-/// Bootstrap draws.
-const DRAWS: usize = 1000;
 
 /// A 95% interval: low and high.
 pub type Interval = [f64; 2];
@@ -91,10 +89,10 @@ fn summarize_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
             .min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
         let to_best_other = other.map(|o| {
             let ratios = drawn[k].iter().zip(&drawn[o]).map(|(a, b)| a / b);
-            (errors[k] / errors[o], interval_of(ratios.collect()))
+            (errors[k] / errors[o], interval_of(ratios))
         });
         rows.push(SummaryRow {
-            interval: interval_of(drawn[k].clone()),
+            interval: interval_of(drawn[k].iter().copied()),
             best: errors[k] <= lowest,
             to_best_other: to_best_other.filter(|(r, _)| r.is_finite()),
             ..over_seeds(cells, errors[k])
@@ -192,18 +190,10 @@ fn bootstrap(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
     })
 }
 
-/// The 2.5% and 97.5% quantiles of the finite values.
-fn interval_of(mut values: Vec<f64>) -> Interval {
-    values.retain(|v| v.is_finite());
-    values.sort_unstable_by(f64::total_cmp);
-    let at = |share: f64| {
-        let last = values.len().saturating_sub(1) as f64;
-        values
-            .get((share * last).round() as usize)
-            .copied()
-            .unwrap_or(f64::NAN)
-    };
-    [at(0.025), at(0.975)]
+/// The 95% interval of the finite values.
+fn interval_of(values: impl IntoIterator<Item = f64>) -> Interval {
+    let finite = values.into_iter().filter(|v| v.is_finite());
+    interval_95(&finite.collect::<Vec<_>>())
 }
 
 #[cfg(test)]

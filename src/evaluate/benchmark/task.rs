@@ -3,7 +3,7 @@
 
 use super::dataset::Dataset;
 use super::splits::Split;
-use crate::evaluate::corruption::Corruption;
+use crate::evaluate::damage::Corruption;
 use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Result};
@@ -28,26 +28,19 @@ pub enum Task {
     Complete,
 }
 
+names!(Task {
+    Dense = "dense",
+    Sparse = "sparse",
+    Complete = "complete",
+});
+
 impl Task {
-    /// Every task.
-    pub const ALL: [Task; 3] = [Task::Dense, Task::Sparse, Task::Complete];
-
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            Task::Dense => "dense",
-            Task::Sparse => "sparse",
-            Task::Complete => "complete",
-        }
-    }
-
     /// Parses a name.
     ///
     /// # Errors
     /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Task> {
-        let found = Task::ALL.into_iter().find(|t| t.name() == name);
-        found.ok_or_else(|| {
+        Task::of_name(name).ok_or_else(|| {
             Error::usage(format!(
                 "the option `tasks {name}`: expected dense, sparse or complete"
             ))

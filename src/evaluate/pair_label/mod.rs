@@ -6,9 +6,8 @@
 
 mod motion;
 
-use crate::draw::html::{escape, fill, script_json};
+use crate::draw::html::{self, escape, script_json};
 use crate::draw::player::parts::{PAPER, Part, parts};
-use crate::draw::player::policy_hash;
 use crate::metric::joint_map::{JOINTS, PARENTS, joint};
 use crate::metric::pair_proposal::{ProposedPair, TakeFrame};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -50,17 +49,8 @@ pub fn page(
         title => title,
     };
     let data = script_json(&embedded(takes, pairs, seconds, height));
-    fill(
-        PAGE,
-        &[
-            ("title", &escape(title)),
-            ("data", &data),
-            ("style", STYLE),
-            ("style-hash", &policy_hash(STYLE)),
-            ("script", &SCRIPT),
-            ("script-hash", &policy_hash(&SCRIPT)),
-        ],
-    )
+    let values = [("title", &*escape(title)), ("data", &data)];
+    html::page(PAGE, STYLE, &SCRIPT, &values)
 }
 
 /// Everything the script reads.
@@ -219,7 +209,7 @@ mod tests {
             assert!(!page.contains(loading), "{loading}");
         }
         for source in [SCRIPT.as_str(), STYLE] {
-            assert!(page.contains(&policy_hash(source)));
+            assert!(page.contains(&html::policy_hash(source)));
             assert!(!source.to_lowercase().contains("</s"));
         }
     }

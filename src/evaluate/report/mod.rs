@@ -14,7 +14,7 @@ use super::benchmark::runner::Benchmark;
 use super::benchmark::splits::Split;
 use super::benchmark::summary::{SummaryRow, summarize};
 use crate::Result;
-use crate::draw::html::{fill, script_json};
+use crate::draw::html::{page, script_json};
 use crate::draw::player;
 use crate::pose::ASF_UNIT_CM;
 use serde_json::json;
@@ -67,13 +67,8 @@ impl<'a> BenchmarkReport<'a> {
             ("examples", &*self.examples_section()?),
             ("results", &script_json(&self.page_data())),
             ("keys", &player::keys()),
-            ("style", STYLE),
-            ("style-hash", &player::policy_hash(STYLE)),
-            ("script-hash", &player::policy_hash(&script)),
-            ("script", &script),
-            ("version", env!("CARGO_PKG_VERSION")),
         ];
-        Ok(fill(PAGE, &values))
+        Ok(page(PAGE, STYLE, &script, &values))
     }
 
     /// What the page's script draws: the size of the run, the summary, and the tuning curves of the
@@ -214,7 +209,9 @@ mod tests {
         let script = format!("{}\n{HELPERS}\n{CHARTS}", *player::SCRIPT);
         with_page(|page| {
             for source in [STYLE, &script] {
-                assert!(page.contains(&player::policy_hash(source)) && page.contains(source));
+                assert!(
+                    page.contains(&crate::draw::html::policy_hash(source)) && page.contains(source)
+                );
                 assert!(!source.to_lowercase().contains("</s"));
             }
         });

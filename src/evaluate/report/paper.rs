@@ -6,8 +6,7 @@
 
 use super::tables::quoted;
 use super::{HELPERS, STYLE};
-use crate::draw::html::{fill, script_json};
-use crate::draw::player;
+use crate::draw::html::{page, script_json};
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::SummaryRow;
 use crate::evaluate::benchmark::task::Task;
@@ -205,17 +204,7 @@ impl<'a> Comparison<'a> {
             "runs": self.runs.iter().map(run).collect::<Vec<_>>(),
         });
         let script = format!("{HELPERS}\n{TABLES}");
-        fill(
-            PAGE,
-            &[
-                ("results", &script_json(&data)),
-                ("style", STYLE),
-                ("style-hash", &player::policy_hash(STYLE)),
-                ("script", &script),
-                ("script-hash", &player::policy_hash(&script)),
-                ("version", env!("CARGO_PKG_VERSION")),
-            ],
-        )
+        page(PAGE, STYLE, &script, &[("results", &script_json(&data))])
     }
 }
 

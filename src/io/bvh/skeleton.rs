@@ -7,6 +7,7 @@
 
 use super::{Bvh, Joint};
 use crate::Result;
+use crate::numeric::statistics::span;
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -254,8 +255,7 @@ const VARIES: f64 = 0.01;
 fn mean_and_range(values: ArrayView1<'_, f64>) -> Option<(f64, f64)> {
     let known = || values.iter().copied().filter(|v| v.is_finite());
     let count = known().count();
-    let (low, high) = known().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
-    (count > 0).then(|| (known().sum::<f64>() / count as f64, high - low))
+    (count > 0).then(|| (known().sum::<f64>() / count as f64, span(known())))
 }
 
 impl BvhTemplate {

@@ -35,11 +35,11 @@ pub fn up(
         m.contains("qualisys") || m.contains("qtm")
     });
     let is_custom = word == "-Z" && matches!(right.to_ascii_uppercase().as_str(), "+X" | "X");
-    let told = match is_custom && is_qualisys {
+    let found = match is_custom && is_qualisys {
         true => None,
-        false => told_by_points(points, xyz),
+        false => axis_of_points(points, xyz),
     };
-    if told.is_none() && is_custom && (is_qualisys || maker.is_none()) {
+    if found.is_none() && is_custom && (is_qualisys || maker.is_none()) {
         let unnamed = match is_qualisys {
             true => "",
             false => ", the file names no maker and its points tell no axis",
@@ -54,7 +54,7 @@ pub fn up(
         Some(said) => format!("POINT:Y_SCREEN is {said}"),
         None => "POINT:Y_SCREEN is not there".into(),
     };
-    match told {
+    match found {
         Some((axis, true, share)) => {
             notes.push(format!(
                 "{says}: {axis} is taken for up, since the head is above the feet along it in \
@@ -76,7 +76,7 @@ pub fn up(
 /// The axis, y or z, along which heads are above feet in most frames, or below them (`false`), and
 /// the share of these frames in percent. (x is up in no file: where heads and feet are apart along
 /// it, somebody lies.)
-fn told_by_points(
+fn axis_of_points(
     points: &[String],
     xyz: ArrayView2<'_, f64>,
 ) -> Option<(&'static str, bool, f64)> {
@@ -150,13 +150,13 @@ mod tests {
     use super::*;
     use ndarray::Array2;
 
-    fn told(names: &[&str], xyz: &[f64]) -> Option<(&'static str, bool)> {
+    fn up_of(names: &[&str], xyz: &[f64]) -> Option<(&'static str, bool)> {
         let names: Vec<String> = names.iter().map(|n| n.to_string()).collect();
         let xyz = Array2::from_shape_vec(
             (xyz.len() / (3 * names.len()), 3 * names.len()),
             xyz.to_vec(),
         );
-        told_by_points(&names, xyz.unwrap().view()).map(|(axis, above, _)| (axis, above))
+        axis_of_points(&names, xyz.unwrap().view()).map(|(axis, above, _)| (axis, above))
     }
 
     #[test]
@@ -166,15 +166,15 @@ mod tests {
         let up = [1., 2., 170., 0., 0., 5., n, n, n, 9., 900., 9.];
         let lying = [170., 2., 3., 0., 0., 5., n, n, n, 9., 9., 9.];
         let most = [up, up, up, up, up, lying].concat();
-        assert_eq!(told(&names, &most), Some(("z", true)));
-        assert_eq!(told(&names, &[up, up, lying].concat()), None);
+        assert_eq!(up_of(&names, &most), Some(("z", true)));
+        assert_eq!(up_of(&names, &[up, up, lying].concat()), None);
         // Somebody who lies along x, or leans along y.
-        assert_eq!(told(&names, &[lying, lying].concat()), None);
+        assert_eq!(up_of(&names, &[lying, lying].concat()), None);
         let leaning = [1., 90., 170., 0., 0., 5., n, n, n, 9., 900., 9.];
-        assert_eq!(told(&names, &leaning), Some(("z", true)));
+        assert_eq!(up_of(&names, &leaning), Some(("z", true)));
         let down = up.map(|v| -v);
-        assert_eq!(told(&names, &[down, down].concat()), Some(("z", false)));
-        assert_eq!(told(&["LELB", "LHEE"], &[0., 0., 9., 0., 0., 0.]), None);
+        assert_eq!(up_of(&names, &[down, down].concat()), Some(("z", false)));
+        assert_eq!(up_of(&["LELB", "LHEE"], &[0., 0., 9., 0., 0., 0.]), None);
         assert!(is_foot("L.Heel") && is_foot("RANK") && !is_foot("LSHANK") && !is_foot("RFRANK"));
         assert!(is_head("HeadL") && is_head("rbhd") && !is_head("L_FibHead") && !is_head("RMT5"));
     }

@@ -24,7 +24,7 @@ use super::components::components;
 use super::hinge::{Anchor, objective};
 use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learned, Needs, RANK, TrainingPairs};
+use super::{Learned, Needs, Settings, TrainingPairs};
 use crate::Result;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
@@ -39,24 +39,6 @@ const STEPS: usize = 10;
 const TOLERANCE: f64 = 1e-4;
 /// Poses whose distances to all others are held at one time.
 const ROWS: usize = 128;
-
-/// Settings of [`fit`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Directions to learn.
-    pub rank: usize,
-    /// Largest number of rounds, of 10 steps each. More than a few fit the pairs alone.
-    pub rounds: usize,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            rank: RANK,
-            rounds: 5,
-        }
-    }
-}
 
 /// Learns W (d, at most rank). It converged when a round gained too little, before the largest
 /// number of rounds.
@@ -208,7 +190,16 @@ mod tests {
         let labeled = Labeled::new(&pairs);
         let x = centered(data.x.select(Axis(0), &labeled.rows).view());
         let after = |rounds| {
-            let w = fit(&pairs, &Settings { rank: 3, rounds }).unwrap().w;
+            let w = fit(
+                &pairs,
+                &Settings {
+                    rank: 3,
+                    rounds,
+                    ..Settings::default()
+                },
+            )
+            .unwrap()
+            .w;
             let anchors = labeled.anchors(&x.dot(&w));
             objective(x.view(), &anchors, w.view()).0
         };
@@ -241,6 +232,7 @@ mod tests {
             &Settings {
                 rank: 2,
                 rounds: 50,
+                ..Settings::default()
             },
         )
         .unwrap();

@@ -151,18 +151,18 @@ mod tests {
 
     #[test]
     fn what_cannot_be_learned_from_is_told() {
-        let told = |terms: Array2<f64>, labels: &[bool], phrase: &str| {
-            let told = fit(terms.view(), labels).unwrap_err();
-            assert!(told.to_string().contains(phrase), "{told}");
+        let refuses = |terms: Array2<f64>, labels: &[bool], phrase: &str| {
+            let error = fit(terms.view(), labels).unwrap_err();
+            assert!(error.to_string().contains(phrase), "{error}");
         };
         let both = [true, false];
-        told(array![[1.0], [2.0]], &[true, true], "label 0 too");
-        told(array![[1.0], [2.0]], &[false, false], "label 1");
-        told(array![[1.0], [-2.0]], &both, "at least 0");
-        told(array![[1.0], [f64::NAN]], &both, "at least 0");
-        told(array![[1.0]], &both, "2 for 1");
-        told(array![[1.0], [0.0]], &both, "differ");
-        told(Array2::zeros((2, 0)), &both, "differ");
+        refuses(array![[1.0], [2.0]], &[true, true], "label 0 too");
+        refuses(array![[1.0], [2.0]], &[false, false], "label 1");
+        refuses(array![[1.0], [-2.0]], &both, "at least 0");
+        refuses(array![[1.0], [f64::NAN]], &both, "at least 0");
+        refuses(array![[1.0]], &both, "2 for 1");
+        refuses(array![[1.0], [0.0]], &both, "differ");
+        refuses(Array2::zeros((2, 0)), &both, "differ");
         assert!(fit(array![[1.0], [2.0]].view(), &both).unwrap()[0] > 0.0);
     }
 }

@@ -18,7 +18,7 @@
 use super::components::components;
 use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learned, Needs, RANK, TrainingPairs};
+use super::{Learned, Needs, Settings, TrainingPairs};
 use crate::Result;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
@@ -35,25 +35,6 @@ const PARTS: usize = 16;
 const FARTHEST: f64 = 30.0;
 /// A step that gains at most this share is the last.
 const TOLERANCE: f64 = 1e-5;
-
-/// Settings of [`fit`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Directions to learn.
-    pub rank: usize,
-    /// Largest number of steps. On made poses of 200 dimensions 20 served unseen poses best: later
-    /// steps fit the pairs alone.
-    pub steps: usize,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            rank: RANK,
-            steps: 20,
-        }
-    }
-}
 
 /// Learns W (d, at most rank). It converged when a step gained too little, before the largest
 /// number of steps.
@@ -217,7 +198,15 @@ mod tests {
     fn steps_make_alike_neighbors_likelier() {
         let data = Planted::new(2, 3);
         let after = |steps| {
-            let learned = fit(&data.pairs(), &Settings { rank: 2, steps }).unwrap();
+            let learned = fit(
+                &data.pairs(),
+                &Settings {
+                    rank: 2,
+                    steps,
+                    ..Settings::default()
+                },
+            )
+            .unwrap();
             let rows = data.pairs().labeled();
             let class: Vec<usize> = rows.iter().map(|i| i % 10).collect();
             let x = data.x.select(Axis(0), &rows);
@@ -235,8 +224,8 @@ mod tests {
             unlike: &[],
             ..data.pairs()
         };
-        let told = fit(&pairs, &Settings::default()).unwrap_err();
-        assert!(told.to_string().contains("at least 2 groups"), "{told}");
+        let error = fit(&pairs, &Settings::default()).unwrap_err();
+        assert!(error.to_string().contains("at least 2 groups"), "{error}");
         let pairs = TrainingPairs {
             unlike: &[[1, 3]],
             ..pairs

@@ -12,29 +12,11 @@
 
 use super::components::components;
 use super::scatter::{add_ridge, total_scatter};
-use super::{Needs, RANK, RIDGE, TrainingPairs};
+use super::{Needs, Settings, TrainingPairs};
 use crate::Result;
 use crate::numeric::linalg::generalized_eigen;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array2, ArrayView2, Axis, s};
-
-/// Settings of [`fit`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Directions to keep.
-    pub rank: usize,
-    /// Share of C's mean diagonal that is added to its diagonal.
-    pub ridge: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            rank: RANK,
-            ridge: RIDGE,
-        }
-    }
-}
 
 /// Learns W (d, at most rank), the most relevant direction first. Uses alike pairs only; poses
 /// without a label count in the total variance.
@@ -77,6 +59,7 @@ mod tests {
         let settings = Settings {
             rank: 99,
             ridge: 0.01,
+            ..Settings::default()
         };
         let w = fit(&data.pairs(), &settings).unwrap();
         let mut within = chunklet_covariance(data.x.view(), &data.alike);
@@ -132,6 +115,7 @@ mod tests {
         let without = Settings {
             rank: 2,
             ridge: 0.0,
+            ..Settings::default()
         };
         assert!(fit(&one, &without).unwrap_err().contains("ridge"));
     }

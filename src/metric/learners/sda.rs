@@ -17,38 +17,13 @@
 
 use super::neighbors::edges;
 use super::scatter::{add_ridge, pair_scatter};
-use super::{Needs, RANK, RIDGE, TrainingPairs};
+use super::{Needs, Settings, TrainingPairs};
 use crate::Result;
 use crate::numeric::linalg::generalized_eigen;
 use ndarray::{Array2, s};
 
 /// An eigenvalue of at most this share of the largest is 0 but for rounding.
 const LEAST_RATIO: f64 = 1e-10;
-
-/// Settings of [`fit`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Directions to keep.
-    pub rank: usize,
-    /// Neighbors of each pose in the graph.
-    pub neighbors: usize,
-    /// β: the weight of the graph; 1 weighs it as much as the alike pairs, 0 leaves it out.
-    pub beta: f64,
-    /// Share of the mean diagonal of S_W + β J that is added to its diagonal.
-    pub ridge: f64,
-}
-
-impl Default for Settings {
-    /// 5 neighbors and a β of 0.1, which was not tuned.
-    fn default() -> Self {
-        Settings {
-            rank: RANK,
-            neighbors: 5,
-            beta: 0.1,
-            ridge: RIDGE,
-        }
-    }
-}
 
 /// Learns W (d, at most rank), the most discriminative direction first.
 ///
@@ -176,7 +151,7 @@ mod tests {
             unlike: &[[3, 3]],
             ..pairs
         };
-        let told = fit(&same, &Settings::default()).unwrap_err();
-        assert!(told.to_string().contains("differ"), "{told}");
+        let error = fit(&same, &Settings::default()).unwrap_err();
+        assert!(error.to_string().contains("differ"), "{error}");
     }
 }

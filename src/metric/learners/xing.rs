@@ -19,7 +19,7 @@
 //! Cost: O(q d² + d³) a step for q unlike pairs.
 
 use super::scatter::{add_ridge, differences, pair_scatter};
-use super::{Learned, Needs, RANK, RIDGE, TrainingPairs};
+use super::{Learned, Needs, Settings, TrainingPairs};
 use crate::Result;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::linalg::{Cholesky, symmetric_eigen};
@@ -31,24 +31,6 @@ const STEPS: usize = 30;
 const ROUNDS: usize = 10;
 /// Largest relative distance from the best that counts as converged.
 const GAP: f64 = 1e-3;
-
-/// Settings of [`fit`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Directions to keep.
-    pub rank: usize,
-    /// Share of the mean diagonal of the alike pairs' scatter that is added to its diagonal.
-    pub ridge: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            rank: RANK,
-            ridge: RIDGE,
-        }
-    }
-}
 
 /// Learns W (d, at most rank): the leading eigenvectors of M, each times the root of its
 /// eigenvalue, so M is about W Wᵀ.
@@ -179,6 +161,7 @@ mod tests {
         let settings = Settings {
             rank: 5,
             ridge: 1e-9,
+            ..Settings::default()
         };
         let learned = fit(&data.pairs(), &settings).unwrap();
         assert!(learned.converged);
@@ -219,6 +202,7 @@ mod tests {
             &Settings {
                 rank: 3,
                 ridge: 0.0,
+                ..Settings::default()
             },
         )
         .unwrap();

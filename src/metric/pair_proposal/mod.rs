@@ -15,7 +15,7 @@ mod spread;
 
 use super::body_frame::BodyFramePoses;
 use crate::Result;
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use candidates::{Found, Sample};
 use std::collections::HashSet;
 

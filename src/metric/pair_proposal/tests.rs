@@ -71,7 +71,7 @@ fn pairs_are_spread_over_takes_and_distances() {
 
 #[test]
 fn the_seed_alone_decides() {
-    let ask = |seed| {
+    let propose_seed = |seed| {
         let rules = PairRules {
             count: 20,
             seed,
@@ -79,10 +79,10 @@ fn the_seed_alone_decides() {
         };
         propose(&waves(), &names(4), &rules).unwrap()
     };
-    assert_eq!(ask(1), ask(1));
-    assert_ne!(ask(1).pairs, ask(2).pairs);
-    let alone = crate::numeric::parallel::single_threaded(|| ask(1));
-    assert_eq!(alone, ask(1));
+    assert_eq!(propose_seed(1), propose_seed(1));
+    assert_ne!(propose_seed(1).pairs, propose_seed(2).pairs);
+    let alone = crate::numeric::parallel::single_threaded(|| propose_seed(1));
+    assert_eq!(alone, propose_seed(1));
 }
 
 #[test]

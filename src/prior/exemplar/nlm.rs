@@ -94,7 +94,7 @@ impl NlmPrior {
     }
 
     /// Answers observations that are scored together.
-    fn answer_tile(&self, tile: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+    fn posterior_tile(&self, tile: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
         let weights: Vec<Vec<f64>> = tile.iter().map(|(o, _)| self.weights(o.variance)).collect();
         let y: Vec<Vec<f64>> = tile
             .iter()
@@ -106,13 +106,13 @@ impl NlmPrior {
         rows.zip(y.iter().zip(&weights))
             .map(|((scores, (o, want)), (y, w))| {
                 let explained = self.poses.explain(scores, y, w);
-                self.answer(y, o.variance, w, &explained, *want)
+                self.posterior_of(y, o.variance, w, &explained, *want)
             })
             .collect()
     }
 
     /// The posterior for the observation `y` about the mean pose.
-    fn answer(
+    fn posterior_of(
         &self,
         y: &[f64],
         noise: &[f64],
@@ -161,11 +161,12 @@ impl Prior for NlmPrior {
     }
 
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
-        self.answer_tile(&[(*observation, want)]).remove(0)
+        self.posterior_tile(&[(*observation, want)]).remove(0)
     }
 
     fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
-        let tiles = parallel::map_chunks(batch.len(), TILE, |rows| self.answer_tile(&batch[rows]));
+        let tiles =
+            parallel::map_chunks(batch.len(), TILE, |rows| self.posterior_tile(&batch[rows]));
         tiles.into_iter().flatten().collect()
     }
 
@@ -179,7 +180,7 @@ impl Prior for NlmPrior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use ndarray::{Array2, Axis};
 
     fn exemplars(n: usize) -> Array2<f64> {

@@ -248,7 +248,7 @@ mod tests {
     use super::*;
     use crate::numeric::parallel;
     use crate::pose::joints;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use crate::prior::training_set::{TrainOptions, TrainingSet};
     use rand::Rng;
 

@@ -15,6 +15,7 @@
 //! nodes overlap, and at worst (queries far from all poses) that of a scan.
 
 use crate::numeric::linalg::symmetric_eigen;
+use crate::numeric::statistics::span;
 use crate::pose::PoseTransform;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::BinaryHeap;
@@ -264,13 +265,7 @@ fn split(along: &Array2<f64>, order: &mut [u32], first: usize, nodes: &mut Vec<N
     if order.len() <= LEAF {
         return;
     }
-    let spread = |c: usize| {
-        let values = order.iter().map(|i| along[[*i as usize, c]]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
-        high - low
-    };
+    let spread = |c: usize| span(order.iter().map(|i| along[[*i as usize, c]]));
     let widest = (0..along.ncols())
         .map(|c| (spread(c), c))
         .fold((f64::NEG_INFINITY, 0), |a, b| if b.0 > a.0 { b } else { a })

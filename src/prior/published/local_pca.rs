@@ -142,7 +142,7 @@ impl Prior for LocalPcaPrior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
 
     fn poses(n: usize) -> Array2<f32> {
         Array2::from_shape_fn((n, 9), |(t, c)| {

@@ -103,7 +103,7 @@ impl Prior for NearestNeighborPrior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
 
     fn poses(n: usize) -> Array2<f32> {
         Array2::from_shape_fn((n, 6), |(t, c)| {

@@ -5,7 +5,7 @@
 //! what three atoms cannot say, and what neighboring coordinates imply about each other, is not
 //! lost. [`OpenOptions::published`] answers A x alone, as the paper does.
 
-mod model;
+mod train;
 
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
@@ -20,7 +20,7 @@ use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
-pub use model::{joined_model, sparse_model, train};
+pub use train::{joined_model, sparse_model, train};
 
 /// Residual variance of a coordinate for models that state none, cm².
 const UNKNOWN_RESIDUAL: f64 = 1.0;

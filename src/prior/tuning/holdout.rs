@@ -15,8 +15,8 @@ use std::ops::Range;
 const SHARE: f64 = 0.2;
 /// Largest number of held-out poses restored per setting; half as many if each has its own noise.
 const MAX_TESTED: usize = 600;
-/// Number of stretches into which the takes are cut if they are too few to hold out whole ones.
-const STRETCHES: usize = 20;
+/// Number of segments into which the takes are cut if they are too few to hold out whole ones.
+const SEGMENTS: usize = 20;
 /// Share of the points that sparse noise hits (section 4.2).
 const HIT: f64 = 0.2;
 
@@ -32,7 +32,7 @@ pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet,
             let wanted = (SHARE * n as f64) as usize;
             // Whole takes, where that leaves at least half of the poses to learn from.
             if parts.len() < 5 || parts.iter().any(|p| p.len() > n / 2) {
-                parts = stretches(&poses.takes, n.div_ceil(STRETCHES));
+                parts = segments(&poses.takes, n.div_ceil(SEGMENTS));
             }
             parts.shuffle(&mut generator);
             let mut count = 0;
@@ -70,8 +70,8 @@ pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet,
     (part, poses.xyz.select(Axis(0), &some).mapv(f64::from))
 }
 
-/// Takes cut into stretches of at most `length` frames.
-fn stretches(takes: &[Range<usize>], length: usize) -> Vec<Range<usize>> {
+/// Takes cut into segments of at most `length` frames.
+fn segments(takes: &[Range<usize>], length: usize) -> Vec<Range<usize>> {
     let length = length.max(1);
     let cut = |t: &Range<usize>| {
         let t = t.clone();
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_takes_are_held_back_and_stretches_of_one() {
+    fn whole_takes_are_held_back_and_segments_of_one() {
         for (takes, frames, part) in [(10, 50, 50), (1, 500, 25)] {
             let all = poses(takes, frames);
             let (kept, held) = hold_back(&all, HoldBack::Takes, 3);

@@ -43,20 +43,14 @@ pub enum Task {
     Treated,
 }
 
+names!(Task {
+    Dense = "dense",
+    Sparse = "sparse",
+    Complete = "complete",
+    Treated = "treated",
+});
+
 impl Task {
-    /// All tasks.
-    pub const ALL: [Task; 4] = [Task::Dense, Task::Sparse, Task::Complete, Task::Treated];
-
-    /// `dense`, `sparse`, `complete`, `treated`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Task::Dense => "dense",
-            Task::Sparse => "sparse",
-            Task::Complete => "complete",
-            Task::Treated => "treated",
-        }
-    }
-
     /// What an observation of this noise (cm², infinite missing) looks like: any coordinate missing
     /// is a completion; all noises from (0.3 asf)² on are dense noise; else the noise is taken
     /// for sparse, at unknown points.

@@ -57,18 +57,18 @@ impl TunedPrior {
         variance.iter().map(|n| setting.noise_of(*n)).collect()
     }
 
-    /// Asks the prior of the observation's task, with the variances that its setting assumes.
-    fn ask<T>(
+    /// Calls the prior of the observation's task, with the variances that its setting assumes.
+    fn at_task<T>(
         &self,
         observation: &Observation<'_>,
-        question: impl FnOnce(&dyn Prior, &Observation<'_>) -> T,
+        method: impl FnOnce(&dyn Prior, &Observation<'_>) -> T,
     ) -> T {
         let task = self.task(observation.variance);
         let observation = Observation {
             values: observation.values,
             variance: &self.assumed(task, observation.variance),
         };
-        question(self.prior(task), &observation)
+        method(self.prior(task), &observation)
     }
 }
 
@@ -91,12 +91,12 @@ impl Prior for TunedPrior {
     }
 
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
-        self.ask(observation, |prior, observation| {
+        self.at_task(observation, |prior, observation| {
             prior.posterior(observation, want)
         })
     }
 
-    /// Runs of observations of one task are answered together.
+    /// Runs of observations of one task are passed on together.
     fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
         let assumed = batch.iter().map(|(o, _)| {
             let task = self.task(o.variance);
@@ -124,7 +124,7 @@ impl Prior for TunedPrior {
         observation: &Observation<'_>,
         previous: Option<&Reconstruction>,
     ) -> Reconstruction {
-        self.ask(observation, |prior, observation| {
+        self.at_task(observation, |prior, observation| {
             prior.reconstruct(observation, previous)
         })
     }
@@ -135,7 +135,7 @@ impl Prior for TunedPrior {
         reconstruction: &Reconstruction,
         want: Want,
     ) -> Posterior {
-        self.ask(observation, |prior, observation| {
+        self.at_task(observation, |prior, observation| {
             prior.posterior_given(observation, reconstruction, want)
         })
     }

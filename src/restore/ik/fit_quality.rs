@@ -6,7 +6,7 @@
 //! cm already: the smaller limit counts. (A leg of 40 cm has both limits equal; 5% of an adult's is
 //! twice 2 cm.) The shares are what remains for bodies in another unit.
 
-use crate::numeric::median::median;
+use crate::numeric::statistics::median;
 use crate::pose::{PointNaming, Poses, joints};
 use glam::DVec3;
 

@@ -6,13 +6,12 @@ use self::scan_markers::markers_on_scan;
 use clap::Parser;
 use posing::body::BodyModel;
 use posing::body::Marker;
-use posing::body::animation::{MarkerFrame, Offsets};
+use posing::body::animation::Offsets;
 use posing::body::take::BodyTake;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::fit_take;
 use posing::cli::body::{
-    check_points, columns_of, open_body, points_of, read_marker_map, read_shapes, write_rotations,
-    write_shapes,
+    marker_frames, open_body, read_marker_map, read_shapes, write_rotations, write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
 use posing::cli::input;
@@ -111,8 +110,8 @@ pub fn work(args: &Args) -> Result<()> {
     )?;
     let other = args.shape.as_deref().map(|text| other_shape(text, &body));
     let other = other.transpose()?;
-    let (markers, mut frames) = markers(args, &body, &table)?;
-    check_points(&body, &markers, &mut frames, &table.name)?;
+    let (names, markers) = markers(args, &body, &table)?;
+    let frames = marker_frames(&body, &markers, &table, &names, "the map")?;
     let known = Offsets::Known;
     let animation = fit_take(&body, &markers, &frames, args.noise, known, &table.name)?;
     let mut take = BodyTake::of(&body, &animation, &table.poses, fps);
@@ -137,24 +136,17 @@ fn other_shape(text: &str, body: &BodyModel) -> Result<Vec<f64>> {
     }
 }
 
-/// The markers on the body, and where they are in each frame.
-fn markers(
-    args: &Args,
-    body: &BodyModel,
-    table: &Table,
-) -> Result<(Vec<Marker>, Vec<MarkerFrame>)> {
-    let (names, markers) = match (&args.on, &args.scan, args.scan_frame, args.scan_units) {
+/// The names of the markers, and where they are on the body.
+fn markers(args: &Args, body: &BodyModel, table: &Table) -> Result<(Vec<String>, Vec<Marker>)> {
+    match (&args.on, &args.scan, args.scan_frame, args.scan_units) {
         (_, Some(scan), Some(frame), Some(unit)) => {
             let units = Units {
                 unit,
                 up: args.scan_up,
             };
-            markers_on_scan(body, scan, units, table, frame)?
+            markers_on_scan(body, scan, units, table, frame)
         }
-        (Some(on), ..) => read_marker_map(on, body.template.vertices.len())?,
-        _ => return Err(Error::usage("give --on MAP.csv or --scan MESH")),
-    };
-    let columns = columns_of(&table.poses, &names, "the map", &table.name)?;
-    let frames = (0..table.poses.frames()).map(|t| points_of(&table.poses, t, &columns));
-    Ok((markers, frames.collect()))
+        (Some(on), ..) => read_marker_map(on, body.template.vertices.len()),
+        _ => Err(Error::usage("give --on MAP.csv or --scan MESH")),
+    }
 }

@@ -3,12 +3,12 @@
 mod code_table;
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, PursuitFlag};
+use posing::cli::args::{CommonArgs, InputArgs};
 
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::streams::open_output;
 use posing::prior::sparse_coding::dictionary;
-use posing::sparse::{Encoder, Omp};
+use posing::sparse::{Encoder, Omp, SelectionRule};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 
@@ -42,7 +42,7 @@ pub struct Args {
     sparsity: u32,
     /// Rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]
-    pursuit: PursuitFlag,
+    pursuit: SelectionRule,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -73,7 +73,7 @@ impl From<&Args> for Omp {
     fn from(args: &Args) -> Omp {
         Omp {
             sparsity: args.sparsity as usize,
-            rule: args.pursuit.rule(),
+            rule: args.pursuit,
             ..Omp::default()
         }
     }

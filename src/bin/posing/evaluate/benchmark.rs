@@ -12,7 +12,7 @@ use posing::evaluate::benchmark::result::Case;
 use posing::evaluate::benchmark::result_cache::{self, ResultCache};
 use posing::evaluate::benchmark::runner::{Event, Results};
 use posing::evaluate::benchmark::{
-    Benchmark, BenchmarkResult, Method, Settings, Share, Split, Task,
+    Benchmark, BenchmarkResult, Method, Settings, Shard, Split, Task,
 };
 use posing::evaluate::report::BenchmarkReport;
 use posing::evaluate::report::paper::{Comparison, FinishedRun};
@@ -241,8 +241,8 @@ pub fn run(bench: &Benchmark<'_>, cache: Option<ResultCache>) -> Result<Vec<Benc
 ///
 /// # Errors
 /// Errors of [`run`].
-pub fn run_share(bench: &Benchmark<'_>, share: Share, cache: ResultCache) -> Result<()> {
-    let cases = bench.cases_of(share);
+pub fn run_shard(bench: &Benchmark<'_>, shard: Shard, cache: ResultCache) -> Result<()> {
+    let cases = bench.cases_of(shard);
     if cases.is_empty() {
         messages::info(
             "nothing to run in this share: there are more shares than models, splits and seeds to \

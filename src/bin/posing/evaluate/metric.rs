@@ -3,20 +3,17 @@
 use super::benchmark::write;
 use clap::Args;
 use posing::cli::args::InputArgs;
-use posing::cli::feature_table::joint_map;
+use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::progress::Progress;
 use posing::cli::take_classes;
 use posing::cli::{input, messages, streams};
-use posing::evaluate::metric::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
+use posing::evaluate::retrieval::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
 use posing::metric::JointMap;
 use posing::metric::blend_test::ClipRange;
 use posing::metric::clip::Clip;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
-
-/// Steps of the progress bar.
-const STEPS: f64 = 1000.0;
 
 /// Flags of `evaluate metric`.
 #[derive(Debug, Clone, Args)]
@@ -45,15 +42,8 @@ pub struct EvaluateMetricArgs {
     /// Compare published distances only: no table of learners, ranks and numbers of poses
     #[arg(long)]
     short: bool,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -63,8 +53,7 @@ pub struct EvaluateMetricArgs {
 }
 
 fn rule(text: &str) -> std::result::Result<LabelRule, String> {
-    let found = LabelRule::ALL.into_iter().find(|r| r.name() == text.trim());
-    found.ok_or_else(|| "expected class, phase or blend".into())
+    LabelRule::of_name(text.trim()).ok_or_else(|| "expected class, phase or blend".into())
 }
 
 /// Tests distances of poses, and prints tables.
@@ -74,7 +63,7 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 /// or to test on.
 pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
     input::check_single_stdin_with(&args.input, [&args.classes])?;
-    let map = joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
     let source = takes.source.clone();
     let set = classified(takes, &args.classes, &map)?;
@@ -93,11 +82,9 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
         seed: args.seed,
         is_short: args.short,
     };
-    let bar = Progress::new("evaluate metric", STEPS as u64);
+    let bar = Progress::new("evaluate metric", Progress::SHARES);
     let report = test(&set, &map, &settings, &mut |what, share| {
-        bar.set_message(what.to_string());
-        bar.set((STEPS * share) as u64);
-        messages::debug(what);
+        bar.set_share(what, share);
     })
     .map_err(|e| e.at(Place::file(source)))?;
     drop(bar);

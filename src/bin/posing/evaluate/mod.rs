@@ -11,7 +11,7 @@ use clap::{Parser, Subcommand};
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::streams;
 use posing::evaluate::benchmark::result_cache::ResultCache;
-use posing::evaluate::benchmark::{Benchmark, Dataset, Share};
+use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
 use posing::evaluate::report::BenchmarkReport;
 use posing::{Error, Result};
 use std::path::PathBuf;
@@ -83,7 +83,7 @@ pub struct Args {
         requires = "output",
         conflicts_with = "paper"
     )]
-    cells: Option<Share>,
+    cells: Option<Shard>,
     /// Run nothing; take the results that --cells left in these folders, and write the report into
     /// the DIR of -o. Tables and flags must be those of --cells: results of others do not
     /// count, and missing ones are an error. Name the tables before --merge
@@ -178,10 +178,10 @@ pub fn work(args: &Args) -> Result<()> {
     benchmark::report_exclusions(&bench);
     let open = |folder: &PathBuf| ResultCache::open(folder, args.fresh);
     let mut cache = plan.output.as_ref().map(open).transpose()?;
-    if let Some(share) = args.cells
+    if let Some(shard) = args.cells
         && let Some(cache) = cache
     {
-        return benchmark::run_share(&bench, share, cache);
+        return benchmark::run_shard(&bench, shard, cache);
     }
     if let (false, Some(cache)) = (args.merge.is_empty(), &mut cache) {
         benchmark::merge(&bench, &args.merge, cache)?;

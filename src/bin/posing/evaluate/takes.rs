@@ -6,12 +6,9 @@ use posing::Result;
 use posing::cli::args::InputArgs;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages, streams};
-use posing::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};
+use posing::evaluate::restoration::{GapLength, TakesSettings, TestTakes, TestedModel};
 use posing::pose::units::parse_length;
 use std::path::PathBuf;
-
-/// Steps of the progress bar.
-const STEPS: f64 = 1000.0;
 
 /// Flags of `evaluate takes`.
 #[derive(Debug, Clone, Args)]
@@ -100,11 +97,9 @@ pub fn evaluate_takes(args: &EvaluateTakesArgs) -> Result<()> {
         noise: args.noise.clone(),
         seed: args.seed,
     };
-    let bar = Progress::new("evaluate takes", STEPS as u64);
+    let bar = Progress::new("evaluate takes", Progress::SHARES);
     let report = takes.test(tested, &settings, &mut |what, share| {
-        bar.set_message(what.to_string());
-        bar.set((STEPS * share) as u64);
-        messages::debug(what);
+        bar.set_share(what, share);
     })?;
     drop(bar);
     if let Some(folder) = &args.output {

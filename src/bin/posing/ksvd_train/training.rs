@@ -1,7 +1,7 @@
 //! `ksvd-train` around the library: its flags, the log, the checkpoint, the progress bar.
 
 use ndarray::ArrayView2;
-use posing::cli::args::{InputArgs, PursuitFlag, Space, parse_positive, value_name};
+use posing::cli::args::{InputArgs, Space, parse_positive, value_name};
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages};
 use posing::io::input::ContentKind;
@@ -9,7 +9,8 @@ use posing::io::{Input, Model, Table};
 use posing::prior::provenance::digest;
 use posing::prior::{TrainingSet, sparse_coding};
 use posing::sparse::{
-    Dictionary, Encoder, GrowthSearch, IterationStats, Ksvd, TrainingState, random_atoms,
+    Dictionary, Encoder, GrowthSearch, IterationStats, Ksvd, SelectionRule, TrainingState,
+    random_atoms,
 };
 use posing::{Error, Place, Result};
 use std::io::Write;
@@ -44,7 +45,7 @@ pub struct KsvdArgs {
     pub iterations: u32,
     /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]
-    pub pursuit: PursuitFlag,
+    pub pursuit: SelectionRule,
     /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random
     /// poses)
     #[arg(long, value_name = "DICT.npz|TABLE")]
@@ -76,7 +77,7 @@ impl KsvdArgs {
             seed,
             iterations: self.iterations as usize,
             sparsity: self.sparsity as usize,
-            rule: self.pursuit.rule(),
+            rule: self.pursuit,
             coherence: self.coherence,
             target: self.error,
             ..defaults
@@ -292,8 +293,8 @@ impl TrainingRun<'_> {
         let atoms = model.array("atoms", "checkpoint");
         let dictionary = (atoms.and_then(|a| Dictionary::from_rows(a.view())))
             .map_err(|e| damaged(&e.to_string()))?;
-        let asked = self.atoms.is_none_or(|n| n == dictionary.len());
-        if !asked || dictionary.width() != self.poses.ncols() {
+        let agrees = self.atoms.is_none_or(|n| n == dictionary.len());
+        if !agrees || dictionary.width() != self.poses.ncols() {
             return Err(damaged("its atoms do not match this run"));
         }
         let codes = Encoder::new(&dictionary, self.ksvd.omp())?.encode(self.poses)?;

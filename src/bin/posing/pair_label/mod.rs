@@ -5,8 +5,8 @@ mod output;
 use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
-use posing::cli::feature_table::joint_map;
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, format_of};
+use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::streams::write_bytes;
 use posing::metric::pair_proposal::PairRules;
@@ -34,15 +34,8 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: JointMapArgs,
     /// Largest mean joint distance of a pair, cm at the takes' median body height
     #[arg(long, value_name = "CM", default_value_t = PairRules::default().near)]
     near: f64,
@@ -90,10 +83,10 @@ pub fn work(args: &Args) -> Result<()> {
     // --csv alone writes the table and nothing else.
     let format = match (&args.csv, &args.output, args.to) {
         (Some(_), None, None) => None,
-        _ => Some(PairFormat::new(args.to, args.output.as_deref())?),
+        _ => Some(format_of(args.to, args.output.as_deref())?),
     };
     let rules = args.rules();
-    let map = joint_map(&args.map)?;
+    let map = args.map.joint_map()?;
     let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
     let pairs = PairSet::propose(&takes, &map, &rules)?;
     if let Some(path) = &args.csv {

@@ -1,6 +1,7 @@
 //! `pair-label` around the library: the format of the output, the motion of takes, the pairs as
 //! CSV, messages.
 
+use posing::audit::count;
 use posing::cli::messages;
 use posing::cli::metric_takes::MetricTakes;
 use posing::evaluate::pair_label::{self, Motion};
@@ -8,7 +9,6 @@ use posing::io::csv::push_cell;
 use posing::metric::JointMap;
 use posing::metric::pair_proposal::{NEAR_COPY, PairRules, Proposal, propose};
 use posing::{Error, Place, Result};
-use std::path::Path;
 
 /// The format of the proposed pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -17,26 +17,6 @@ pub enum PairFormat {
     Html,
     /// Table of the pairs with an empty label column
     Csv,
-}
-
-impl PairFormat {
-    /// The format of `--to`, else that of the file's name.
-    ///
-    /// # Errors
-    /// Usage: neither gives a format.
-    pub fn new(to: Option<PairFormat>, output: Option<&Path>) -> Result<PairFormat> {
-        let extension = output.and_then(Path::extension);
-        let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
-        match (to, extension.as_deref()) {
-            (Some(to), _) => Ok(to),
-            (None, Some("html" | "htm")) => Ok(PairFormat::Html),
-            (None, Some("csv")) => Ok(PairFormat::Csv),
-            _ => {
-                let what = "choose a format: -o FILE.html, -o FILE.csv, or --to html|csv";
-                Err(Error::usage(what))
-            }
-        }
-    }
 }
 
 /// Proposed pairs with the motion of their takes.
@@ -98,10 +78,7 @@ impl PairSet {
 /// How many pairs there are, how many are proposed, and why they are fewer than asked for.
 fn summary(proposal: &Proposal, rules: &PairRules) -> String {
     let (near, proposed) = (rules.near, proposal.pairs.len());
-    let pairs = match proposal.candidates {
-        1 => "1 pair".to_string(),
-        n => format!("{n} pairs"),
-    };
+    let pairs = count(proposal.candidates as usize, "pair");
     let found = format!(
         "{pairs} of {} poses within {near} cm; proposed {proposed}",
         proposal.poses

@@ -15,15 +15,11 @@ const MOST_STILLS: usize = 100;
 
 /// The flags of meshes.
 #[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Meshes")]
 pub struct MeshArgs {
     /// Comma-separated arrays of an NPZ file to draw, such as predicted; each is a figure
     /// (default: vertices; of body-fit's files, completed)
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        help_heading = "Meshes"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub array: Vec<String>,
 }
 

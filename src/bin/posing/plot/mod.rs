@@ -7,7 +7,7 @@ mod tables;
 use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use self::tables::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, InputArgs, format_of};
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::messages;
 use posing::cli::streams::write_bytes;
@@ -99,7 +99,7 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let to = PlotFormat::new(args.to, args.output.as_deref())?;
+    let to = format_of(args.to, args.output.as_deref())?;
     // A flag of the other format is refused rather than ignored.
     if let (PlotFormat::Html, Some(flag)) = (to, args.svg.given()) {
         return Err(Error::usage(format!("{flag} is for an SVG only")));

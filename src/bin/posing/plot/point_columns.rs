@@ -115,7 +115,7 @@ fn read_status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
     let Some(word) = text(row, column) else {
         return Ok(Status::Observed);
     };
-    Status::from_name(&word).ok_or_else(|| {
+    Status::of_name(&word).ok_or_else(|| {
         let names = Status::ALL.map(Status::name).join(", ");
         let what = format!("\"{word}\" is not a status; expected one of {names}");
         fault(file, row, what)
@@ -141,7 +141,7 @@ fn read_method(file: &str, row: &Row, column: Option<usize>) -> Result<Option<Fi
     if word.is_empty() {
         return Ok(None);
     }
-    let method = FillMethod::from_name(&word).ok_or_else(|| {
+    let method = FillMethod::of_name(&word).ok_or_else(|| {
         let names = FillMethod::ALL.map(FillMethod::name).join(", ");
         let what = format!("\"{word}\" is not a method; expected one of {names}");
         fault(file, row, what)

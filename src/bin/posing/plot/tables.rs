@@ -31,54 +31,25 @@ pub enum PlotFormat {
     Html,
 }
 
-impl PlotFormat {
-    /// The format of `--to`, else that of the file's name.
-    ///
-    /// # Errors
-    /// Usage: neither gives a format.
-    pub fn new(to: Option<PlotFormat>, output: Option<&Path>) -> Result<PlotFormat> {
-        let extension = output.and_then(Path::extension);
-        let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
-        match (to, extension.as_deref()) {
-            (Some(to), _) => Ok(to),
-            (None, Some("svg")) => Ok(PlotFormat::Svg),
-            (None, Some("html" | "htm")) => Ok(PlotFormat::Html),
-            _ => {
-                let what = "choose a format: -o FILE.svg, -o FILE.html, or --to svg|html";
-                Err(Error::usage(what))
-            }
-        }
-    }
-}
-
 /// The flags of an SVG.
 #[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "SVG")]
 pub struct SvgArgs {
     /// Comma-separated frames to draw, counted from 0 (default: six, evenly spaced)
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "SVG")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub frames: Vec<usize>,
     /// Draw the figures on top of each other
-    #[arg(long, conflicts_with = "trail", help_heading = "SVG")]
+    #[arg(long, conflicts_with = "trail")]
     pub overlaid: bool,
     /// Draw all frames in one panel, at their positions in the world
-    #[arg(long, help_heading = "SVG")]
+    #[arg(long)]
     pub trail: bool,
     /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of
     /// meshes, 0)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        help_heading = "SVG"
-    )]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub azimuth: Option<f64>,
     /// Angle at which the viewer looks down, in degrees (default: 12)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        help_heading = "SVG"
-    )]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub elevation: Option<f64>,
 }
 

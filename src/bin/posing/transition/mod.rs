@@ -6,7 +6,7 @@ mod take_pairs;
 use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::{feature_table, input, messages};
 use posing::metric::train::Learner;
 use posing::metric::{JointMap, PoseFeatures, PoseMetric, TrainSettings, train};
@@ -115,13 +115,7 @@ pub fn work(args: &Args) -> Result<()> {
             "--blend -: the transitions go to standard output too; write them to a file with -o",
         ));
     }
-    let metric = match &args.model {
-        Some(path) => {
-            let model = input::open_model(path)?;
-            Some(PoseMetric::from_model(&model, &path.display().to_string())?)
-        }
-        None => None,
-    };
+    let metric = args.model.as_deref().map(open_metric).transpose()?;
     let map = match (&metric, &args.map) {
         (Some(metric), _) => metric.map.clone(),
         (None, Some(map)) => feature_table::joint_map(map)?,

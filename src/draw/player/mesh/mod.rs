@@ -9,6 +9,7 @@ use super::parts::{PAPER, Part, parts};
 use super::{PART, Page, frames_left_out, paragraphs, whole_page};
 use crate::draw::html::{fill, script_json};
 use crate::draw::mesh_scene::{MeshFigure, MeshScene, round_length};
+use crate::numeric::statistics::median;
 use crate::{Error, Place, Result};
 use packed::{Packed, packed};
 use serde_json::{Value, json};
@@ -170,12 +171,11 @@ fn ground_and_size(figure: &MeshFigure<'_>) -> (f64, f64) {
     let boxes: Vec<_> = (0..figure.frames()).map(|t| figure.extent(t)).collect();
     let mut lows: Vec<f32> = boxes.iter().map(|b| b[1][0]).collect();
     let side = |[low, high]: [f32; 2]| (f64::from(high) - f64::from(low)).powi(2);
-    let mut sizes: Vec<f64> = (boxes.iter())
+    let sizes = (boxes.iter())
         .map(|b| b.iter().map(|s| side(*s)).sum::<f64>().sqrt())
         .collect();
     lows.sort_by(f32::total_cmp);
-    sizes.sort_by(f64::total_cmp);
-    let size = sizes[sizes.len() / 2];
+    let size = median(sizes).unwrap_or(0.0);
     // As for poses, the 1% quantile: one wrong frame must not move the ground.
     let ground = f64::from(lows[lows.len() / 100]);
     (ground, if size > 0.0 { size } else { 1.0 })

@@ -131,7 +131,7 @@ fn nothing_is_fetched_and_hostile_text_stays_text() {
         assert!(!page.contains(loading), "{loading}");
     }
     for source in [SCRIPT.as_str(), STYLE] {
-        assert!(page.contains(&super::super::policy_hash(source)));
+        assert!(page.contains(&crate::draw::html::policy_hash(source)));
         assert!(!source.to_lowercase().contains("</s"));
     }
 }

@@ -41,7 +41,7 @@ mod tests {
     use super::*;
     use crate::prior::published::gaussian::GaussianMixturePrior;
     use crate::prior::published::gaussian::em::moments_of;
-    use crate::prior::testdata::{Ask, normal};
+    use crate::prior::testdata::{PriorExt, normal};
     use ndarray::{Array1, s};
 
     /// Two clusters 100 cm apart, in turn.

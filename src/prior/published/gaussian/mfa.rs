@@ -14,7 +14,7 @@
 
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::single::RIDGE;
-use super::{MixtureKind, MixtureParams, Readout, Style, roots};
+use super::{MixtureKind, MixtureParams, roots};
 use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
@@ -29,14 +29,7 @@ const LEAST: usize = 30;
 const STEPS: usize = 10;
 
 /// The kind `mfa`.
-pub const KIND: MixtureKind = MixtureKind {
-    name: "mfa",
-    style: Style {
-        answer: Readout::Average,
-        estimates_rest: true,
-    },
-    learn,
-};
+pub const KIND: MixtureKind = MixtureKind::new("mfa", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(fit(xyz, (ANALYZERS, FACTORS), seed, Stop::default())?.0)

@@ -6,7 +6,7 @@
 
 use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
 use super::single::{self, RIDGE};
-use super::{MixtureKind, MixtureParams, Readout, Style};
+use super::{MixtureKind, MixtureParams};
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
@@ -18,14 +18,7 @@ const LEAST: usize = 50;
 const OWN: f64 = 0.7;
 
 /// The kind `mixture`.
-pub const KIND: MixtureKind = MixtureKind {
-    name: "mixture",
-    style: Style {
-        answer: Readout::Average,
-        estimates_rest: true,
-    },
-    learn,
-};
+pub const KIND: MixtureKind = MixtureKind::new("mixture", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);

@@ -157,8 +157,8 @@ mod tests {
             let mut array = broken.get(name).unwrap().into_owned();
             array[[0, 0]] = value;
             broken.insert(name, array);
-            let told = MixtureParams::read(&broken, "m").unwrap_err().to_string();
-            assert!(told.contains(name) && told.contains(what), "{told}");
+            let error = MixtureParams::read(&broken, "m").unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains(what), "{error}");
         }
     }
 }

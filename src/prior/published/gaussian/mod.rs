@@ -258,7 +258,7 @@ impl Prior for GaussianMixturePrior {
     }
 }
 
-/// A kind of Gaussian mixture: its name, how it answers, and how it learns from poses (n, D) with a
+/// A kind of Gaussian mixture: its name, how it is read, and how it learns from poses (n, D) with a
 /// seed.
 pub struct MixtureKind {
     /// The name in flags and model files.
@@ -270,6 +270,18 @@ pub struct MixtureKind {
 }
 
 impl MixtureKind {
+    /// A kind that averages Gaussians of which every part is estimated.
+    pub const fn new(
+        name: &'static str,
+        learn: fn(ArrayView2<'_, f32>, u64) -> Result<MixtureParams>,
+    ) -> MixtureKind {
+        let style = Style {
+            answer: Readout::Average,
+            estimates_rest: true,
+        };
+        MixtureKind { name, style, learn }
+    }
+
     fn family(&self, params: MixtureParams) -> PriorFamily {
         let style = self.style;
         Box::new(move |inflation| Box::new(GaussianMixturePrior::new(&params, style, inflation)))
@@ -309,7 +321,7 @@ mod tests {
     use super::mixture_params::three;
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use ndarray::{Array1, Axis, s};
     use std::f64::consts::PI;
 

@@ -2,7 +2,7 @@
 //! the MAP pose. Cost and limits: see [`super`].
 
 use super::em::moments_of;
-use super::{MixtureKind, MixtureParams, Readout, Style};
+use super::{MixtureKind, MixtureParams};
 use crate::Result;
 use crate::prior::tuning::ASF2;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -12,14 +12,7 @@ use ndarray::{Array2, ArrayView2, Axis};
 pub const RIDGE: f64 = 1e-3 * ASF2;
 
 /// The kind `gaussian`.
-pub const KIND: MixtureKind = MixtureKind {
-    name: "gaussian",
-    style: Style {
-        answer: Readout::Average,
-        estimates_rest: true,
-    },
-    learn,
-};
+pub const KIND: MixtureKind = MixtureKind::new("gaussian", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, _seed: u64) -> Result<MixtureParams> {
     let (mean, covariance) = of(xyz);

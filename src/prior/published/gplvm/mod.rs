@@ -211,7 +211,7 @@ mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
     use crate::prior::published::gplvm::process::Learned;
-    use crate::prior::testdata::Ask;
+    use crate::prior::testdata::PriorExt;
     use glam::DVec3;
 
     /// Poses along a closed curve.

@@ -76,7 +76,7 @@ impl TakesReport {
             let mut row = vec![cell.length.to_string(), cell.points.to_string()];
             row.extend(counts);
             row.extend(marked(&errors));
-            match cell.to_best_rival() {
+            match cell.to_best_baseline() {
                 Some((ratio, [low, high])) => {
                     row.extend([format!("{ratio:.2}"), format!("{low:.2} to {high:.2}")])
                 }

@@ -32,19 +32,13 @@ pub enum LabelRule {
     Blend,
 }
 
+names!(LabelRule {
+    Class = "class",
+    Phase = "phase",
+    Blend = "blend",
+});
+
 impl LabelRule {
-    /// All rules.
-    pub const ALL: [LabelRule; 3] = [LabelRule::Class, LabelRule::Phase, LabelRule::Blend];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            LabelRule::Class => "class",
-            LabelRule::Phase => "phase",
-            LabelRule::Blend => "blend",
-        }
-    }
-
     /// What it calls alike, and what not.
     pub fn describe(self) -> &'static str {
         match self {

@@ -1,11 +1,11 @@
 //! The simple methods: linear interpolation, PCHIP, a Gaussian, a Butterworth filter.
 
+use crate::evaluate::damage::gaps::Gap;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::pchip::pchip;
 use crate::restore::{LocalPoses, local_anchor};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use std::f64::consts::{PI, SQRT_2};
-use std::ops::Range;
 
 /// Seconds on either side of a gap that PCHIP looks at.
 const REACH: f64 = 1.0 / 6.0;
@@ -13,32 +13,26 @@ const REACH: f64 = 1.0 / 6.0;
 const RIDGE: f64 = 0.01;
 
 /// A gap to fill.
-pub(super) struct Hole<'a> {
+pub(super) struct CutGap<'a> {
     /// The names of the points (J).
     pub names: &'a [String],
     /// (n, 3 J), cm; NaN missing, the gap too.
     pub xyz: ArrayView2<'a, f64>,
-    /// The frames of the gap.
-    pub gap: Range<usize>,
-    /// The points that are missing there.
-    pub points: &'a [usize],
+    /// The gap.
+    pub gap: &'a Gap,
     /// Frames a second.
     pub rate: f64,
 }
 
-impl Hole<'_> {
-    fn columns(&self) -> Vec<usize> {
-        self.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect()
-    }
-
+impl CutGap<'_> {
     /// Straight lines between the ends; with one end, what is there. (frames of the gap, 3 points).
     pub fn linear(&self) -> Array2<f64> {
-        let columns = self.columns();
-        Array2::from_shape_fn((self.gap.len(), columns.len()), |(i, c)| {
+        let columns = self.gap.columns();
+        Array2::from_shape_fn((self.gap.frames.len(), columns.len()), |(i, c)| {
             let at = |t: usize| self.xyz[[t, columns[c]]];
-            let before = at(self.gap.start - 1);
-            match self.gap.end < self.xyz.nrows() {
-                true => before + (at(self.gap.end) - before) * self.share(i),
+            let before = at(self.gap.frames.start - 1);
+            match self.gap.frames.end < self.xyz.nrows() {
+                true => before + (at(self.gap.frames.end) - before) * self.share(i),
                 false => before,
             }
         })
@@ -46,20 +40,20 @@ impl Hole<'_> {
 
     /// How far frame `i` of the gap is from its start to its end, 0 to 1.
     fn share(&self, i: usize) -> f64 {
-        (i + 1) as f64 / (self.gap.len() + 1) as f64
+        (i + 1) as f64 / (self.gap.frames.len() + 1) as f64
     }
 
     /// PCHIP through the frames around; with one end, what is there.
     pub fn pchip(&self) -> Array2<f64> {
-        if self.gap.end >= self.xyz.nrows() {
+        if self.gap.frames.end >= self.xyz.nrows() {
             return self.linear();
         }
         let reach = (REACH * self.rate).round().max(2.0) as usize;
-        let near =
-            self.gap.start.saturating_sub(reach)..(self.gap.end + reach).min(self.xyz.nrows());
-        let at: Vec<f64> = self.gap.clone().map(|t| t as f64).collect();
-        let mut out = Array2::zeros((at.len(), 3 * self.points.len()));
-        for (c, column) in self.columns().into_iter().enumerate() {
+        let near = self.gap.frames.start.saturating_sub(reach)
+            ..(self.gap.frames.end + reach).min(self.xyz.nrows());
+        let at: Vec<f64> = self.gap.frames.clone().map(|t| t as f64).collect();
+        let mut out = Array2::zeros((at.len(), 3 * self.gap.points.len()));
+        for (c, column) in self.gap.columns().into_iter().enumerate() {
             let seen = |t: &usize| self.xyz[[*t, column]].is_finite();
             let frames: Vec<usize> = near.clone().filter(seen).collect();
             let x: Vec<f64> = frames.iter().map(|t| *t as f64).collect();
@@ -75,13 +69,15 @@ impl Hole<'_> {
     pub fn gaussian(&self, others: Option<&Moments>) -> Option<Array2<f64>> {
         let is_seen = |t: usize, p: usize| self.xyz[[t, 3 * p]].is_finite();
         let predictors: Vec<usize> = (0..self.names.len())
-            .filter(|p| !self.points.contains(p) && (0..self.xyz.nrows()).all(|t| is_seen(t, *p)))
+            .filter(|p| {
+                !self.gap.points.contains(p) && (0..self.xyz.nrows()).all(|t| is_seen(t, *p))
+            })
             .collect();
         let frames: Vec<usize> = (0..self.xyz.nrows())
-            .filter(|t| self.points.iter().all(|p| is_seen(*t, *p)))
+            .filter(|t| self.gap.points.iter().all(|p| is_seen(*t, *p)))
             .collect();
         let anchor = local_anchor(self.names, self.xyz, &predictors, &frames)?;
-        let own = LocalPoses::new(&anchor, self.xyz, &predictors, self.points);
+        let own = LocalPoses::new(&anchor, self.xyz, &predictors, &self.gap.points);
         let complete: Vec<usize> = frames.into_iter().filter(|t| own.is_complete(*t)).collect();
         if complete.len() < 2 {
             return None;
@@ -95,7 +91,7 @@ impl Hole<'_> {
         };
         let mut moments = Moments::of(&joined(&own, &complete)?)?;
         if let (Some(others), Some(_)) = (others, anchor.root) {
-            let points = predictors.iter().chain(self.points);
+            let points = predictors.iter().chain(&self.gap.points);
             let columns: Vec<usize> = points.flat_map(|p| 3 * p..3 * p + 3).collect();
             let others = others.select(&columns);
             moments.mean = (moments.mean + others.mean) / 2.0;
@@ -116,13 +112,13 @@ impl Hole<'_> {
                 false => Array1::zeros(error.len()),
             }
         };
-        let before = error(self.gap.start - 1);
-        let after = match self.gap.end < self.xyz.nrows() {
-            true => error(self.gap.end),
+        let before = error(self.gap.frames.start - 1);
+        let after = match self.gap.frames.end < self.xyz.nrows() {
+            true => error(self.gap.frames.end),
             false => before.clone(),
         };
-        let mut out = Array2::zeros((self.gap.len(), 3 * self.points.len()));
-        for (i, t) in self.gap.clone().enumerate() {
+        let mut out = Array2::zeros((self.gap.frames.len(), 3 * self.gap.points.len()));
+        for (i, t) in self.gap.frames.clone().enumerate() {
             let share = self.share(i);
             let local = estimate(t) + &before * (1.0 - share) + &after * share;
             let placement = own.placements[t]?;
@@ -165,7 +161,7 @@ impl Moments {
     }
 }
 
-/// A Butterworth low-pass filter of second order, run forwards and backwards over each stretch of
+/// A Butterworth low-pass filter of second order, run forwards and backwards over each run of
 /// known values, so that it has no lag. `cutoff` and `rate` in Hz, `cutoff` below half the rate.
 pub(super) fn butterworth(values: &[f64], cutoff: f64, rate: f64) -> Vec<f64> {
     let mut out = values.to_vec();
@@ -253,11 +249,13 @@ mod tests {
         });
         let truth = xyz.clone();
         xyz.slice_mut(s![20..30, 12..]).fill(f64::NAN);
-        let hole = Hole {
+        let cut = CutGap {
             names: &names,
             xyz: xyz.view(),
-            gap: 20..30,
-            points: &[4],
+            gap: &Gap {
+                frames: 20..30,
+                points: vec![4],
+            },
             rate: 60.0,
         };
         let worst = |found: Array2<f64>| {
@@ -267,7 +265,7 @@ mod tests {
         };
         // The frame of reference is fitted to all predictors, so that the relation is not quite
         // linear.
-        assert!(worst(hole.gaussian(None).unwrap()) < 0.1 * worst(hole.pchip()));
-        assert!(worst(hole.linear()) > 1.0 && worst(hole.pchip()) < worst(hole.linear()));
+        assert!(worst(cut.gaussian(None).unwrap()) < 0.1 * worst(cut.pchip()));
+        assert!(worst(cut.linear()) > 1.0 && worst(cut.pchip()) < worst(cut.linear()));
     }
 }

@@ -1,12 +1,13 @@
-//! Stretches of takes, drawn at random, with a gap in each.
+//! Segments of takes, drawn at random, with a gap in each.
 
 use super::TestTakes;
+use crate::evaluate::damage::gaps::Gap;
 use ndarray::Array2;
 use rand::Rng;
 use rand::seq::index::sample;
 use std::ops::Range;
 
-/// Seconds of a stretch, at most.
+/// Seconds of a segment, at most.
 const SECONDS: f64 = 12.5;
 /// Seconds that are left on either side of a gap, at least.
 const MARGIN: f64 = 0.2;
@@ -15,32 +16,30 @@ const TRIES: usize = 200;
 
 /// Frames of a take.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Stretch {
+pub(super) struct Segment {
     /// The index of the take.
     pub take: usize,
     /// Its frames, all of one run.
     pub frames: Range<usize>,
 }
 
-/// A stretch with a gap.
+/// A segment with a gap.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct StretchWithGap {
-    pub stretch: Stretch,
-    /// The frames of the gap, counted in the stretch.
-    pub gap: Range<usize>,
-    /// The points that are missing there, ascending.
-    pub points: Vec<usize>,
+pub(super) struct SegmentWithGap {
+    pub segment: Segment,
+    /// The gap, whose frames are counted in the segment.
+    pub gap: Gap,
 }
 
-/// Draws a stretch in which `points` random points are seen during a gap of `seconds` and right
-/// beside it, or, `to_the_end`, until the stretch ends. `None` where none is found.
+/// Draws a segment in which `points` random points are seen during a gap of `seconds` and right
+/// beside it, or, `to_the_end`, until the segment ends. `None` where none is found.
 pub(super) fn draw(
     takes: &TestTakes,
     seconds: f64,
     points: usize,
     to_the_end: bool,
     random: &mut impl Rng,
-) -> Option<StretchWithGap> {
+) -> Option<SegmentWithGap> {
     (0..TRIES).find_map(|_| {
         let take = random.random_range(0..takes.takes.len());
         let (poses, rate) = (&takes.takes[take].poses, takes.takes[take].rate);
@@ -73,30 +72,32 @@ pub(super) fn draw(
             .map(|k| seen[k])
             .collect();
         points.sort_unstable();
-        Some(StretchWithGap {
-            stretch: Stretch {
+        Some(SegmentWithGap {
+            segment: Segment {
                 take,
                 frames: start..start + most,
             },
-            gap,
-            points,
+            gap: Gap {
+                frames: gap,
+                points,
+            },
         })
     })
 }
 
 /// The longest run of a take, or a random part of it.
-pub(super) fn of_take(takes: &TestTakes, take: usize, random: &mut impl Rng) -> Option<Stretch> {
+pub(super) fn of_take(takes: &TestTakes, take: usize, random: &mut impl Rng) -> Option<Segment> {
     let runs = takes.takes[take].poses.runs();
     let run = runs.into_iter().max_by_key(|run| run.len())?;
     let most = ((SECONDS * takes.takes[take].rate) as usize).min(run.len());
     let start = run.start + random.random_range(0..=run.len() - most);
-    Some(Stretch {
+    Some(Segment {
         take,
         frames: start..start + most,
     })
 }
 
-impl Stretch {
+impl Segment {
     /// Its frames (n, 3 J), cm; NaN missing.
     pub fn xyz(&self, takes: &TestTakes) -> Array2<f64> {
         let poses = &takes.takes[self.take].poses;

@@ -1,26 +1,26 @@
 //! How well takes are restored: gaps and noise in a user's own takes, beside simple methods.
 //!
-//! Each gap is cut into a copy of a stretch of a take, is filled, and is compared with what was cut
-//! out; noise is added to other stretches and removed. Restored are they by a model that was
-//! trained on other subjects, by one given model, or by the takes alone; the rivals (`rivals`) are
-//! what everybody has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
+//! Each gap is cut into a copy of a segment of a take, is filled, and is compared with what was cut
+//! out; noise is added to other segments and removed. They are restored by a model that was trained
+//! on other subjects, by one given model, or by the takes alone. The `baselines` are what everybody
+//! has: PCHIP, linear interpolation, a Gaussian, a Butterworth filter.
 
+mod baselines;
 mod gaps;
 mod noise;
 mod report;
-mod rivals;
-mod stretches;
+mod segments;
 
 use crate::io::Model;
 use crate::pose::{Poses, Space};
 use crate::prior::{Kind, TrainOptions, TrainingSet};
 use crate::restore::Restorer;
 use crate::{Error, Place, Result};
+use baselines::Moments;
 pub use gaps::{GapCell, GapLength};
 use ndarray::Axis;
 pub use noise::NoiseCell;
 pub use report::TakesReport;
-use rivals::Moments;
 
 /// Training poses a second, at most: poses closer in time tell nothing new.
 const TRAINING_RATE: f64 = 30.0;

@@ -1,4 +1,4 @@
-//! The thread that answers requests, one after the other, and the queue before it.
+//! The thread that handles requests, one after the other, and the queue before it.
 
 use crate::{Error, Result};
 use std::collections::VecDeque;
@@ -7,10 +7,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 use tokio::sync::oneshot;
 
-/// What answers requests. It need not be `Send`: one thread builds it, calls it and drops it.
-pub trait Answer {
-    /// Answers a request; a refused one changes nothing.
-    fn answer(&mut self, request: &Request) -> std::result::Result<Reply, Refusal>;
+/// What handles requests. It need not be `Send`: one thread builds it, calls it and drops it.
+pub trait Handler {
+    /// Handles a request; a refused one changes nothing.
+    fn handle(&mut self, request: &Request) -> std::result::Result<Reply, Refusal>;
 
     /// Ends the work after the last request, such as by saving it.
     fn finish(self) -> Result<()>
@@ -103,12 +103,12 @@ impl Refusal {
     }
 }
 
-type Answered = std::result::Result<Reply, Refusal>;
+type Handled = std::result::Result<Reply, Refusal>;
 
 /// A request that waits, and where its answer goes.
 struct Job {
     request: Request,
-    reply: oneshot::Sender<Answered>,
+    reply: oneshot::Sender<Handled>,
 }
 
 /// The requests that wait, in the order of their arrival.
@@ -126,7 +126,7 @@ struct Waiting {
 
 impl Queue {
     /// Waits for the answer to a request.
-    pub async fn ask(&self, request: Request) -> Answered {
+    pub async fn send(&self, request: Request) -> Handled {
         let answer = self.push(request);
         let stopped = |_| Err(Refusal::new(503, "the program is ending"));
         answer.await.unwrap_or_else(stopped)
@@ -135,7 +135,7 @@ impl Queue {
     /// Adds a request. A solve replaces the one right before it: the page wants the newest pose
     /// only. One with another request behind it stays, because that request, such as the end of
     /// a gesture, may build on it.
-    fn push(&self, request: Request) -> oneshot::Receiver<Answered> {
+    fn push(&self, request: Request) -> oneshot::Receiver<Handled> {
         let (reply, answer) = oneshot::channel();
         let mut waiting = self.lock();
         let is_solve = request.route == Route::Solve;
@@ -168,7 +168,7 @@ impl Queue {
         }
     }
 
-    /// Takes no more requests; those that wait are still answered.
+    /// Takes no more requests; those that wait are still handled.
     pub fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_one();
@@ -179,8 +179,8 @@ impl Queue {
     }
 }
 
-/// The thread of an answerer that is ready.
-pub struct AnswererThread {
+/// The thread of a handler that is ready.
+pub struct HandlerThread {
     thread: JoinHandle<Result<()>>,
     /// Resolves when the thread has nothing more to do.
     ended: oneshot::Receiver<()>,
@@ -189,30 +189,30 @@ pub struct AnswererThread {
 /// The stack of the thread: that of a main thread.
 const STACK: usize = 8 << 20;
 
-impl AnswererThread {
-    /// Starts the thread and waits until `make` has built the answerer there.
-    pub fn start<A: Answer>(
+impl HandlerThread {
+    /// Starts the thread and waits until `make` has built the handler there.
+    pub fn start<A: Handler>(
         queue: Arc<Queue>,
         make: impl FnOnce() -> Result<A> + Send + 'static,
-    ) -> Result<AnswererThread> {
+    ) -> Result<HandlerThread> {
         let (ready, built) = mpsc::channel();
         let (end, ended) = oneshot::channel();
         let work = move || {
             // Dropped at the end, also by a panic.
             let _end = end;
-            let mut answerer = make()?;
+            let mut handler = make()?;
             // Nobody listens only if the starting thread has gone.
             let _ = ready.send(());
             drop(ready);
             while let Some(Job { request, reply }) = queue.next() {
-                let _ = reply.send(answer(&mut answerer, &request));
+                let _ = reply.send(handle(&mut handler, &request));
             }
-            answerer.finish()
+            handler.finish()
         };
         let builder = thread::Builder::new().name("session".into());
         let thread = builder.stack_size(STACK).spawn(work);
         let thread = thread.map_err(|e| Error::io("thread", e))?;
-        let started = AnswererThread { thread, ended };
+        let started = HandlerThread { thread, ended };
         match built.recv() {
             Ok(()) => Ok(started),
             // The sender went before it was used: `make` has failed.
@@ -220,7 +220,7 @@ impl AnswererThread {
         }
     }
 
-    /// Waits until the queue, which has to be closed, is empty and the answerer has finished.
+    /// Waits until the queue, which has to be closed, is empty and the handler has finished.
     pub async fn ended(mut self) -> Result<()> {
         // The other end is dropped, never used.
         let _ = (&mut self.ended).await;
@@ -233,8 +233,8 @@ impl AnswererThread {
 }
 
 /// The answer to one request. A panic is a bug, but no reason to lose the whole session.
-fn answer(answerer: &mut impl Answer, request: &Request) -> Answered {
-    let answered = catch_unwind(AssertUnwindSafe(|| answerer.answer(request)));
+fn handle(handler: &mut impl Handler, request: &Request) -> Handled {
+    let answered = catch_unwind(AssertUnwindSafe(|| handler.handle(request)));
     let failed = "the program failed at this request, which is a bug: save your work and restart";
     answered.unwrap_or_else(|_| Err(Refusal::new(500, failed)))
 }
@@ -257,8 +257,8 @@ mod tests {
         finished: mpsc::Sender<Vec<u8>>,
     }
 
-    impl Answer for Echo {
-        fn answer(&mut self, request: &Request) -> Answered {
+    impl Handler for Echo {
+        fn handle(&mut self, request: &Request) -> Handled {
             assert_ne!(request.body, b"panic");
             Rc::make_mut(&mut self.seen).extend(&request.body);
             Ok(Reply::json(self.seen.to_vec()))
@@ -269,29 +269,29 @@ mod tests {
         }
     }
 
-    /// The answers to requests that all wait before the thread starts, and what the answerer had
+    /// The answers to requests that all wait before the thread starts, and what the handler had
     /// seen at its end.
-    fn answers(requests: &[Request]) -> (Vec<Answered>, Vec<u8>) {
+    fn replies(requests: &[Request]) -> (Vec<Handled>, Vec<u8>) {
         let queue = Arc::new(Queue::default());
-        let answers: Vec<_> = requests.iter().map(|r| queue.push(r.clone())).collect();
+        let replies: Vec<_> = requests.iter().map(|r| queue.push(r.clone())).collect();
         let (finished, seen) = mpsc::channel();
         let make = move || {
             let seen = Rc::default();
             Ok(Echo { seen, finished })
         };
-        let started = AnswererThread::start(Arc::clone(&queue), make).unwrap();
+        let started = HandlerThread::start(Arc::clone(&queue), make).unwrap();
         queue.close();
         assert_eq!(started.join().unwrap_err().to_string(), "finished");
-        let answers = answers.into_iter().map(|a| a.blocking_recv().unwrap());
-        (answers.collect(), seen.recv().unwrap())
+        let replies = replies.into_iter().map(|a| a.blocking_recv().unwrap());
+        (replies.collect(), seen.recv().unwrap())
     }
 
-    fn json(body: &str) -> Answered {
+    fn json(body: &str) -> Handled {
         Ok(Reply::json(body.into()))
     }
 
     #[test]
-    fn of_solves_in_a_row_the_newest_is_answered_and_all_else_keeps_its_order() {
+    fn of_solves_in_a_row_the_newest_is_handled_and_all_else_keeps_its_order() {
         use Route::{Act, Solve};
         let requests = [
             request(Solve, "a"),
@@ -302,7 +302,7 @@ mod tests {
             request(Solve, "f"),
             request(Solve, "g"),
         ];
-        let (answers, seen) = answers(&requests);
+        let (found, seen) = replies(&requests);
         let replaced = || Err(Refusal::new(409, "a newer request has replaced this one"));
         let expected = [
             replaced(),
@@ -313,23 +313,23 @@ mod tests {
             replaced(),
             json("bcdg"),
         ];
-        assert_eq!(answers, expected);
+        assert_eq!(found, expected);
         assert_eq!(seen, b"bcdg");
     }
 
     #[test]
-    fn a_panic_is_a_500_and_the_next_request_is_answered() {
+    fn a_panic_is_a_500_and_the_next_request_is_handled() {
         let act = |body| request(Route::Act, body);
-        let (answers, _) = answers(&[act("a"), act("panic"), act("b")]);
-        assert_eq!(answers[0], json("a"));
-        assert_eq!(answers[1].as_ref().unwrap_err().status, 500);
-        assert_eq!(answers[2], json("ab"));
+        let (found, _) = replies(&[act("a"), act("panic"), act("b")]);
+        assert_eq!(found[0], json("a"));
+        assert_eq!(found[1].as_ref().unwrap_err().status, 500);
+        assert_eq!(found[2], json("ab"));
     }
 
     #[test]
-    fn an_answerer_that_cannot_be_built_says_why() {
+    fn a_handler_that_cannot_be_built_says_why() {
         let make = || Err::<Echo, _>(Error::usage("no model"));
-        let started = AnswererThread::start(Arc::default(), make);
+        let started = HandlerThread::start(Arc::default(), make);
         assert_eq!(started.err().unwrap().to_string(), "no model");
     }
 
@@ -337,8 +337,8 @@ mod tests {
     fn a_closed_queue_takes_nothing() {
         let queue = Queue::default();
         queue.close();
-        let answer = queue.push(request(Route::State, ""));
-        assert!(answer.blocking_recv().is_err());
+        let reply = queue.push(request(Route::State, ""));
+        assert!(reply.blocking_recv().is_err());
         assert!(queue.next().is_none());
     }
 }

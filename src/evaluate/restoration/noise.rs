@@ -1,10 +1,10 @@
 //! Noise of one level, removed and compared with the takes as they were.
 
-use super::rivals::butterworth;
-use super::stretches::{Stretch, of_take};
+use super::baselines::butterworth;
+use super::segments::{Segment, of_take};
 use super::{ByMethod, RESTORED, TakesSettings, TestTakes, mean_square, rms};
 use crate::Result;
-use crate::evaluate::corruption::Corruption;
+use crate::evaluate::damage::Corruption;
 use crate::io::Table;
 use crate::numeric::parallel;
 use crate::pose::Poses;
@@ -15,7 +15,7 @@ use ndarray::{Array2, ArrayView2};
 const CUTOFFS: std::ops::RangeInclusive<u32> = 3..=20;
 /// What is faster than this, Hz, is left out of accelerations.
 const FASTEST: f64 = 20.0;
-/// The stream of the stretches of noise, apart from those of the gaps.
+/// The stream of the segments of noise, apart from those of the gaps.
 const STREAM: u64 = 1 << 32;
 
 /// Noise of one level.
@@ -29,11 +29,11 @@ pub struct NoiseCell {
     pub mse: ByMethod,
     /// Mean squared error of accelerations below 20 Hz, (m/s²)², a take.
     pub acceleration: ByMethod,
-    stretches: Vec<Stretch>,
+    segments: Vec<Segment>,
 }
 
 impl NoiseCell {
-    /// Draws a stretch of each take, the same for all levels.
+    /// Draws a segment of each take, the same for all levels.
     pub(super) fn new(
         takes: &TestTakes,
         sd: f64,
@@ -41,13 +41,13 @@ impl NoiseCell {
         settings: &TakesSettings,
     ) -> NoiseCell {
         let mut random = parallel::rng(settings.seed, STREAM);
-        let stretch = |take| of_take(takes, take, &mut random);
+        let segment = |take| of_take(takes, take, &mut random);
         NoiseCell {
             sd,
             share,
             mse: ByMethod::default(),
             acceleration: ByMethod::default(),
-            stretches: (0..takes.takes.len()).filter_map(stretch).collect(),
+            segments: (0..takes.takes.len()).filter_map(segment).collect(),
         }
     }
 
@@ -59,12 +59,12 @@ impl NoiseCell {
         restorer: &Restorer<'_>,
         seed: u64,
     ) -> Result<()> {
-        for (k, stretch) in self.stretches.clone().iter().enumerate() {
-            let take = &takes.takes[stretch.take];
+        for (k, segment) in self.segments.clone().iter().enumerate() {
+            let take = &takes.takes[segment.take];
             if take.subject != subject {
                 continue;
             }
-            let truth = stretch.xyz(takes);
+            let truth = segment.xyz(takes);
             let noisy = self.corrupt(&truth, &take.poses.points, seed.wrapping_add(k as u64))?;
             let table = Table::from_poses(Poses {
                 points: take.poses.points.clone(),
@@ -93,15 +93,11 @@ impl NoiseCell {
         };
         let corruptor = corruption.check(points)?;
         let mut noisy = truth.clone();
-        for (t, mut row) in noisy.rows_mut().into_iter().enumerate() {
-            let mut frame = row.to_vec();
-            corruptor.apply(t as u64, &mut frame);
-            row.iter_mut().zip(frame).for_each(|(r, f)| *r = f);
-        }
+        corruptor.apply_frames(&mut noisy);
         Ok(noisy)
     }
 
-    /// Compares what was restored and the rivals with the truth.
+    /// Compares what was restored and the baselines with the truth.
     fn compare(
         &mut self,
         truth: ArrayView2<'_, f64>,

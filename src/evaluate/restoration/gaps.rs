@@ -1,28 +1,26 @@
 //! Gaps of one length and number of points, filled and compared with what was cut out.
 
-use super::rivals::{Hole, Moments};
-use super::stretches::{StretchWithGap, draw};
+use super::baselines::{CutGap, Moments};
+use super::segments::{SegmentWithGap, draw};
 use super::{ByMethod, RESTORED, TakesSettings, TestTakes, mean_square, rms};
 use crate::Result;
 use crate::evaluate::benchmark::result::SD_LEVELS;
 use crate::io::Table;
 use crate::numeric::parallel;
+use crate::numeric::statistics::{bootstrap_interval, quantile};
 use crate::pose::Poses;
 use crate::restore::{Complete, Restoration, Restorer};
 use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
-use rand::Rng;
 
-/// The length of a gap that lasts until its stretch ends, seconds.
+/// The length of a gap that lasts until its segment ends, seconds.
 const TO_THE_END: f64 = 1.0;
-/// Bootstrap draws.
-const DRAWS: usize = 1000;
 
 /// How long a gap is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GapLength {
     /// Seconds, above 0; the points are seen before and after.
     Seconds(f64),
-    /// The points are lost a second before the stretch ends.
+    /// The points are lost a second before the segment ends.
     ToTheEnd,
 }
 
@@ -62,7 +60,7 @@ pub struct GapCell {
     pub within: [usize; SD_LEVELS.len()],
     /// Gaps that stayed empty in part, which no other figure counts.
     pub left_empty: usize,
-    drawn: Vec<StretchWithGap>,
+    drawn: Vec<SegmentWithGap>,
     seed: u64,
 }
 
@@ -100,27 +98,24 @@ impl GapCell {
         restorer: &Restorer<'_>,
         others: Option<&Moments>,
     ) -> Result<()> {
-        let own = |g: &&StretchWithGap| takes.takes[g.stretch.take].subject == subject;
-        let own: Vec<StretchWithGap> = self.drawn.iter().filter(own).cloned().collect();
+        let own = |g: &&SegmentWithGap| takes.takes[g.segment.take].subject == subject;
+        let own: Vec<SegmentWithGap> = self.drawn.iter().filter(own).cloned().collect();
         let Some(first) = own.first() else {
             return Ok(());
         };
-        let truth: Vec<Array2<f64>> = own.iter().map(|g| g.stretch.xyz(takes)).collect();
+        let truth: Vec<Array2<f64>> = own.iter().map(|g| g.segment.xyz(takes)).collect();
         let mut damaged = truth.clone();
         let (mut time, mut take) = (Vec::new(), Vec::new());
         for (k, (gap, xyz)) in own.iter().zip(&mut damaged).enumerate() {
-            for p in &gap.points {
-                xyz.slice_mut(s![gap.gap.clone(), 3 * p..3 * p + 3])
-                    .fill(f64::NAN);
-            }
-            let rate = takes.takes[gap.stretch.take].rate;
+            gap.gap.hide(xyz);
+            let rate = takes.takes[gap.segment.take].rate;
             time.extend((0..xyz.nrows()).map(|t| t as f64 / rate));
             take.extend(vec![k.to_string().into(); xyz.nrows()]);
         }
         let views: Vec<_> = damaged.iter().map(|xyz| xyz.view()).collect();
         let table = Table::from_poses(Poses {
-            points: takes.takes[first.stretch.take].poses.points.clone(),
-            // Stretches have the same points.
+            points: takes.takes[first.segment.take].poses.points.clone(),
+            // Segments have the same points.
             xyz: concatenate(Axis(0), &views).unwrap_or_default(),
             time: Some(time),
             take: Some(take),
@@ -128,33 +123,34 @@ impl GapCell {
         let restored = restorer.complete(&table, &Complete::default())?;
         let mut start = 0;
         for ((gap, truth), damaged) in own.iter().zip(&truth).zip(&damaged) {
-            let hole = Hole {
+            let cut_gap = CutGap {
                 names: &table.poses.points,
                 xyz: damaged.view(),
-                gap: gap.gap.clone(),
-                points: &gap.points,
-                rate: takes.takes[gap.stretch.take].rate,
+                gap: &gap.gap,
+                rate: takes.takes[gap.segment.take].rate,
             };
-            self.compare(gap, truth, &hole, &restored, start, others);
+            self.compare(gap, truth, &cut_gap, &restored, start, others);
             start += truth.nrows();
         }
         Ok(())
     }
 
-    /// Compares one filled gap, whose stretch starts at frame `start` of what was restored, and its
-    /// rivals with the truth.
+    /// Compares one filled gap, whose segment starts at frame `start` of what was restored, and its
+    /// baselines with the truth.
     fn compare(
         &mut self,
-        gap: &StretchWithGap,
+        gap: &SegmentWithGap,
         truth: &Array2<f64>,
-        hole: &Hole<'_>,
+        cut_gap: &CutGap<'_>,
         restored: &Restoration<'_>,
         start: usize,
         others: Option<&Moments>,
     ) {
-        let columns: Vec<usize> = gap.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-        let cut =
-            |xyz: ArrayView2<'_, f64>| xyz.slice(s![gap.gap.clone(), ..]).select(Axis(1), &columns);
+        let columns = gap.gap.columns();
+        let cut = |xyz: ArrayView2<'_, f64>| {
+            xyz.slice(s![gap.gap.frames.clone(), ..])
+                .select(Axis(1), &columns)
+        };
         let wanted = cut(truth.view());
         let found = cut(restored.xyz().slice(s![start..start + truth.nrows(), ..]));
         if found.iter().any(|v| v.is_nan()) {
@@ -162,8 +158,8 @@ impl GapCell {
             return;
         }
         let errors = &found - &wanted;
-        for (i, t) in gap.gap.clone().enumerate() {
-            for (k, p) in gap.points.iter().enumerate() {
+        for (i, t) in gap.gap.frames.clone().enumerate() {
+            for (k, p) in gap.gap.points.iter().enumerate() {
                 let sd = restored.sd(start + t, *p);
                 for error in errors.slice(s![i, 3 * k..3 * k + 3]) {
                     self.filled += 1;
@@ -173,15 +169,15 @@ impl GapCell {
                 }
             }
         }
-        let rivals = [
+        let baselines = [
             (RESTORED, Some(found)),
-            ("Gaussian", hole.gaussian(others)),
-            ("PCHIP", Some(hole.pchip())),
-            ("linear", Some(hole.linear())),
+            ("Gaussian", cut_gap.gaussian(others)),
+            ("PCHIP", Some(cut_gap.pchip())),
+            ("linear", Some(cut_gap.linear())),
         ];
-        for (method, found) in rivals {
+        for (method, found) in baselines {
             // Without a Gaussian there is what interpolation says.
-            let errors = found.unwrap_or_else(|| hole.pchip()) - &wanted;
+            let errors = found.unwrap_or_else(|| cut_gap.pchip()) - &wanted;
             self.mse.push(method, mean_square(errors.iter().copied()));
             for row in errors.rows() {
                 for e in row.exact_chunks(3) {
@@ -198,34 +194,23 @@ impl GapCell {
 
     /// Median (`share` .5) or other quantile of the points' distances, cm; `None` without a gap.
     pub fn distance(&self, method: &str, share: f64) -> Option<f64> {
-        let mut sorted = self.distances.of(method).to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().checked_sub(1)?;
-        Some(sorted[(share * last as f64).round() as usize])
+        quantile(self.distances.of(method).to_vec(), share)
     }
 
-    /// The RMS error divided by that of the best rival, with the 95% interval of a bootstrap over
-    /// gaps; `None` without a gap.
-    pub fn to_best_rival(&self) -> Option<(f64, [f64; 2])> {
-        let rivals = self.mse.names().filter(|m| *m != RESTORED);
+    /// The RMS error divided by that of the best baseline, with the 95% interval of a bootstrap
+    /// over gaps; `None` without a gap.
+    pub fn to_best_baseline(&self) -> Option<(f64, [f64; 2])> {
+        let baselines = self.mse.names().filter(|m| *m != RESTORED);
         let sum = |mse: &[f64]| mse.iter().sum::<f64>();
-        let best = rivals
+        let best = baselines
             .map(|m| self.mse.of(m))
             .min_by(|a, b| sum(a).total_cmp(&sum(b)))?;
         let own = self.mse.of(RESTORED);
         let mut random = parallel::rng(self.seed, u64::MAX);
-        let mut ratios: Vec<f64> = (0..DRAWS)
-            .map(|_| {
-                let (mut a, mut b) = (0.0, 0.0);
-                for _ in 0..own.len() {
-                    let k = random.random_range(0..own.len());
-                    (a, b) = (a + own[k], b + best[k]);
-                }
-                (a / b).sqrt()
-            })
-            .collect();
-        ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| ratios[(share * (DRAWS - 1) as f64).round() as usize];
-        Some((rms(own)? / rms(best)?, [at(0.025), at(0.975)]))
+        let interval = bootstrap_interval(own.len(), &mut random, |drawn| {
+            let (a, b) = drawn.fold((0.0, 0.0), |(a, b), k| (a + own[k], b + best[k]));
+            (a / b).sqrt()
+        });
+        Some((rms(own)? / rms(best)?, interval))
     }
 }

@@ -1,11 +1,12 @@
 //! Seeded damage to single frames: noise and missing points.
 //!
 //! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a
-//! fifth of the joints ("sparse"), all joints but six hidden (completion). [`super::gap_injection`]
+//! fifth of the joints ("sparse"), all joints but six hidden (completion). [`super::GapInjection`]
 //! makes gaps in time.
 
 use crate::numeric::parallel;
 use crate::{Error, Result};
+use ndarray::{Array2, ArrayView1};
 use rand::Rng;
 use rand_distr::StandardNormal;
 
@@ -123,6 +124,15 @@ pub struct Corruptor {
 }
 
 impl Corruptor {
+    /// Damages the frames of a table (frames, 3 J), counted from 0.
+    pub fn apply_frames(&self, xyz: &mut Array2<f64>) {
+        for (frame, mut row) in (0..).zip(xyz.rows_mut()) {
+            let mut values = row.to_vec();
+            self.apply(frame, &mut values);
+            row.assign(&ArrayView1::from(&values));
+        }
+    }
+
     /// Damages frame `frame` (counted over the whole input), 3 J numbers in centimeters; NaN stays
     /// NaN.
     ///

@@ -4,15 +4,13 @@ use super::takes::TakeSet;
 use crate::metric::pairs::best_threshold;
 use crate::metric::{BodyFramePoses, FrameRef, LabeledPair, PoseDatabase, PoseMetric};
 use crate::numeric::parallel;
+use crate::numeric::statistics::bootstrap_interval;
 use ndarray::Array2;
-use rand::Rng;
 
 /// Poses that are asked for and searched, a second.
 const RATE: f64 = 10.0;
 /// Numbers of poses found at which precision is measured (the paper's figure 8).
 pub const SCOPES: [usize; 4] = [5, 10, 20, 40];
-/// Draws of a bootstrap.
-const DRAWS: usize = 1000;
 
 /// A mean over takes, with a 95% interval by bootstrap over them.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,15 +34,11 @@ impl Precision {
         if takes.is_empty() {
             return None;
         }
-        let mut rng = parallel::rng(seed, 0);
-        let mut means: Vec<f64> = (0..DRAWS)
-            .map(|_| mean(&mut (0..takes.len()).map(|_| takes[rng.random_range(0..takes.len())])))
-            .collect();
-        means.sort_by(f64::total_cmp);
-        let at = |share: f64| means[(share * (DRAWS - 1) as f64).round() as usize];
         Some(Precision {
             mean: mean(&mut takes.iter().copied()),
-            interval: [at(0.025), at(0.975)],
+            interval: bootstrap_interval(takes.len(), &mut parallel::rng(seed, 0), |drawn| {
+                mean(&mut drawn.map(|k| takes[k]))
+            }),
             takes: takes.len(),
         })
     }

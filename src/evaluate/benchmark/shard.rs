@@ -6,35 +6,35 @@ use crate::{Error, Place, Result};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// One of several shares of the cases.
+/// One of several shards of the cases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Share {
-    /// The number of this share, 1 to `count`.
+pub struct Shard {
+    /// The number of this shard, 1 to `count`.
     index: usize,
-    /// The number of shares.
+    /// The number of shards.
     count: usize,
 }
 
-impl FromStr for Share {
+impl FromStr for Shard {
     type Err = Error;
 
     /// Parses `I/N`, I from 1 to N.
-    fn from_str(text: &str) -> Result<Share> {
+    fn from_str(text: &str) -> Result<Shard> {
         let numbers = text.split_once('/').and_then(|(index, count)| {
             let (index, count) = (index.parse().ok()?, count.parse().ok()?);
             (1..=count)
                 .contains(&index)
-                .then_some(Share { index, count })
+                .then_some(Shard { index, count })
         });
         numbers.ok_or_else(|| "expected I/N, such as 3/8, I from 1 to N".into())
     }
 }
 
 impl Benchmark<'_> {
-    /// The cases of a share. Cases of one trained model stay together, and the trainings of each
-    /// method are dealt out in turn, so that shares take about equally long. A share is empty
-    /// where there are more shares than trainings.
-    pub fn cases_of(&self, share: Share) -> Vec<Case> {
+    /// The cases of a shard. Cases of one trained model stay together, and the trainings of each
+    /// method are dealt out in turn, so that shards take about equally long. A shard is empty
+    /// where there are more shards than trainings.
+    pub fn cases_of(&self, shard: Shard) -> Vec<Case> {
         let mut trainings = BTreeMap::new();
         for method in &self.settings.methods {
             for &split in &self.settings.splits {
@@ -51,7 +51,7 @@ impl Benchmark<'_> {
             trainings.get(&(recipe, case.split, case.seed))
         };
         let mut cases = self.cases();
-        cases.retain(|case| training(case).is_some_and(|t| t % share.count == share.index - 1));
+        cases.retain(|case| training(case).is_some_and(|t| t % shard.count == shard.index - 1));
         cases
     }
 

@@ -1,19 +1,34 @@
 //! Injects gaps into takes: some points are missing for some time.
 
-use super::corruption::Stream;
+use super::noise::Stream;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
-use ndarray::{ArrayView2, s};
+use ndarray::{Array2, ArrayView2, s};
 use rand::Rng;
 use std::ops::Range;
 
 /// A gap: these points are missing in these frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Gap {
+pub(in crate::evaluate) struct Gap {
     /// Consecutive frames of one run.
-    frames: Range<usize>,
+    pub frames: Range<usize>,
     /// The points' indices, ascending.
-    points: Vec<usize>,
+    pub points: Vec<usize>,
+}
+
+impl Gap {
+    /// The columns of the points' coordinates.
+    pub fn columns(&self) -> Vec<usize> {
+        self.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect()
+    }
+
+    /// Makes the points missing in the frames of a take (frames, 3 J).
+    pub fn hide(&self, xyz: &mut Array2<f64>) {
+        for column in self.columns() {
+            xyz.slice_mut(s![self.frames.clone(), column])
+                .fill(f64::NAN);
+        }
+    }
 }
 
 /// The gaps of a take.
@@ -125,12 +140,7 @@ impl GapInjection {
         let runs = take.runs();
         let mut random = Stream::Gaps.generator(self.seed, index);
         let gaps = self.choose(take.xyz.view(), &runs, frames, &mut random);
-        for gap in &gaps {
-            for &point in &gap.points {
-                let hidden = s![gap.frames.clone(), 3 * point..3 * point + 3];
-                take.xyz.slice_mut(hidden).fill(f64::NAN);
-            }
-        }
+        gaps.iter().for_each(|gap| gap.hide(&mut take.xyz));
         let longest = runs.iter().map(Range::len).max().unwrap_or(0);
         Ok(InjectedGaps { gaps, longest })
     }
@@ -303,8 +313,8 @@ mod tests {
         )
     }
 
-    /// Lengths of the stretches in which a coordinate is missing.
-    fn stretches(take: &Poses) -> Vec<usize> {
+    /// Lengths of the runs in which a coordinate is missing.
+    fn runs(take: &Poses) -> Vec<usize> {
         let mut found = Vec::new();
         for column in take.xyz.columns() {
             let column = column.to_vec();
@@ -330,8 +340,8 @@ mod tests {
                 prop_assert_eq!(gap.points.len(), points);
                 prop_assert!(gap.points.windows(2).all(|w| w[0] < w[1]));
             }
-            // Two gaps of a point never touch, so every stretch is one gap.
-            prop_assert_eq!(stretches(&take), vec![frames; 3 * count * points]);
+            // Two gaps of a point never touch, so every run is one gap.
+            prop_assert_eq!(runs(&take), vec![frames; 3 * count * points]);
         }
     }
 
@@ -405,7 +415,7 @@ mod tests {
         // Gaps of one frame and their neighbors fill at most every other frame.
         let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
         assert!((5..=10).contains(&laid.gaps.len()));
-        assert!(stretches(&take).iter().all(|l| *l == 1));
+        assert!(runs(&take).iter().all(|l| *l == 1));
     }
 
     #[test]

@@ -155,39 +155,6 @@ impl Matrix {
         }
     }
 
-    /// Appends the numbers of one row in `columns` to `out`.
-    pub fn gather(&self, row: usize, columns: &[usize], out: &mut Vec<f32>) {
-        match self {
-            Matrix::Floats(array) => {
-                let row = array.row(row);
-                out.extend(columns.iter().map(|&c| row[c]));
-            }
-            Matrix::Quantized(packed) => {
-                let row = packed.pairs(row);
-                out.extend(columns.iter().map(|&c| packed.parse_number(row[c])));
-            }
-        }
-    }
-
-    /// The number in a row and a column.
-    pub fn at(&self, row: usize, column: usize) -> f32 {
-        match self {
-            Matrix::Floats(array) => array[[row, column]],
-            Matrix::Quantized(packed) => packed.parse_number(packed.pairs(row)[column]),
-        }
-    }
-
-    /// Whether every number is finite.
-    pub fn is_finite(&self) -> bool {
-        match self {
-            Matrix::Floats(array) => array.iter().all(|v| v.is_finite()),
-            Matrix::Quantized(packed) => {
-                let largest = f32::from(i16::MAX) + 1.0;
-                (largest * packed.step).is_finite()
-            }
-        }
-    }
-
     /// The matrix as f32, (rows, columns): borrowed, or converted from integers.
     pub fn floats(&self) -> CowArray<'_, f32, Ix2> {
         match self {
@@ -224,22 +191,16 @@ mod tests {
         let floats = Matrix::from(rounded.clone());
         for matrix in [&packed, &floats] {
             assert_eq!(matrix.dim(), (2, 3));
-            assert_eq!(matrix.at(0, 1), -3.0);
             let mut rows = Vec::new();
             matrix.extend_with(1..2, &mut rows);
             assert_eq!(rows, rounded.row(1).to_vec());
-            matrix.gather(0, &[2, 1], &mut rows);
-            assert_eq!(rows[3..], [0.0, -3.0]);
-            assert!(matrix.is_finite());
         }
     }
 
     #[test]
-    fn too_few_numbers_and_too_large_steps_are_refused() {
+    fn too_few_numbers_are_refused() {
         assert!(QuantizedMatrix::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
         assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
         assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 0), 1.0).is_none());
-        let far = QuantizedMatrix::new(Bytes::from_static(&[0; 12]), (2, 3), 1e35);
-        assert!(!Matrix::Quantized(far.unwrap()).is_finite());
     }
 }
