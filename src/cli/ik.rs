@@ -4,10 +4,10 @@
 use super::Outcome;
 use super::messages;
 use super::progress::Progress;
+use crate::ik::correspondence::Correspondence;
+use crate::ik::sequence::SequenceFit;
+use crate::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit};
 use crate::pose::Poses;
-use crate::restore::ik::correspondence::Correspondence;
-use crate::restore::ik::sequence::SequenceFit;
-use crate::restore::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit};
 use crate::{Error, Place, Result};
 
 /// The number of names that a message lists.

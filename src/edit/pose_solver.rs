@@ -38,11 +38,11 @@
 
 use super::rig::Rig;
 use super::rig_prior::RigPrior;
+use crate::ik::initial_pose::InitialPose;
+use crate::ik::solver::{IkSettings, IkSolver, Regularization};
 use crate::pose::Similarity;
 use crate::prior::EXACT_VARIANCE;
 use crate::restore::RestoredFrame;
-use crate::restore::ik::initial_pose::InitialPose;
-use crate::restore::ik::solver::{IkSettings, IkSolver, Regularization};
 use crate::restore::placement::PlacementSolution;
 use glam::DVec3;
 

@@ -19,8 +19,6 @@
 //! 5. `frame_fill` makes the restored frames continuous over the gaps of [`complete`].
 //! 6. [`clean`] denoises the takes that are noisy and completes the others.
 //! 7. [`Restoration`] holds the values in the table's order, with a status for each point.
-//!
-//! [`ik`] fits the joint angles of a skeleton to restored points.
 
 mod adaptive_smoothing;
 pub mod body_adaptation;
@@ -33,7 +31,6 @@ mod frame_fill;
 pub mod frame_restorer;
 mod gap;
 pub mod gap_report;
-pub mod ik;
 mod kalman_smoother;
 mod loaded_model;
 mod noise_estimation;

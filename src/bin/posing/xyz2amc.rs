@@ -8,13 +8,13 @@ use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
+use posing::ik::SkeletonFit;
 use posing::io::{Amc, Asf};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::one_take::{first_frame_number, one_take};
 use posing::pose::units::LengthUnit;
 use posing::restore::body_size::check_body_size;
-use posing::restore::ik::SkeletonFit;
 use std::path::PathBuf;
 
 /// Convert a pose table to an AMC take

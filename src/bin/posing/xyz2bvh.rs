@@ -14,8 +14,8 @@ use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
 use posing::restore::body_size::check_body_size;
 
+use posing::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
 use posing::pose::one_take;
-use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
 use posing::{Error, Place, Result};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};

@@ -8,13 +8,13 @@ use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::open;
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::cli::{Outcome, messages};
+use posing::ik::{SkeletonFit, estimate_skeleton};
 use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::units::Units;
 use posing::restore::body_size::check_body_size;
-use posing::restore::ik::{SkeletonFit, estimate_skeleton};
 use std::path::{Path, PathBuf};
 
 /// Convert a pose table to binary glTF: a skeleton that viewers play

@@ -10,7 +10,7 @@
 //! without pulling what they do determine: at 1e-4 cm² a squared radian an angle with a lever of 5
 //! cm gives way by a hundred thousandth of its step.
 //!
-//! A step costs O(n depth²) for n free values. P2 is not convex: the answer is a local minimum near
+//! A step costs O(n depth²) for n free values. P2 is not convex: the solution is a local minimum near
 //! the start.
 
 use super::tree_cholesky::solve_tree;

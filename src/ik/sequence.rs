@@ -177,7 +177,7 @@ struct SequenceFitter<'a> {
     pause: (usize, usize),
 }
 
-/// One frame's answer.
+/// The solution of one frame.
 struct FrameSolution {
     q: Vec<f64>,
     energy: f64,
