@@ -402,11 +402,11 @@ mod tests {
             two[[t, 1]] += 50.0;
         }
         assert_eq!(found_in(&[0..50, 50..100], &two, 0.0), []);
-        let mut holes = motion(100);
+        let mut missing = motion(100);
         for t in (0..100).filter(|t| t % 3 > 0) {
-            holes.row_mut(t).fill(f64::NAN);
+            missing.row_mut(t).fill(f64::NAN);
         }
-        assert_eq!(found(&holes, 0.0), []);
+        assert_eq!(found(&missing, 0.0), []);
         assert_eq!(found_in(&[0..1, 1..2], &motion(2), 0.0), []);
     }
 }

@@ -176,7 +176,7 @@ impl RigidModel {
         RigidLikelihood::new(&self.pairs, &self.bodies, y, noise).corrupt
     }
 
-    /// Outliers can be told only if distances connect most points.
+    /// Outliers can be found only if distances connect most points.
     fn can_search(&self, points: usize) -> bool {
         let mut tied = vec![false; points];
         let ends = self.pairs.pairs.iter().flat_map(|p| p.ends);
