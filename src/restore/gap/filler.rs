@@ -1,14 +1,13 @@
 //! Gaps filled from the frames around them, shortest first, those of about the same frames together.
 
 use super::estimates::Targets;
-use super::known_frames::KnownFrames;
+use super::known_frames::Known;
 use super::local_poses::{LocalPoses, anchor};
 use super::motion_limits::MotionLimits;
-use super::path::{self, PathVariances};
 use super::predictors::{other_poses, predictors};
 use super::regression::Regression;
 use super::tuning::filler::*;
-use super::{FilledGap, Gap, put, weights};
+use super::{FilledGap, Gap, path, weights};
 use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use glam::DVec3;
@@ -41,7 +40,7 @@ impl GapFiller<'_> {
         gaps: &[Gap],
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Option<FilledGap>>, Vec<Option<FilledGap>>) {
-        let mut known = Known::new(self);
+        let mut known = Known::new(self.captured, self.runs, self.rate);
         let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
         let mut implausible = filled.clone();
@@ -218,43 +217,6 @@ impl GapFiller<'_> {
     }
 }
 
-/// What is known of a take while its gaps are filled.
-pub struct Known {
-    /// (frames, 3 J), cm: captured or filled; NaN missing.
-    pub xyz: Array2<f64>,
-    /// The frames in which each point is captured or filled.
-    pub frames: KnownFrames,
-    /// Those in which it is captured.
-    pub captured: KnownFrames,
-    /// Seconds of each frame.
-    seconds: Vec<f64>,
-    /// How well points are interpolated.
-    paths: PathVariances,
-}
-
-impl Known {
-    fn new(filler: &GapFiller<'_>) -> Known {
-        let mut seconds = vec![0.0; filler.captured.nrows()];
-        for (k, run) in filler.runs.iter().enumerate() {
-            run.clone()
-                .for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / filler.rate);
-        }
-        Known {
-            xyz: filler.captured.to_owned(),
-            frames: KnownFrames::of(filler.captured),
-            captured: KnownFrames::of(filler.captured),
-            seconds,
-            paths: PathVariances::default(),
-        }
-    }
-
-    /// Puts a filled gap in place.
-    fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
-        put(&mut self.xyz, gap, xyz);
-        self.frames.add(gap.point, gap.frames.clone());
-    }
-}
-
 /// Ranges of frames, apart from one another and in their order.
 struct FrameRanges(Vec<Range<usize>>);
 
@@ -361,7 +323,7 @@ mod tests {
                 assert!(off.abs() <= 0.05, "{off} at {:?}", gap.frames);
             }
         }
-        let known = Known::new(&filler);
+        let known = Known::new(filler.captured, filler.runs, filler.rate);
         gaps.iter().for_each(|gap| {
             filler.by_path(gap, &known);
         });

@@ -1,6 +1,6 @@
 //! The points and the poses that the points of a gap are learned from.
 
-use super::filler::Known;
+use super::known_frames::Known;
 use super::local_poses::LocalPoses;
 use super::regression::OtherPoses;
 use super::tuning::predictors::*;
