@@ -31,8 +31,8 @@
 //! infinity: missing). [`restore`] finds the placement of the pose in the world, asks the [`prior`]
 //! for the posterior of the pose, rejects outliers, keeps rigid distances, and smooths over time.
 //! Single frames are completed and denoised by the same posterior; takes by regression over their
-//! gaps, and by smoothing over time. Inverse kinematics turns points back into joint angles, which
-//! [`io`] writes as BVH or AMC.
+//! gaps, and by smoothing over time. Inverse kinematics ([`ik`]) turns points back into joint
+//! angles, which [`io`] writes as BVH or AMC.
 //!
 //! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against
 //! the truth, compares models on unseen takes, and draws figures.
@@ -46,8 +46,8 @@
 //! | m | poses | | |
 //! | n | atoms of a dictionary | | |
 //! | kappa, k | largest number of atoms in a code (sparsity) | | |
-//! | Y | poses, one a row (the transpose of the paper's Y) | (m, D) | cm |
-//! | A | atoms, one a row, unit norm (the transpose of the paper's A) | (n, D) | none |
+//! | Y | poses, one per row (the transpose of the paper's Y) | (m, D) | cm |
+//! | A | atoms, one per row, unit norm (the transpose of the paper's A) | (n, D) | none |
 //! | X, x | sparse codes; of one pose: Y is about X A | (m, n) stored as (m, k); (k) | cm |
 //! | R, t, s | placement: world = s R model + t | (3, 3); (3); 1 | none; cm; none |
 //! | tau | Euler angles, about x, then y, then z: R = Rz Ry Rx | (3) | radians |
@@ -73,11 +73,12 @@
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms | `pose` |
 //! | [`metric`] | pose descriptors, how alike two poses are, transitions | `pose` |
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
+//! | [`ik`] | joint angles of a skeleton from positions of its joints | `io` |
 //! | [`prior`] | pose models behind one trait; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances | `prior` |
 //! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps | `restore`, `draw` |
-//! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `draw` |
-//! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore` |
+//! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `ik` |
+//! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore`, `ik` |
 //! | [`server`] | the page of posing by hand, and the local server behind it | `edit`, `draw` |
 //! | [`draw`] | figures as SVG, pages that play poses and meshes | `io` |
 //! | [`evaluate`] | damage, scores, benchmark, report, page of pairs to label | `restore`, `draw` |
@@ -113,6 +114,7 @@ pub mod draw;
 pub mod edit;
 pub mod error;
 pub mod evaluate;
+pub mod ik;
 pub mod io;
 pub mod metric;
 pub mod numeric;

@@ -26,12 +26,12 @@
 pub use crate::cluster::KMeans;
 pub use crate::edit::Session;
 pub use crate::evaluate::Score;
+pub use crate::ik::SkeletonFit;
 pub use crate::io::{Amc, Asf, Bvh, Model, Table};
 pub use crate::pose::{Body, Observation, Poses, Skeleton, Space};
 pub use crate::prior::{
     self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
 };
-pub use crate::restore::ik::SkeletonFit;
 pub use crate::restore::{Complete, Denoise, Restoration, Restorer};
 pub use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, SparseCodes};
 pub use crate::{Error, Result};

@@ -141,7 +141,7 @@ struct Take<'a> {
     points: &'a [String],
     /// (frames, 3 J), cm.
     xyz: ArrayView2<'a, f64>,
-    /// Seconds, one a frame.
+    /// Seconds, one per frame.
     time: Option<&'a [f64]>,
     /// Ranges of consecutive frames.
     runs: Vec<Range<usize>>,

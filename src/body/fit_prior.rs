@@ -22,7 +22,7 @@ pub struct FitPrior {
 }
 
 /// The normal equations of a step: half of the energy's second derivatives, by Gauss and Newton,
-/// and half of its gradient. Three numbers a part (a small rotation of it in the world), then the
+/// and half of its gradient. Three numbers per part (a small rotation of it in the world), then the
 /// shape, then what else there is.
 pub(super) struct NormalEquations {
     pub(super) hessian: Array2<f64>,

@@ -60,7 +60,8 @@ pub struct MarkerModel {
 struct PartTerms {
     /// The joints whose twists count.
     joints: Vec<usize>,
-    /// A for 1 and for each β (3 m, 3 J + 1): a row a coordinate of a marker, a column a component
+    /// A for 1 and for each β (3 m, 3 J + 1): a row per coordinate of a marker, a column per
+    /// component
     /// of a twist, the constant last.
     by_shape: Vec<Array2<f64>>,
 }
@@ -76,7 +77,7 @@ pub struct MarkerPositions {
     pub by_part: Vec<Vec<DVec3>>,
     /// By component of shape, the derivative.
     pub by_shape: Vec<Vec<DVec3>>,
-    /// By component of twist (3 a joint), the derivative at fixed rotations.
+    /// By component of twist (3 per joint), the derivative at fixed rotations.
     pub by_twist: Vec<Vec<DVec3>>,
 }
 

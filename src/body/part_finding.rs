@@ -69,7 +69,7 @@ fn vertex_neighbors(vertices: usize, faces: &[[usize; 3]]) -> Vec<Vec<usize>> {
     neighbors
 }
 
-/// How the neighborhood of each vertex turns: nine numbers a pose.
+/// How the neighborhood of each vertex turns: nine numbers per pose.
 fn local_rotations(
     vertices: &[DVec3],
     neighbors: &[Vec<usize>],

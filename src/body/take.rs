@@ -15,7 +15,7 @@ pub struct BodyTake {
     pub poses: Poses,
     /// `None` where nothing is known.
     pub frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
-    /// One shape, or one a frame.
+    /// One shape, or one per frame.
     pub shapes: Vec<Vec<f64>>,
 }
 

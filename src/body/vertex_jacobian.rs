@@ -10,7 +10,8 @@ use ndarray::{Array2, Array3, Axis, s};
 /// Right-hand sides of one task.
 const COLUMNS: usize = 24;
 
-/// The derivatives of synthesized vertices (V, n, 3): three numbers a part (a small rotation of it
+/// The derivatives of synthesized vertices (V, n, 3): three numbers per part (a small rotation of
+/// it
 /// in the world), then the shape.
 ///
 /// Less than 0.15 s for 13,000 vertices, 16 parts and 20 components on two cores.

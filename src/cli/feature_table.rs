@@ -1,4 +1,4 @@
-//! Tables of named numbers a frame, such as pose descriptors: CSV with the takes and times of the
+//! Tables of named numbers per frame, such as pose descriptors: CSV with the takes and times of the
 //! poses, or NPY.
 
 use super::messages;
@@ -84,7 +84,7 @@ pub fn body_frames(
     takes.map(place).collect()
 }
 
-/// Writes a row a frame: its take and time, empty where the poses have none, then its `features`
+/// Writes a row per frame: its take and time, empty where the poses have none, then its `features`
 /// (frames, names).
 ///
 /// # Errors

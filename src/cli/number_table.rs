@@ -74,7 +74,7 @@ pub fn read(path: &Path) -> Result<NumberTable> {
     })
 }
 
-/// Writes a row a frame of `poses`: its take and time where they are known, then its numbers
+/// Writes a row per frame of `poses`: its take and time where they are known, then its numbers
 /// (frames, columns).
 ///
 /// # Errors

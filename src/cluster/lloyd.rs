@@ -117,7 +117,8 @@ fn filled(
     }
 }
 
-/// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one a pose, when
+/// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one per pose,
+/// when
 /// there are fewer different poses. `stream` keeps the random choices of several calls apart.
 pub(super) fn best_run(
     poses: Dataset<'_>,

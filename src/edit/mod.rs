@@ -14,6 +14,6 @@ pub mod session;
 mod start_poses;
 
 pub use rig::Rig;
-pub use rig_prior::{OpenedModel, RigPrior};
+pub use rig_prior::{for_rig, open_model};
 pub use session::{Drags, LARGEST_SESSION, Pins, Session, rows_of_table};
 pub use start_poses::StartPose;

@@ -40,7 +40,7 @@ pub fn other_poses(solver: &PoseSolver, goals: &Constraints, now: &Pose) -> Vec<
         .filter(|&k| goals.pins[k].iter().all(Option::is_some))
         .collect();
     let mut found: Vec<OtherPose> = Vec::new();
-    for typical in solver.prior.representative_poses().rows() {
+    for typical in solver.model.prior.representative_poses().rows() {
         let model = typical.to_vec();
         let placement = laid_on(solver, &model, &pinned, now);
         let start = solver.placed(&model, placement, &now.q);
@@ -111,7 +111,7 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
 fn evidence(solver: &PoseSolver, pose: &Pose, now: &Pose) -> f64 {
     let up = |pose: &Pose| pose.placement.rotation.transpose() * DVec3::Y;
     let tilt = up(pose).angle_between(up(now)) / TILT;
-    let world = solver.rig.to_model(&pose.xyz, solver.prior.points());
+    let world = solver.rig.to_model(&pose.xyz, solver.model.points.len());
     let mut values = vec![0.0; world.len()];
     pose.placement.undo_pose(&world, &mut values);
     let known = |v: &f64| {
@@ -126,6 +126,6 @@ fn evidence(solver: &PoseSolver, pose: &Pose, now: &Pose) -> f64 {
         values: &values,
         variance: &variance,
     };
-    let posterior = solver.prior.restorer().prior.posterior(&seen, Want::Mean);
+    let posterior = solver.model.prior.posterior(&seen, Want::Mean);
     posterior.log_evidence - 0.5 * tilt * tilt
 }

@@ -29,8 +29,8 @@ use crate::numeric::parallel;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::{Observation, PoseTransform, Similarity};
 use crate::prior::{Posterior, Prior, Want};
-use crate::restore::RestoredFrame;
-use crate::restore::frame_restorer::point_sd;
+use crate::restore::FrameEstimate;
+use crate::restore::frame_estimator::point_sd;
 use crate::restore::placement::orthographic;
 use crate::{Error, Result};
 use glam::{DMat3, DVec2, DVec3};
@@ -122,7 +122,7 @@ pub fn fit_photograph(
         solver,
         focal: marks.focal,
         known,
-        depths: vec![0.0; solver.prior.points()],
+        depths: vec![0.0; solver.model.points.len()],
         flipped: Vec::new(),
     };
     let mut view = problem.best_view(previous.map(|fit| fit.view))?;
@@ -174,7 +174,7 @@ struct Problem<'a> {
 impl Problem<'_> {
     /// The likeliest view of those climbed to from a `previous` one and from the best starts.
     fn best_view(&self, previous: Option<View>) -> Result<View> {
-        let points = self.solver.prior.points();
+        let points = self.solver.model.points.len();
         let (mut marks, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
         for &(_, p, mark) in &self.known {
             (marks[3 * p], marks[3 * p + 1]) = (mark.x, mark.y);
@@ -184,7 +184,7 @@ impl Problem<'_> {
             values: &marks,
             variance: &noise,
         };
-        let prior = self.solver.prior.restorer().prior;
+        let prior = &*self.solver.model.prior;
         let views = orthographic::views(prior, seen, usize::MAX);
         let mut views = parallel::map_chunks(views.len(), 1, |range| {
             let view = &views[range.start];
@@ -229,7 +229,7 @@ impl Problem<'_> {
     /// the marks in the picture costs nothing more; turns out of its plane turn the model anew
     /// and are differences.
     fn likelihood_and_slope(&self, view: &View) -> (f64, [f64; 6]) {
-        let mut along = vec![vec![0.0; 3 * self.solver.prior.points()]; 4];
+        let mut along = vec![vec![0.0; 3 * self.solver.model.points.len()]; 4];
         for &(_, p, mark) in &self.known {
             let seen = self.seen(view, p, mark);
             // The part of the perspective does not depend on the scale: z / Z · u / s = z u / f.
@@ -303,13 +303,13 @@ impl Problem<'_> {
 
     /// The prior in the directions of the camera.
     fn turned_prior(&self, view: &View) -> Box<dyn Prior> {
-        let prior = self.solver.prior.restorer().prior;
+        let prior = &*self.solver.model.prior;
         prior.mapped(&PoseTransform::Rotate(view.rotation))
     }
 
     /// The marks as an observation in the directions of the camera: values and variances (3 J).
     fn observation(&self, view: &View) -> (Vec<f64>, Vec<f64>) {
-        let points = self.solver.prior.points();
+        let points = self.solver.model.points.len();
         let (mut y, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
         for &(_, p, mark) in &self.known {
             let seen = self.seen(view, p, mark);
@@ -372,7 +372,7 @@ impl Problem<'_> {
         let posterior = self.posterior(view, Want::Variances);
         let shift = view.shift.extend(0.0);
         let mean = posterior.mean.chunks_exact(3);
-        let restored = RestoredFrame {
+        let restored = FrameEstimate {
             mean: mean
                 .flat_map(|p| (DVec3::from_slice(p) + shift).to_array())
                 .collect(),
@@ -459,7 +459,7 @@ mod tests {
             solver: session.solver(),
             focal: marks.focal,
             known: marks.at.iter().map(|(&k, &u)| (k, point(k), u)).collect(),
-            depths: vec![10.0; session.solver().prior.points()],
+            depths: vec![10.0; session.solver().model.points.len()],
             flipped: Vec::new(),
         };
         let view = View {

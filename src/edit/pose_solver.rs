@@ -37,13 +37,12 @@
 //! [`PlacementSolver::follow`]: crate::restore::placement::PlacementSolver::follow
 
 use super::rig::Rig;
-use super::rig_prior::RigPrior;
+use crate::ik::initial_pose::InitialPose;
+use crate::ik::solver::{IkSettings, IkSolver, Regularization};
 use crate::pose::Similarity;
 use crate::prior::EXACT_VARIANCE;
-use crate::restore::RestoredFrame;
-use crate::restore::ik::initial_pose::InitialPose;
-use crate::restore::ik::solver::{IkSettings, IkSolver, Regularization};
 use crate::restore::placement::PlacementSolution;
+use crate::restore::{FrameEstimate, PoseModel};
 use glam::DVec3;
 
 /// `rest` if nothing else is said, cm.
@@ -184,7 +183,7 @@ pub struct PoseSolver {
     /// The skeleton and its joints.
     pub rig: Rig,
     /// The prior of its poses.
-    pub prior: RigPrior,
+    pub model: PoseModel,
 }
 
 impl PoseSolver {
@@ -192,7 +191,7 @@ impl PoseSolver {
     pub fn reference(&self, goals: &Constraints, before: &Pose) -> Reference {
         let (y, noise) = self.observation(&goals.at_places(&before.xyz), &before.xyz);
         let start = PlacementSolution::from_placement(before.placement);
-        let restored = self.prior.restorer().follow(&y, &noise, &start);
+        let restored = self.model.estimator().follow(&y, &noise, &start);
         let mean = restored.map(|(r, _)| r.mean).unwrap_or_default();
         let apart = |(y, mean): (&f64, &f64)| if y.is_finite() { y - mean } else { 0.0 };
         Reference {
@@ -212,7 +211,7 @@ impl PoseSolver {
     ) -> Pose {
         let (y, noise) = self.observation(goals, &reference.xyz);
         let start = PlacementSolution::from_placement(before.placement);
-        let Some((mut restored, _)) = self.prior.restorer().follow(&y, &noise, &start) else {
+        let Some((mut restored, _)) = self.model.estimator().follow(&y, &noise, &start) else {
             return before.clone();
         };
         let share = onset(goals, reference);
@@ -258,7 +257,7 @@ impl PoseSolver {
     /// determine one.
     pub fn restart(&self, goals: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
         let (y, noise) = self.observation(goals, reference);
-        let restored = self.prior.restorer().restore(&y, &noise)?;
+        let restored = self.model.estimator().estimate(&y, &noise)?;
         Some(self.posed(goals, &restored, &before.q))
     }
 
@@ -281,8 +280,8 @@ impl PoseSolver {
     pub fn placed(&self, model: &[f64], placement: Similarity, start: &[f64]) -> Pose {
         let mut mean = vec![0.0; model.len()];
         placement.apply_pose(model, &mut mean);
-        let exact = RestoredFrame {
-            sd: vec![0.0; self.prior.points()],
+        let exact = FrameEstimate {
+            sd: vec![0.0; self.model.points.len()],
             mean,
             placement,
         };
@@ -291,7 +290,7 @@ impl PoseSolver {
 
     /// The rig in a restored pose, with its goals, found from the values `start` or in
     /// closed form.
-    pub fn posed(&self, goals: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
+    pub fn posed(&self, goals: &Constraints, restored: &FrameEstimate, start: &[f64]) -> Pose {
         let mut closed_form = start.to_vec();
         let (targets, _) = self.soft_targets(goals, restored);
         InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut closed_form);
@@ -323,9 +322,9 @@ impl PoseSolver {
         placement: Similarity,
         start: &[f64],
     ) -> Pose {
-        let there = RestoredFrame {
-            mean: self.rig.to_model(xyz, self.prior.points()),
-            sd: vec![0.0; self.prior.points()],
+        let there = FrameEstimate {
+            mean: self.rig.to_model(xyz, self.model.points.len()),
+            sd: vec![0.0; self.model.points.len()],
             placement,
         };
         self.fitted(goals, &there, &[start.to_vec()])
@@ -344,7 +343,7 @@ impl PoseSolver {
 
     /// The goals as an observation in the model's order: values and variances (3 J).
     fn observation(&self, goals: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut y = (self.rig).to_model(&self.carried(goals, reference), self.prior.points());
+        let mut y = (self.rig).to_model(&self.carried(goals, reference), self.model.points.len());
         let mut noise = vec![f64::INFINITY; y.len()];
         for (k, point) in self.rig.model_points.iter().enumerate() {
             let Some(p) = *point else { continue };
@@ -397,7 +396,7 @@ impl PoseSolver {
     }
 
     /// P2: the rig in the restored pose, with what is dragged and pinned where it has to be.
-    fn fitted(&self, goals: &Constraints, restored: &RestoredFrame, starts: &[Vec<f64>]) -> Pose {
+    fn fitted(&self, goals: &Constraints, restored: &FrameEstimate, starts: &[Vec<f64>]) -> Pose {
         let (mut targets, mut weights) = self.soft_targets(goals, restored);
         let settings = IkSettings {
             limits: goals.limits,
@@ -437,7 +436,7 @@ impl PoseSolver {
 
     /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is
     /// NaN.
-    fn soft_targets(&self, goals: &Constraints, restored: &RestoredFrame) -> (Vec<f64>, Vec<f64>) {
+    fn soft_targets(&self, goals: &Constraints, restored: &FrameEstimate) -> (Vec<f64>, Vec<f64>) {
         let n = self.rig.joints();
         let (mut targets, mut weights) = (vec![f64::NAN; 3 * n], vec![0.0; 3 * n]);
         for k in 0..n {
@@ -475,9 +474,9 @@ impl PoseSolver {
 
     /// Novelty of a pose (3 K); `None` where the model cannot tell.
     fn unlike(&self, xyz: &[f64], placement: &Similarity) -> Option<f64> {
-        let pose = self.rig.to_model(xyz, self.prior.points());
+        let pose = self.rig.to_model(xyz, self.model.points.len());
         let is_whole = pose.iter().all(|v| v.is_finite());
-        let novelty = is_whole.then(|| self.prior.restorer().novelty(&pose, placement));
+        let novelty = is_whole.then(|| self.model.estimator().novelty(&pose, placement));
         novelty.filter(|n| n.is_finite())
     }
 }

@@ -17,7 +17,7 @@ pub struct StartPose {
 /// The representative poses of a model as the rig takes them; at least one.
 pub fn start_poses(solver: &PoseSolver) -> Vec<StartPose> {
     let rest = vec![0.0; solver.rig.skeleton.dof_count()];
-    let typical = solver.prior.representative_poses();
+    let typical = solver.model.prior.representative_poses();
     let mut starts: Vec<(f64, StartPose)> = (typical.rows().into_iter())
         .map(|row| {
             let model = row.to_vec();
@@ -67,7 +67,7 @@ struct Figure {
 impl Figure {
     /// `None` unless the rig has CMU's points.
     fn of(solver: &PoseSolver, xyz: &[f64]) -> Option<Figure> {
-        let points = &solver.prior.names;
+        let points = &solver.model.points;
         let at = |name: &str| {
             let p = points.iter().position(|n| n == name)?;
             let k = (solver.rig.model_points.iter()).position(|q| *q == Some(p))?;

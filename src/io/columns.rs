@@ -120,7 +120,7 @@ impl Columns {
         columns
     }
 
-    /// The columns of an NPY array with `width` numbers a frame.
+    /// The columns of an NPY array with `width` numbers per frame.
     ///
     /// # Errors
     /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's
@@ -159,7 +159,7 @@ impl Columns {
 /// The name that stands for the joints of SMPL, of whichever array it is.
 const SMPL: &str = "smpl";
 
-/// The names of the joints of an array of SMPL, SMPL-H or SMPL-X with `width` numbers a frame.
+/// The names of the joints of an array of SMPL, SMPL-H or SMPL-X with `width` numbers per frame.
 fn smpl(width: usize, place: &Place) -> Result<Vec<String>> {
     smpl_names(width / 3).ok_or_else(|| {
         let what = format!(

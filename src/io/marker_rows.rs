@@ -1,5 +1,5 @@
 //! The rows of a table of markers in text, which TRC, Motive and Qualisys files have in common: the
-//! frame's number, its time, and three cells a point.
+//! frame's number, its time, and three cells per point.
 
 use super::frame_times::{FrameTimes, TimeCells};
 use super::marker_take::{MarkerTake, unique_names};

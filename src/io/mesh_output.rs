@@ -15,7 +15,7 @@ pub enum MeshOutput {
     File(PathBuf),
     /// All meshes in an `.npz` archive.
     Archive(PathBuf),
-    /// A file a mesh in a folder.
+    /// A file per mesh in a folder.
     Folder(PathBuf, MeshFormat),
 }
 

@@ -60,7 +60,7 @@ impl NpyReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three
-    /// columns a point.
+    /// columns per point.
     pub fn new(input: Input, options: &TableOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);

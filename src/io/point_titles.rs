@@ -312,7 +312,8 @@ impl Group {
         groups
     }
 
-    /// The groups of a row of axes below names, one a column; before the first name there are none.
+    /// The groups of a row of axes below names, one per column; before the first name there are
+    /// none.
     /// A name that comes again begins a new group.
     fn of_rows(names: &[String], axes: &[String]) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// One frame as it was read.
 #[derive(Debug, Clone, Default)]
 pub struct Row {
-    /// Coordinates, three a point, centimeters; NaN is missing.
+    /// Coordinates, three per point, centimeters; NaN is missing.
     pub xyz: Vec<f64>,
     /// Seconds.
     pub time: Option<f64>,

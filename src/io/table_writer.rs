@@ -104,7 +104,8 @@ impl TableWriter {
         })
     }
 
-    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimeters,
+    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three per point,
+    /// centimeters,
     /// NaN is missing), `added` the cells of the added columns. See [`CsvFormat::push_row`].
     ///
     /// # Errors

@@ -57,7 +57,8 @@ impl UnitWriter {
         })
     }
 
-    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimeters,
+    /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three per point,
+    /// centimeters,
     /// y up), `added` the cells of the added columns.
     ///
     /// # Errors

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `jod` | rotations and their velocities, all joints: (40) | |
 //! | `wjod` | the same of shoulders, elbows, hips, knees, pelvis and spine: (41) | |
-//! | `ljod` | the same, with a weight a joint | weights |
+//! | `ljod` | the same, with a weight per joint | weights |
 //! | `jcd`, `wjcd`, `ljcd` | coordinates in place of rotations: (42), (43) | weights of `ljcd` |
 //! | `jrf-lms` | weighted differences of distances of joints: (44) | weights |
 //! | `rgf-boost` | differences of chosen geometric features: (45) | the choice |

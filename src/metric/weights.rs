@@ -18,7 +18,7 @@ pub(super) enum WeightRule {
 
 /// `full` with weights, learned from its vectors of labeled poses and pairs of their rows.
 ///
-/// By least squares, coordinates and rotations have a weight a joint (Wang and Bodenheimer: LJCD,
+/// By least squares, coordinates and rotations have a weight per joint (Wang and Bodenheimer: LJCD,
 /// LJOD), distances of joints one each for their magnitudes (Tang et al.: JRF+LMS), other features
 /// one each for their squares.
 ///

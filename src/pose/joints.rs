@@ -4,7 +4,7 @@
 
 use super::NameMap;
 
-/// The 23 joints in the paper's order: 69 numbers a pose.
+/// The 23 joints in the paper's order: 69 numbers per pose.
 pub const CMU: [&str; 23] = [
     "root",
     "lhipjoint",

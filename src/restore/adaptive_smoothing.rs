@@ -1,4 +1,4 @@
-//! A point's path smoothed as strongly as it bears, place by place.
+//! The paths of a take smoothed as strongly as they bear, place by place.
 //!
 //! Kalman smoothers of many strengths (`kalman_smoother`) run side by side. Stein's unbiased
 //! estimate says what each costs, at each frame t and over the point's three coordinates y:
@@ -14,6 +14,11 @@
 //! (q h³).
 
 use super::kalman_smoother::{Smoothed, smooth};
+use super::noise_estimation;
+use super::take::{PointMapping, Take};
+use crate::numeric::parallel;
+use crate::prior::EXACT_VARIANCE;
+use ndarray::{Array1, Array2, ArrayView2};
 use std::ops::Range;
 
 /// Densities of white acceleration, cm²/s³: from a body at rest to a punch.
@@ -25,17 +30,98 @@ const LEAST_FRAMES: f64 = 6.0;
 const FRAMES: f64 = 8.0;
 /// Sharpness of the weights: the variance of risks, in noise variances.
 const SPREAD: f64 = 4.0;
+/// The noise variance that motion without any reads as, cm².
+const MOTION_VARIANCE: f64 = 2e-4;
+/// The least noise variance that a path is smoothed by, cm².
+pub const LEAST_VARIANCE: f64 = 1e-8;
+
+/// The paths of a take, smoothed point by point, in the table's order of points.
+pub struct SmoothedTake {
+    /// (frames, 3 J), cm; NaN where a point is missing.
+    pub mean: Array2<f64>,
+    /// (frames, 3 J), cm².
+    pub variance: Array2<f64>,
+    /// The noise of each point (J), cm.
+    pub noise: Vec<f64>,
+}
+
+impl SmoothedTake {
+    /// Smooths the paths of a take, of which `seen` (frames, 3 J; cm) are no outliers; `noise` is
+    /// the standard deviation of a coordinate, cm, if known.
+    pub fn new(
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+        seen: Array2<f64>,
+        noise: Option<f64>,
+    ) -> SmoothedTake {
+        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(seen.view())));
+        let model = (in_model.as_ref()).map(|(model, seen)| (*model, seen.view()));
+        let noise = noise_estimation::by_point(model, seen.view(), take.runs, noise);
+        let columns = parallel::map_chunks(noise.len(), 1, |range| {
+            let path = path_of(seen.view(), range.start);
+            // Less what motion without noise reads as: a clean take stays as it is.
+            let r = noise[range.start] * noise[range.start];
+            let r = (r * r / (r + MOTION_VARIANCE)).max(LEAST_VARIANCE);
+            let mut smooth = smooth_path(&path, take.runs, r, 1.0 / take.rate);
+            for (path, smooth) in path.iter().zip(&mut smooth) {
+                for t in 0..path.len() {
+                    if path[t].is_nan() {
+                        (smooth.mean[t], smooth.variance[t]) = (f64::NAN, f64::NAN);
+                    } else if smooth.mean[t].is_nan() {
+                        // Seen in part: there is no path to smooth.
+                        (smooth.mean[t], smooth.variance[t]) = (path[t], r);
+                    }
+                    smooth.variance[t] = smooth.variance[t].min(r);
+                }
+            }
+            smooth
+        });
+        let mut out = SmoothedTake {
+            mean: seen.clone(),
+            variance: seen,
+            noise,
+        };
+        for (i, smooth) in columns.into_iter().flatten().enumerate() {
+            out.mean.column_mut(i).assign(&Array1::from(smooth.mean));
+            (out.variance.column_mut(i)).assign(&Array1::from(smooth.variance));
+        }
+        out.variance.mapv_inplace(|v| v.max(EXACT_VARIANCE));
+        out
+    }
+
+    /// Standard deviation of the noise that smoothing leaves, cm.
+    pub fn noise_left(&self) -> f64 {
+        let known = self
+            .mean
+            .iter()
+            .zip(&self.variance)
+            .filter(|(m, _)| m.is_finite());
+        let (sum, n) = known.fold((0.0, 0usize), |(s, n), (_, v)| (s + v, n + 1));
+        (sum / n.max(1) as f64).sqrt()
+    }
+}
+
+/// The three coordinates of a point of `xyz` (frames, 3 J), one after the other.
+pub fn path_of(xyz: ArrayView2<'_, f64>, point: usize) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|axis| xyz.column(3 * point + axis).to_vec())
+}
 
 /// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; noise
-/// variance `r`, cm²; `step` seconds a frame. A run in which the point is never seen stays missing.
-pub fn smooth_path(path: [&[f64]; 3], runs: &[Range<usize>], r: f64, step: f64) -> [Smoothed; 3] {
+/// variance `r`, cm²; `step` seconds per frame. A run in which the point is never seen stays
+/// missing.
+pub fn smooth_path(
+    path: &[Vec<f64>; 3],
+    runs: &[Range<usize>],
+    r: f64,
+    step: f64,
+) -> [Smoothed; 3] {
     let empty = || Smoothed {
         mean: vec![f64::NAN; path[0].len()],
         variance: vec![f64::INFINITY; path[0].len()],
     };
     let mut out = [empty(), empty(), empty()];
     for run in runs {
-        let series = path.map(|p| &p[run.clone()]);
+        let series = [0, 1, 2].map(|axis| &path[axis][run.clone()]);
         if series.iter().any(|s| s.iter().all(|v| v.is_nan())) {
             continue;
         }
@@ -125,7 +211,6 @@ fn averages(values: &[Option<f64>], width: f64) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numeric::parallel;
     use rand_distr::{Distribution, Normal};
 
     /// One run of so many frames.
@@ -148,16 +233,15 @@ mod tests {
             let noisy = truth.iter().map(|x| x + noise.sample(&mut generator));
             noisy.collect::<Vec<f64>>()
         });
-        let views = [&path[0][..], &path[1][..], &path[2][..]];
         let error = |smooth: &[f64], frames: Range<usize>| {
             let n = frames.len() as f64;
             (frames.map(|t| (smooth[t] - truth[t]).powi(2)).sum::<f64>() / n).sqrt()
         };
-        let local = smooth_path(views, &whole(1200), 0.09, 1.0 / 120.0);
+        let local = smooth_path(&path, &whole(1200), 0.09, 1.0 / 120.0);
         assert!(error(&local[0].mean, 30..550) <= 0.06);
         assert!(error(&local[0].mean, 650..1170) <= 0.2);
         // No single strength does both as well.
-        let single = DENSITIES.map(|q| smooth(views[0], 0.09, 1.0 / 120.0, q));
+        let single = DENSITIES.map(|q| smooth(&path[0], 0.09, 1.0 / 120.0, q));
         let all = 0..1200;
         let best =
             (single.iter().map(|s| error(&s.mean, all.clone()))).fold(f64::INFINITY, f64::min);
@@ -175,11 +259,11 @@ mod tests {
                 }
             })
             .collect();
-        let none = vec![f64::NAN; 60];
-        let smooth = smooth_path([&line, &line, &line], &whole(60), 1e-4, 0.01);
+        let smooth = smooth_path(&[0; 3].map(|_| line.clone()), &whole(60), 1e-4, 0.01);
         assert!((smooth[0].mean[21] - 21.0).abs() <= 0.01);
         assert!(smooth[0].variance[21] > smooth[0].variance[10]);
-        let smooth = smooth_path([&line, &none, &line], &whole(60), 1e-4, 0.01);
+        let unseen = [line.clone(), vec![f64::NAN; 60], line];
+        let smooth = smooth_path(&unseen, &whole(60), 1e-4, 0.01);
         assert!(smooth[0].mean[5].is_nan() && smooth[0].variance[5].is_infinite());
     }
 

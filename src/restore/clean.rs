@@ -1,11 +1,11 @@
 //! Cleaning: what a take needs and no more. A noisy one is denoised, any other keeps what was
 //! measured; outliers are replaced, gaps filled.
 
-use super::complete::{Complete, empty_gaps};
+use super::complete::Complete;
 use super::denoise::Denoise;
-use super::gap::{Gap, find_gaps};
+use super::gap::{Gap, empty_gaps, find_gaps};
 use super::noise_estimation::typical_noise;
-use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
+use super::take::{Method, PointMapping, Take, TakeResult};
 use ndarray::ArrayView2;
 
 /// How to clean.
@@ -57,30 +57,30 @@ impl Clean {
 
     /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean
     /// square over its frames.
-    fn is_unsure(&self, gap: &Gap, out: &RestoredFrames) -> bool {
+    fn is_unsure(&self, gap: &Gap, out: &TakeResult) -> bool {
         let variances = gap
             .frames
             .clone()
-            .map(|t| out.of_point(t, gap.point).1.powi(2));
+            .map(|t| out.state(t, gap.point).sd.powi(2));
         let mean = variances.sum::<f64>() / gap.frames.len() as f64;
         mean.sqrt() > self.max_sd
     }
 }
 
 impl Method for Clean {
-    fn frames(&self, bound: &BoundModel<'_>, table: ArrayView2<'_, f64>) -> RestoredFrames {
-        self.complete().frames(bound, table)
+    fn frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
+        self.complete().frames(mapping, table)
     }
 
     fn take(
         &self,
-        bound: Option<&BoundModel<'_>>,
+        mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
-    ) -> RestoredFrames {
+    ) -> TakeResult {
         let mut out = match typical_noise(take.xyz, take.runs) > self.noise_limit {
-            true => self.denoise().take(bound, take, done),
-            false => self.complete().take(bound, take, done),
+            true => self.denoise().take(mapping, take, done),
+            false => self.complete().take(mapping, take, done),
         };
         let gaps = find_gaps(take.xyz, take.runs);
         let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out));

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! x_{t+1} = [1 h; 0 1] x_t + N(0, q [h³/3 h²/2; h²/2 h]),   y_t = [1 0] x_t + N(0, r)
-//!     h seconds a frame
+//!     h seconds per frame
 //! ```
 //!
 //! A Kalman filter and a Rauch-Tung-Striebel smoother solve it. Its mean is a cubic smoothing
@@ -21,7 +21,7 @@ pub struct Smoothed {
 }
 
 /// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²;
-/// `step` seconds a frame; density `q` of white acceleration, cm²/s³.
+/// `step` seconds per frame; density `q` of white acceleration, cm²/s³.
 pub fn smooth(series: &[f64], r: f64, step: f64, q: f64) -> Smoothed {
     backward(&filter(series, r, step, q), step, q)
 }

@@ -7,51 +7,46 @@
 //!
 //! The path of a take:
 //!
-//! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes
-//!    (`restored_frames`).
-//! 2. [`outliers`] finds spikes, adapts the model to the body ([`body_adaptation`]) and finds the
-//!    other outliers.
-//! 3. [`denoise`] smooths each coordinate over time (`kalman_smoother`); [`complete`] takes seen
-//!    values for exact.
-//! 4. `gap` fills gaps from the frames around them, [`FrameRestorer`] restores each frame where
+//! 1. [`Restorer`] opens the [`PoseModel`], finds its points in the table, and walks the takes
+//!    (`take`).
+//! 2. [`outliers`] finds spikes, adapts the prior to the body (`adapted_prior`) and finds the other
+//!    outliers.
+//! 3. [`denoise`] smooths each path over time (`adaptive_smoothing`), and draws it to the model's
+//!    estimates (`model_estimates`); [`complete`] assumes that seen values are exact.
+//! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
 //!    the model's space, [`rigid`] projects it onto the known distances.
-//! 5. `frame_fill` makes the restored frames continuous over the gaps of [`complete`].
-//! 6. [`clean`] denoises the takes that are noisy and completes the others.
-//! 7. [`Restoration`] holds the values in the table's order, with a status for each point.
-//!
-//! [`ik`] fits the joint angles of a skeleton to restored points.
+//! 5. [`clean`] denoises the takes that are noisy and completes the others.
+//! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
 
+mod adapted_prior;
 mod adaptive_smoothing;
-pub mod body_adaptation;
 pub mod body_size;
 pub mod clean;
 pub mod complete;
 mod cuts;
 pub mod denoise;
-mod frame_fill;
-pub mod frame_restorer;
+pub mod frame_estimator;
 mod gap;
 pub mod gap_report;
-pub mod ik;
 mod kalman_smoother;
-mod loaded_model;
+mod model_estimates;
 mod noise_estimation;
 pub mod outliers;
-mod placed_prior;
 pub mod placement;
+mod pose_model;
 pub mod restoration;
-mod restored_frames;
 mod restorer;
 pub mod rigid;
+mod take;
 
 pub use clean::Clean;
 pub use complete::Complete;
 pub use denoise::Denoise;
-pub use frame_restorer::{FrameRestorer, RestoredFrame};
+pub use frame_estimator::{FrameEstimate, FrameEstimator};
 pub(crate) use gap::{LocalPoses, local_anchor};
 pub use noise_estimation::typical_noise;
-pub use placed_prior::PlacedPrior;
+pub use pose_model::PoseModel;
 pub use restoration::{Restoration, RestorationCounts, RestoredGap};
 pub use restorer::Restorer;
 pub use rigid::{Corrected, OutlierMode, RigidModel};

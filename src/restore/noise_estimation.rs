@@ -1,6 +1,7 @@
 //! How noisy a capture is: by the motion of its points, or by what the model leaves of a frame.
 
-use super::loaded_model::LoadedModel;
+use super::frame_estimator::{FrameEstimator, displacement};
+use super::pose_model::PoseModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::numeric::statistics::median;
 use crate::prior::EXACT_VARIANCE;
@@ -28,48 +29,32 @@ pub fn rounded(sd: f64) -> f64 {
     }
 }
 
-/// Noise variance (cm²) of a coordinate measured with standard deviation `sd` (cm); infinite where
-/// it is missing.
-pub fn variance(value: f64, sd: f64) -> f64 {
-    if value.is_finite() {
-        (sd * sd).max(EXACT_VARIANCE)
-    } else {
-        f64::INFINITY
-    }
-}
-
-/// Noise variances (3 J) of exact measurements; infinite where a coordinate is missing or its point
-/// `hidden`.
-pub fn exact_noise(y: &[f64], hidden: &[usize]) -> Vec<f64> {
-    let is_seen = |i: usize| y[i].is_finite() && !hidden.contains(&(i / 3));
-    (0..y.len())
-        .map(|i| {
-            if is_seen(i) {
-                EXACT_VARIANCE
-            } else {
-                f64::INFINITY
-            }
-        })
-        .collect()
+/// Noise variances (3 J, cm²) of coordinates measured with standard deviation `sd` (cm; 0: exact);
+/// infinite where a coordinate is missing or its point `hidden`.
+pub fn variances(y: &[f64], sd: f64, hidden: &[usize]) -> Vec<f64> {
+    let variance = |(i, v): (usize, &f64)| match v.is_finite() && !hidden.contains(&(i / 3)) {
+        true => (sd * sd).max(EXACT_VARIANCE),
+        false => f64::INFINITY,
+    };
+    y.iter().enumerate().map(variance).collect()
 }
 
 /// Standard deviation of a coordinate (cm) in one frame: what the model leaves of most points
 /// beyond what it leaves of clean ones. The quarter of the points that fits worst is left out, as
 /// these may be outliers.
-pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
+pub fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
     // A first guess of 1 cm, so that the estimate does not follow the noise.
-    let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
-    let Some(found) = restorer.restore(y, &first) else {
+    let Some(found) = estimator.estimate(y, &variances(y, 1.0, &[])) else {
         return 0.0;
     };
-    let model = restorer.prior.residual_variance();
+    let model = estimator.prior.residual_variance();
     let mut squares: Vec<f64> = (0..y.len() / 3)
         .filter(|p| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite()))
         .map(|p| {
             let v: f64 = model[3 * p..3 * p + 3].iter().sum();
             // The estimate lies between model and observation, at this share of the residual.
             let share = 3.0 / (3.0 + v);
-            let residual = super::frame_restorer::displacement(y, &found.mean, p) / share;
+            let residual = displacement(y, &found.mean, p) / share;
             (residual * residual - v) / 3.0
         })
         .collect();
@@ -91,7 +76,7 @@ pub fn noise_of(series: &[f64]) -> Option<f64> {
 }
 
 /// [`noise_of`] for the three coordinates of a path together, whichever way the axes point.
-pub fn noise_of_path(path: [&[f64]; 3]) -> Option<f64> {
+pub fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
     let square = |t: usize| {
         path.iter()
             .map(|s| third_difference(&s[t..t + 4]).powi(2))
@@ -140,7 +125,7 @@ pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<
 /// over time ([`noise_of`]). A point that is never seen long enough takes the median of the others;
 /// where there is none, `model` measures some frames, given beside it in its own order of points.
 pub fn by_point(
-    model: Option<(&LoadedModel, ArrayView2<'_, f64>)>,
+    model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     given: Option<f64>,
@@ -151,11 +136,10 @@ pub fn by_point(
     let measured = from_time(xyz, runs);
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if let Some((model, in_model)) = model.filter(|_| known.is_empty()) {
-        let model = model.unadapted();
         let step = in_model.nrows().div_ceil(SAMPLED_FRAMES).max(1);
         known = (0..in_model.nrows())
             .step_by(step)
-            .map(|t| of_frame(&model.restorer(), &in_model.row(t).to_vec()))
+            .map(|t| of_frame(&model.estimator(), &in_model.row(t).to_vec()))
             .collect();
     }
     let median = median(known).unwrap_or(0.0);
@@ -190,8 +174,8 @@ mod tests {
         }
         assert!(noise_of(&noisy(0.0)).unwrap() <= 0.01);
         assert!(noise_of(&[1.0; 7]).is_none());
-        let [x, y, z] = [0, 1, 2].map(|_| noisy(0.7));
-        let got = noise_of_path([&x, &y, &z]).unwrap();
+        let path = [0, 1, 2].map(|_| noisy(0.7));
+        let got = noise_of_path(&path).unwrap();
         assert!((got / 0.7 - 1.0).abs() <= 0.1, "{got}");
     }
 }

@@ -2,13 +2,12 @@
 //! each point.
 
 use super::gap::{Gap, find_gaps};
-use super::restored_frames::RestoredFrames;
+use super::take::TakeResult;
 use crate::Result;
 use crate::io::Table;
-use crate::pose::FillMethod;
-use crate::pose::{Poses, Status};
+use crate::pose::{FillMethod, Poses, Status};
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 use std::ops::Range;
 
 /// Numbers of frames and points by what became of them.
@@ -79,66 +78,47 @@ pub struct RestoredGap {
 #[derive(Debug, Clone)]
 pub struct Restoration<'t> {
     source: &'t Table,
-    xyz: Array2<f64>,
-    /// (frames x points).
-    status: Vec<Status>,
-    /// (frames x points).
-    sd: Vec<f64>,
-    method: Vec<Option<FillMethod>>,
-    novelty: Vec<f64>,
+    /// All its frames.
+    frames: TakeResult,
     counts: RestorationCounts,
 }
 
 impl<'t> Restoration<'t> {
     /// A table that is left as it is, or of which no frame is restored yet.
     pub fn unchanged(source: &'t Table) -> Restoration<'t> {
-        let xyz = source.poses.xyz.clone();
-        let mut status = Vec::with_capacity(xyz.len() / 3);
-        for row in xyz.rows() {
-            for p in 0..row.len() / 3 {
-                let is_missing = (3 * p..3 * p + 3).any(|i| row[i].is_nan());
-                status.push(match is_missing {
-                    true => Status::Unknown,
-                    false => Status::Observed,
-                });
-            }
-        }
+        let mut frames = TakeResult::captured(source.poses.xyz.view());
+        frames.states.iter_mut().for_each(|s| s.sd = f64::NAN);
         Restoration {
-            sd: vec![f64::NAN; status.len()],
-            method: vec![None; status.len()],
-            novelty: vec![f64::NAN; xyz.nrows()],
-            counts: RestorationCounts::default(),
             source,
-            xyz,
-            status,
+            frames,
+            counts: RestorationCounts::default(),
         }
     }
 
     /// Puts restored frames in place, from frame `first` on. Where no value was found the table's
     /// stays.
-    pub(super) fn add(&mut self, first: usize, restored: &RestoredFrames) {
-        let (frames, points) = (restored.xyz.nrows(), self.points());
+    pub(super) fn add(&mut self, first: usize, restored: &TakeResult) {
+        let (count, points) = (restored.xyz.nrows(), restored.points());
         self.counts.add(&RestorationCounts {
-            frames,
+            frames: count,
             too_little: restored.too_little,
             takes_alone: usize::from(restored.take_alone),
             novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
-            noise: restored.noise * frames as f64,
+            noise: restored.noise * count as f64,
             ..RestorationCounts::default()
         });
-        self.novelty[first..first + frames].copy_from_slice(&restored.novelty);
-        for t in 0..frames {
+        let out = &mut self.frames;
+        out.novelty[first..first + count].copy_from_slice(&restored.novelty);
+        out.states[first * points..(first + count) * points].copy_from_slice(&restored.states);
+        for t in 0..count {
             for p in 0..points {
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
                 let mut is_moved = false;
                 for i in (3 * p..3 * p + 3).filter(|_| is_filled) {
-                    is_moved |= self.xyz[[first + t, i]] != restored.xyz[[t, i]];
-                    self.xyz[[first + t, i]] = restored.xyz[[t, i]];
+                    is_moved |= out.xyz[[first + t, i]] != restored.xyz[[t, i]];
+                    out.xyz[[first + t, i]] = restored.xyz[[t, i]];
                 }
-                let (status, sd) = restored.of_point(t, p);
-                let at = (first + t) * points + p;
-                (self.status[at], self.sd[at]) = (status, sd);
-                self.method[at] = restored.method(t, p);
+                let status = restored.state(t, p).status;
                 self.counts.filled += usize::from(status == Status::Inferred);
                 self.counts.rejected += usize::from(status == Status::Rejected);
                 self.counts.replaced += usize::from(status == Status::Rejected && is_moved);
@@ -162,44 +142,40 @@ impl<'t> Restoration<'t> {
             points: source.points.clone(),
             time: source.time.clone(),
             take: source.take.clone(),
-            xyz: std::mem::take(&mut self.xyz),
+            xyz: std::mem::take(&mut self.frames.xyz),
         };
         let short = poses.low_pass(cutoff, fps)?;
-        self.xyz = poses.xyz;
+        self.frames.xyz = poses.xyz;
         Ok((self, short))
-    }
-
-    fn points(&self) -> usize {
-        self.xyz.ncols() / 3
     }
 
     /// The restored values (frames, 3 points), cm; NaN where still missing.
     pub fn xyz(&self) -> ArrayView2<'_, f64> {
-        self.xyz.view()
+        self.frames.xyz.view()
     }
 
     /// The table with the restored values; take, time and all other columns are carried along.
     pub fn table(&self) -> Table {
         let mut table = self.source.clone();
-        table.poses.xyz.assign(&self.xyz);
+        table.poses.xyz.assign(&self.frames.xyz);
         table
     }
 
     /// Status and standard deviation of a point of the table. A point that the model does not know
     /// is observed, or unknown where missing.
     pub fn status(&self, frame: usize, point: usize) -> Status {
-        self.status[frame * self.points() + point]
+        self.frames.state(frame, point).status
     }
 
     /// Standard deviation of a coordinate of a point, cm; NaN where unknown.
     pub fn sd(&self, frame: usize, point: usize) -> f64 {
-        self.sd[frame * self.points() + point]
+        self.frames.state(frame, point).sd
     }
 
     /// How a missing point was filled; `None` where it was not, or the frame was restored by
     /// itself.
     pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
-        self.method[frame * self.points() + point]
+        self.frames.state(frame, point).method
     }
 
     /// The gaps of the table that was restored, in the order of their first frames.
@@ -211,8 +187,9 @@ impl<'t> Restoration<'t> {
 
     fn restored_gap(&self, gap: &Gap) -> RestoredGap {
         let point = gap.point;
-        let at =
-            |t: usize| DVec3::from_array([0, 1, 2].map(|axis| self.xyz[[t, 3 * point + axis]]));
+        let at = |t: usize| {
+            DVec3::from_array([0, 1, 2].map(|axis| self.frames.xyz[[t, 3 * point + axis]]))
+        };
         let steps = (gap.before.unwrap_or(gap.frames.start)
             ..gap.after.map_or(gap.frames.end, |a| a + 1))
             .collect::<Vec<_>>();
@@ -245,7 +222,7 @@ impl<'t> Restoration<'t> {
     /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the
     /// model has no threshold or the frame is not restored.
     pub fn novelty(&self, frame: usize) -> f64 {
-        self.novelty[frame]
+        self.frames.novelty[frame]
     }
 
     /// The number of missing points that were filled.

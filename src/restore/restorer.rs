@@ -20,10 +20,9 @@ use super::clean::Clean;
 use super::complete::Complete;
 use super::cuts::split_at_cuts;
 use super::denoise::Denoise;
-use super::frame_restorer::FrameRestorer;
-use super::loaded_model::LoadedModel;
+use super::pose_model::PoseModel;
 use super::restoration::Restoration;
-use super::restored_frames::{BoundModel, Method, Take};
+use super::take::{Method, PointMapping, Take};
 use crate::io::Model;
 use crate::io::Table;
 use crate::pose::{BonePoints, PointNaming, Poses};
@@ -42,7 +41,7 @@ pub struct Restorer<'m> {
     name: String,
     world: bool,
     naming: Option<PointNaming>,
-    loaded: OnceLock<LoadedModel>,
+    opened: OnceLock<PoseModel>,
 }
 
 impl<'m> Restorer<'m> {
@@ -64,7 +63,7 @@ impl<'m> Restorer<'m> {
             name: "the model".to_string(),
             world: true,
             naming: None,
-            loaded: OnceLock::new(),
+            opened: OnceLock::new(),
         }
     }
 
@@ -87,8 +86,7 @@ impl<'m> Restorer<'m> {
         self
     }
 
-    /// Says how the points of the tables are named; without it, that is told by
-    /// [`PointNaming::of`].
+    /// Says how the points of the tables are named; without it, [`PointNaming::of`] finds out.
     pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);
         self
@@ -164,17 +162,6 @@ impl<'m> Restorer<'m> {
         self.restore(table, options, rate, &[], progress)
     }
 
-    /// Restores single frames, in the model's order of points and for the model's own body.
-    ///
-    /// # Errors
-    /// [`Error::Data`] if the model cannot be opened, [`Error::Usage`] if there is none.
-    pub fn frame_restorer(&self) -> Result<FrameRestorer<'_>> {
-        match self.model {
-            Some(model) => Ok(self.loaded(model)?.frame_restorer()),
-            None => Err(no_model()),
-        }
-    }
-
     /// The names by which the model knows the points of `poses`: their own, where they are the
     /// starts of bones and the model has ends, those of the bones that end there, or those of a
     /// map.
@@ -185,42 +172,37 @@ impl<'m> Restorer<'m> {
         let Some(model) = self.model else {
             return Ok(Cow::Borrowed(&poses.points));
         };
-        let names = self.names_by(model, poses)?.0;
-        BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
-        Ok(names)
+        Ok(self.mapping(model, poses)?.1)
     }
 
-    /// The names by which `model` knows the points of `poses`, and whether a map gives them.
-    fn names_by<'p>(&self, model: &Model, poses: &'p Poses) -> Result<(Cow<'p, [String]>, bool)> {
-        let of = || PointNaming::of(&poses.points, poses.xyz.view(), &model.meta.points);
+    /// The points of `model` among those of `poses`, and the names by which it knows these.
+    fn mapping<'p>(
+        &self,
+        model: &Model,
+        poses: &'p Poses,
+    ) -> Result<(PointMapping<'_>, Cow<'p, [String]>)> {
+        let opened = self.opened(model)?;
+        let of = || PointNaming::of(&poses.points, poses.xyz.view(), &opened.points);
         let naming = self.naming.clone().unwrap_or_else(of);
-        let names = match (&naming, self.loaded(model)?.bone_points()) {
+        let names = match (&naming, opened.bone_points()) {
             (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
             _ => naming.model_names(&poses.points),
         };
-        Ok((names, matches!(naming, PointNaming::Map(_))))
-    }
-
-    /// The opened model, bound to a table; `None` without a model. With the names of the points by
-    /// which their body's own frame is known: that of another skeleton is not.
-    fn bind<'p>(&self, poses: &'p Poses) -> Result<(Option<BoundModel<'_>>, Cow<'p, [String]>)> {
-        let own = Cow::Borrowed(&poses.points[..]);
-        let Some(model) = self.model else {
-            return Ok((None, own));
-        };
-        let (names, is_mapped) = self.names_by(model, poses)?;
-        let bound = BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
-        let names = if is_mapped { own } else { names };
-        Ok((Some(bound.mapped(is_mapped)), names))
+        let is_mapped = matches!(naming, PointNaming::Map(_));
+        let mapping = PointMapping::new(opened, &self.name, &names, is_mapped)?;
+        Ok((mapping, names))
     }
 
     /// The opened model.
-    fn loaded(&self, model: &Model) -> Result<&LoadedModel> {
-        if let Some(loaded) = self.loaded.get() {
-            return Ok(loaded);
+    fn opened(&self, model: &Model) -> Result<&PoseModel> {
+        if let Some(opened) = self.opened.get() {
+            return Ok(opened);
         }
-        let loaded = LoadedModel::new(model, &self.options, &self.name, self.world)?;
-        Ok(self.loaded.get_or_init(|| loaded))
+        let mut opened = PoseModel::open(model, &self.options, &self.name, self.world)?;
+        if !self.options.published {
+            opened = opened.with_rigid_distances(model, &self.name)?;
+        }
+        Ok(self.opened.get_or_init(|| opened))
     }
 
     /// Restores each take of a table, or each frame where there is no rate; `hidden` columns count
@@ -234,12 +216,19 @@ impl<'m> Restorer<'m> {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
-        let (bound, names) = self.bind(poses)?;
+        let mapped = self.model.map(|model| self.mapping(model, poses));
+        let mapped = mapped.transpose()?;
+        let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
+        // A body's own frame is known by the names of its points; that of another skeleton is not.
+        let names = match &mapped {
+            Some((mapping, names)) if !mapping.is_other_skeleton => names,
+            _ => &poses.points[..],
+        };
         let mut out = Restoration::unchanged(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);
-            let bound = bound.as_ref().ok_or_else(no_model)?;
-            out.add(0, &method.frames(bound, xyz.view()));
+            let mapping = mapping.ok_or_else(no_model)?;
+            out.add(0, &method.frames(mapping, xyz.view()));
             return Ok(out);
         };
         let runs = poses.runs();
@@ -257,18 +246,18 @@ impl<'m> Restorer<'m> {
             out.count_cuts(runs.len() - uncut);
             let xyz = hide(poses.xyz.slice(s![frames.clone(), ..]).to_owned(), hidden);
             let take = Take {
-                names: &names,
+                names,
                 xyz: xyz.view(),
                 runs: &runs,
                 rate,
             };
-            out.add(frames.start, &method.take(bound.as_ref(), &take, progress));
+            out.add(frames.start, &method.take(mapping, &take, progress));
         }
         Ok(out)
     }
 }
 
-/// What to say where the length of a gap cannot be told.
+/// What to say where the length of a gap is unknown.
 fn no_rate(table: &Table) -> Error {
     let what = "a longest gap needs a frame rate, and the table's times give none";
     Error::data(Place::file(&table.name), what)

@@ -3,11 +3,12 @@
 use super::figure::Figure;
 use super::session_file::SessionPath;
 use super::{Handler, Refusal, Reply, Request, Route};
+use crate::edit::Session;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
-use crate::edit::{OpenedModel, Session};
 use crate::io::Table;
 use crate::io::input::take_name;
+use crate::restore::PoseModel;
 use crate::{Error, Place, Result};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// What is edited.
 pub struct EditSource {
     /// The model.
-    pub model: OpenedModel,
+    pub model: PoseModel,
     /// The figure.
     pub figure: Figure,
     /// A table whose rows can be edited, with the names of the figure's joints.
@@ -61,7 +62,7 @@ impl Editor {
             session: file,
         } = source;
         let file = file.as_deref().map(SessionPath::open).transpose()?;
-        let rig = figure.rig(model.points())?;
+        let rig = figure.rig(&model.points)?;
         let mut session = Session::with_model(model, rig);
         let mut rate = RATE;
         let mut name = figure.name.clone();

@@ -3,13 +3,13 @@
 
 use crate::edit::in_betweens::Motion;
 use crate::edit::{Rig, Session};
+use crate::ik::estimate_skeleton;
 use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::io::csv::{AddedColumn, After, CsvFormat};
 use crate::io::text::push_f64;
 use crate::io::{Amc, Asf, Bvh, Columns, Row, SkeletonFile};
 use crate::pose::rotation::Axis;
 use crate::pose::{NameMap, Poses, Skeleton, Status};
-use crate::restore::ik::estimate_skeleton;
 use crate::{Error, Result};
 use glam::DMat3;
 use std::collections::BTreeMap;

@@ -41,7 +41,7 @@ use serde::{Deserialize, Serialize};
 
 /// The parameters of K-SVD.
 ///
-/// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 a pose, ten
+/// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 per pose, ten
 /// iterations), mean squared error of fresh coding in raw ASF units, training and unseen: 0.043 and
 /// 0.050 as it is by default; 0.034 and 0.039 with a `coherence` of 0.99; 0.049 and 0.055 with
 /// `keep`; 0.044 and 0.051 with one sweep; 0.071 and 0.083 with the plain pursuit.

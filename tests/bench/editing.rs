@@ -12,13 +12,13 @@ use posing::edit::in_betweens::in_betweens;
 use posing::edit::keys::Key;
 use posing::edit::photograph::{Marks, PhotographFit, fit_photograph};
 use posing::edit::pose_solver::{Constraints, Pose, PoseSolver};
-use posing::edit::{Rig, RigPrior, session::DRAG_SD};
+use posing::edit::{Rig, for_rig, open_model, session::DRAG_SD};
+use posing::ik::solver::{IkSettings, IkSolver, Regularization};
 use posing::io::{Amc, Asf, Model};
 use posing::numeric::parallel;
 use posing::pose::similarity::{TransformKind, fit_similarity};
 use posing::pose::{Poses, Space, joints};
 use posing::prior::{Kind, TrainOptions, TrainingSet};
-use posing::restore::ik::solver::{IkSettings, IkSolver, Regularization};
 use rand::Rng;
 use rand::seq::index::sample;
 use rand_chacha::ChaCha8Rng;
@@ -191,8 +191,9 @@ fn solver(model: &Model, person: &Person) -> PoseSolver {
         &Default::default(),
     );
     let rig = rig.expect("a rig");
-    let prior = RigPrior::open(model, "the bench", &rig).expect("a model");
-    PoseSolver { rig, prior }
+    let model = open_model(model, "the bench").expect("a model");
+    let model = for_rig(model, &rig);
+    PoseSolver { rig, model }
 }
 
 /// Evenly spread poses of a person's takes: (3 K) each.
@@ -214,7 +215,7 @@ fn place(xyz: &[f64], k: usize) -> DVec3 {
 
 fn start(solver: &PoseSolver) -> Pose {
     let rest = vec![0.0; solver.rig.skeleton.dof_count()];
-    let typical = solver.prior.representative_poses();
+    let typical = solver.model.prior.representative_poses();
     solver.placed(
         &typical.row(0).to_vec(),
         posing::pose::Similarity::IDENTITY,
@@ -337,7 +338,7 @@ fn ik_alone(solver: &PoseSolver, truth: &[f64], shown: &[usize], start: &Pose) -
     let placed = fit_similarity(pairs, TransformKind::Rigid)
         .expect("points")
         .similarity;
-    let model = solver.rig.to_model(&start.xyz, solver.prior.points());
+    let model = solver.rig.to_model(&start.xyz, solver.model.points.len());
     let mut pose = solver.placed(&model, placed, &start.q);
     let mut targets = vec![f64::NAN; truth.len()];
     shown
@@ -453,7 +454,7 @@ fn at_root_of(solver: &PoseSolver, truth: &[f64]) -> Pose {
     let placed = fit_similarity(pairs, TransformKind::Rigid)
         .expect("points")
         .similarity;
-    let model = solver.rig.to_model(&pose.xyz, solver.prior.points());
+    let model = solver.rig.to_model(&pose.xyz, solver.model.points.len());
     solver.placed(&model, placed, &pose.q)
 }
 

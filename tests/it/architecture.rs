@@ -14,6 +14,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("sparse", &["pose", "numeric"]),
     ("metric", &["pose", "numeric", "io"]),
     ("body", &["pose", "numeric", "io"]),
+    ("ik", &["pose", "numeric", "io"]),
     // A prior is made from a model, a restoration changes a table: of io some rooms may name
     // `IO_TYPES` only.
     (
@@ -39,20 +40,23 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("audit", &["pose", "numeric", "restore", "io", "draw"]),
     (
         "clean",
-        &["pose", "numeric", "prior", "restore", "io", "draw", "audit"],
+        &[
+            "pose", "numeric", "prior", "restore", "io", "ik", "draw", "audit",
+        ],
     ),
     (
         "edit",
         &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
+            "ik",
         ],
     ),
-    ("server", &["pose", "restore", "io", "draw", "edit"]),
+    ("server", &["pose", "restore", "io", "ik", "draw", "edit"]),
     (
         "cli",
         &[
             "pose", "numeric", "io", "cluster", "sparse", "metric", "body", "prior", "restore",
-            "draw", "evaluate", "edit", "audit", "clean", "server",
+            "ik", "draw", "evaluate", "edit", "audit", "clean", "server",
         ],
     ),
 ];
@@ -61,17 +65,11 @@ const MAY_NAME: &[(&str, &[&str])] = &[
 const IO_TYPES: &[(&str, &[&str])] = &[
     ("metric", &["io::Model"]),
     ("body", &["io::Model", "io::glb"]),
+    ("ik", &["io::Bvh", "io::bvh"]),
     ("prior", &["io::Model", "io::model"]),
     (
         "restore",
-        &[
-            "io::Model",
-            "io::model",
-            "io::Table",
-            "io::Bvh",
-            "io::bvh",
-            "io::Output",
-        ],
+        &["io::Model", "io::model", "io::Table", "io::Output"],
     ),
     // What is tested restores tables with a model.
     ("evaluate", &["io::Model", "io::Table"]),

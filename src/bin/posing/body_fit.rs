@@ -52,7 +52,7 @@ pub struct Args {
     /// The vertex that each point is on
     #[arg(long, value_name = "MAP.csv")]
     on: PathBuf,
-    /// Noise of the markers: standard deviation a coordinate, in cm or with a unit
+    /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.18", value_parser = parse_length)]
     noise: f64,
     /// Output file

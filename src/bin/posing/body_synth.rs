@@ -41,7 +41,7 @@ pub struct Args {
     /// Body model
     #[arg(short, long, value_name = "BODY.npz")]
     model: PathBuf,
-    /// Rotations of the parts and place of the root, a row a mesh; - for standard input
+    /// Rotations of the parts and place of the root, a row per mesh; - for standard input
     #[arg(long, value_name = "TABLE", conflicts_with = "pose")]
     rotations: Option<PathBuf>,
     /// Pose table whose joints the body follows; - for standard input
@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     joints: Option<String>,
     /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and
-    /// viewers; or a folder (ending in /) for a file a mesh
+    /// viewers; or a folder (ending in /) for a file per mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder [default: ply]

@@ -8,8 +8,9 @@ use posing::cli::input::{check_single_stdin, open_model, read_table};
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
 use posing::cli::{browser, signals};
-use posing::edit::OpenedModel;
+use posing::edit;
 use posing::io::{Model, Table};
+use posing::restore::PoseModel;
 use posing::server::editor::{EditSource, Editor};
 use posing::server::figure::Figure;
 use posing::server::{Page, page, serve};
@@ -76,8 +77,8 @@ pub fn work(args: &Args) -> Result<()> {
     let files = [&args.poses, &args.model, &args.skeleton];
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {
-        Some(path) => OpenedModel::open(&open_model(path)?, &path.display().to_string())?,
-        None => OpenedModel::open(&Model::builtin()?, "the built-in model")?,
+        Some(path) => edit::open_model(&open_model(path)?, &path.display().to_string())?,
+        None => edit::open_model(&Model::builtin()?, "the built-in model")?,
     };
     let table = args
         .poses
@@ -121,7 +122,7 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
 }
 
 /// The skeleton given, or one measured from the table, or from the model.
-fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Figure> {
+fn figure(args: &Args, model: &PoseModel, table: Option<&Table>) -> Result<Figure> {
     let (unit, turn) = (args.units.centimeters(), args.units.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
@@ -129,12 +130,12 @@ fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Fig
             let map = args
                 .map
                 .as_deref()
-                .map(|name| name_map(name, model.points()));
+                .map(|name| name_map(name, &model.points));
             let name = path.display().to_string();
-            Figure::of_file(&name, file, map.transpose()?.as_ref(), model.points())?
+            Figure::of_file(&name, file, map.transpose()?.as_ref(), &model.points)?
         }
         (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
-        (None, None) => Figure::measured("the model's own figure", &model.typical_poses())?,
+        (None, None) => Figure::measured("the model's own figure", &model.representative_poses())?,
     };
     Ok(figure.with_units(unit, turn))
 }

@@ -12,7 +12,8 @@ use std::path::PathBuf;
 
 /// Describe poses by 1,683 geometric features
 ///
-/// Writes a row a frame: distances, directions and angles of joints, lines and planes of the body,
+/// Writes a row per frame: distances, directions and angles of joints, lines and planes of the
+/// body,
 /// and how they move, without place, heading and size, after the columns take and time. Names have
 /// no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
 ///

@@ -7,10 +7,10 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
+use posing::ik::SkeletonFit;
 use posing::io::{Amc, Asf};
 use posing::pose::one_take::{first_frame_number, one_take};
 use posing::pose::units::LengthUnit;
-use posing::restore::ik::SkeletonFit;
 use std::path::PathBuf;
 
 /// Convert a pose table to an AMC take

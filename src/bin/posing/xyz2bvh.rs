@@ -10,8 +10,8 @@ use posing::io::bvh::LARGEST_FILE;
 use posing::io::{Bvh, Input, SkeletonFile};
 use posing::pose::rotation::{Axis, parse_order};
 
+use posing::ik::solve_missing_channels;
 use posing::pose::one_take;
-use posing::restore::ik::solve_missing_channels;
 use posing::{Error, Place, Result};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};

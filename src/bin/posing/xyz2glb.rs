@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Convert a pose table to binary glTF: a skeleton that viewers play
 ///
 /// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a
-/// simple mesh, an octahedron a bone, so that viewers and browsers show it. Lengths are meters, y
+/// simple mesh, an octahedron per bone, so that viewers and browsers show it. Lengths are meters, y
 /// points up. For a body with skin, see body-synth; for FBX, see posing-formats(7).
 #[derive(Parser)]
 #[command(

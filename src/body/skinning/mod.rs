@@ -9,7 +9,7 @@
 //!
 //! | symbol | meaning | shape | unit |
 //! |---|---|---|---|
-//! | w | weights of the bones, at least 0, sum 1, at most four above 0 a vertex | (V, B) | none |
+//! | w | weights of the bones, at least 0, sum 1, at most four above 0 per vertex | (V, B) | none |
 //! | R, t | rotation and translation of each bone, a rigid part | (B, 3, 3), (B, 3) | none, cm |
 //! | s | corrective shapes: offsets in the rest pose | (K, V, 3) | cm |
 //! | c | their weights, of mean square 1 over the samples | (K) | none |

@@ -1,4 +1,4 @@
-//! The bones of a skin: one a part, joined as the template's parts are.
+//! The bones of a skin: one per part, joined as the template's parts are.
 
 use crate::body::template::{Joint, Template};
 use glam::{DAffine3, DMat3, DVec3};

@@ -170,7 +170,7 @@ mod tests {
             figures: vec![Figure::new("f", xyz.view())],
             ..Scene::default()
         };
-        // 1,600 bytes a frame: 15,000 frames fit.
+        // 1,600 bytes per frame: 15,000 frames fit.
         assert_eq!(sparing(&scene), 2);
         assert_eq!(sparing(&Scene::default()), 1);
     }

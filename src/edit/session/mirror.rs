@@ -13,7 +13,7 @@ impl Session {
     /// `from`, onto the other; joints between the sides move onto the plane between them.
     pub fn copy_side(&mut self, from: &str) {
         let (rig, xyz) = (&self.solver.rig, &self.now.pose.xyz);
-        let points = &self.solver.prior.names;
+        let points = &self.solver.model.points;
         let begins = |name: &str| name.to_lowercase().starts_with(from);
         let name = |k: usize| rig.model_points[k].map_or(&rig.names[k], |p| &points[p]);
         let mirrored = rig.mirrored(xyz);

@@ -17,11 +17,12 @@ use super::keys::Keys;
 use super::other_poses::OtherPose;
 use super::pose_solver::{Pose, PoseSolver, REST};
 use super::rig::Rig;
-use super::rig_prior::OpenedModel;
+use super::rig_prior::{for_rig, open_model};
 use super::start_poses::{self, StartPose};
 use crate::Result;
+use crate::ik::estimate_skeleton;
 use crate::io::Model;
-use crate::restore::ik::estimate_skeleton;
+use crate::restore::PoseModel;
 use gesture::Gesture;
 use glam::DVec3;
 use ndarray::Array2;
@@ -90,25 +91,25 @@ impl Session {
     /// [`Error::Data`](crate::Error::Data) if the model cannot be opened,
     /// [`Error::Usage`](crate::Error::Usage) if no skeleton is known for its points.
     pub fn of_model(model: &Model) -> Result<Session> {
-        let opened = OpenedModel::open(model, "the model")?;
-        let skeleton = estimate_skeleton(&opened.typical_poses())?;
-        let rig = Rig::new(skeleton, opened.points())?;
+        let opened = open_model(model, "the model")?;
+        let skeleton = estimate_skeleton(&opened.representative_poses())?;
+        let rig = Rig::new(skeleton, &opened.points)?;
         Ok(Session::with_model(opened, rig))
     }
 
     /// A session with a rig; `source` names the model in errors.
     ///
     /// # Errors
-    /// As [`OpenedModel::open`].
+    /// As [`open_model`].
     pub fn new(model: &Model, source: &str, rig: Rig) -> Result<Session> {
-        Ok(Session::with_model(OpenedModel::open(model, source)?, rig))
+        Ok(Session::with_model(open_model(model, source)?, rig))
     }
 
     /// A session with a rig, from the typical pose that stands most upright, on the floor.
-    pub fn with_model(model: OpenedModel, rig: Rig) -> Session {
-        let prior = model.for_rig(&rig);
+    pub fn with_model(model: PoseModel, rig: Rig) -> Session {
+        let model = for_rig(model, &rig);
         let joints = rig.joints();
-        let solver = PoseSolver { rig, prior };
+        let solver = PoseSolver { rig, model };
         let starts = start_poses::start_poses(&solver);
         let pose = starts[0].pose.clone();
         Session {

@@ -16,7 +16,7 @@ impl Session {
     /// it is; the floor is off, as nothing is known of it.
     ///
     /// # Errors
-    /// [`Error::Usage`]: other than three columns a joint, or no row places a pose.
+    /// [`Error::Usage`]: other than three columns per joint, or no row places a pose.
     pub fn edit_rows(&mut self, rows: Array2<f64>) -> Result<()> {
         if rows.ncols() != 3 * self.rig().joints() {
             return Err(Error::usage("rows need three numbers a joint"));

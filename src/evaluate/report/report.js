@@ -187,7 +187,7 @@ function sweepChart(task, rows, what, place) {
   return chart.figure(legend(lines.map(([name], i) => ["k" + i % 6, name])));
 }
 
-/** How one model was tuned: error of held-back training poses against the inflation, a line a task. */
+/** How one model was tuned: error of held-back training poses against the inflation, a line per task. */
 function tuningChart(model, cells) {
   const curves = cells.map(({ task, tuning }) => {
     const best = new Map();

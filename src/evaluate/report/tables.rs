@@ -93,7 +93,7 @@ impl BenchmarkReport<'_> {
         })
     }
 
-    /// A line a cell, and one for all seeds together (its `seed` is `all`).
+    /// A line per cell, and one for all seeds together (its `seed` is `all`).
     pub fn csv(&self) -> String {
         let mut out = String::from(
             "split,base_asf,task,model,seed,frames,units,mse,low,high,rms_cm,training_mse,\
@@ -134,7 +134,7 @@ impl BenchmarkReport<'_> {
         out
     }
 
-    /// A line a cell: seconds a pose, seconds of training.
+    /// A line per cell: seconds per pose, seconds of training.
     pub fn times(&self) -> String {
         let mut out =
             String::from("split,base_asf,task,model,seed,seconds_per_pose,seconds_training\n");

@@ -143,7 +143,7 @@ impl TakesReport {
         rows
     }
 
-    /// A line a cell and method; errors in cm, of accelerations in m/s².
+    /// A line per cell and method; errors in cm, of accelerations in m/s².
     pub fn csv(&self) -> String {
         let mut out = String::from(
             "task,seconds,points,sd,share,method,count,left_empty,rms,median,p99,acceleration,\

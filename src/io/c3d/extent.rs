@@ -12,7 +12,7 @@ const COUNTED: usize = 1 << 16;
 pub struct Words {
     /// The number of points.
     pub points: u16,
-    /// Analog values a frame.
+    /// Analog values per frame.
     pub analog: u16,
     /// Samples of each analog channel a frame.
     pub samples: u16,
@@ -148,7 +148,7 @@ fn contradiction(said: [usize; 2], taken: [usize; 2]) -> String {
     )
 }
 
-/// The numbers of points and of analog values a frame that header and parameters allow, the
+/// The numbers of points and of analog values per frame that header and parameters allow, the
 /// header's first.
 fn shapes(words: Words, parameters: &Parameters) -> Vec<[usize; 2]> {
     let number = |name: &str| parameters.number(name).filter(|n| *n >= 0.0 && *n < 1e6);
@@ -263,7 +263,7 @@ mod tests {
         rate: 100.0,
     };
 
-    /// One point as integers: 8 bytes a frame.
+    /// One point as integers: 8 bytes per frame.
     fn frames_of(frames: [u16; 2], data: &[u8]) -> usize {
         let words = Words { frames, ..WORDS };
         let mut notes = Vec::new();
@@ -305,7 +305,7 @@ mod tests {
     fn a_larger_count_that_fits_the_length_is_taken() {
         let parameters = parameters();
         assert_eq!(parameters.number("POINT:FRAMES"), Some(20.0));
-        // Five points as integers: 40 bytes a frame.
+        // Five points as integers: 40 bytes per frame.
         let read = |frames: [u16; 2], data: &[u8]| {
             let words = Words {
                 points: 5,

@@ -1,4 +1,4 @@
-//! A skeleton in motion as a mesh that viewers show: an octahedron a bone, as animation software
+//! A skeleton in motion as a mesh that viewers show: an octahedron per bone, as animation software
 //! draws bones.
 
 use super::{Animation, Bone, SkinnedMesh};

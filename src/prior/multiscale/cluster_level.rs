@@ -31,7 +31,7 @@ pub struct ClusterLevel {
 /// The covariances of K clusters as a model file keeps them.
 #[derive(Debug, Clone)]
 pub struct StoredCovariances {
-    /// The eigenvectors of each, one a column, (K d, d).
+    /// The eigenvectors of each, one per column, (K d, d).
     pub directions: Array2<f32>,
     /// The standard deviation along each, cm, (K, d).
     pub deviations: Array2<f32>,

@@ -34,7 +34,7 @@ impl EigenCovariance {
         EigenCovariance::with(values, |i, k| vectors[[i, k]])
     }
 
-    /// Puts a covariance together from eigenvectors (d, d), one a column, of any length above 0,
+    /// Puts a covariance together from eigenvectors (d, d), one per column, of any length above 0,
     /// and the standard deviation √λ along each (d), cm.
     pub fn from_parts(
         directions: ArrayView2<'_, f32>,
@@ -65,7 +65,7 @@ impl EigenCovariance {
         }
     }
 
-    /// The covariance of rotated poses; coordinates come in threes, one a point.
+    /// The covariance of rotated poses; coordinates come in threes, one per point.
     pub fn rotated(&self, rotation: &DMat3) -> EigenCovariance {
         let mut vectors = vec![0.0; self.vectors.len()];
         for (from, to) in self
@@ -87,7 +87,7 @@ impl EigenCovariance {
         }
     }
 
-    /// The atoms U diag(√λ), (d, d): one a column.
+    /// The atoms U diag(√λ), (d, d): one per column.
     pub fn atoms(&self) -> Array2<f64> {
         Array2::from_shape_fn((self.d, self.d), |(i, k)| {
             f64::from(self.row(i)[k]) * self.values[k].sqrt()

@@ -184,7 +184,7 @@ impl Prior for MultiscaleMixture {
     }
 
     /// By the clusters of the whole body alone: the search for the placement of 2-D input asks many
-    /// times a frame.
+    /// times per frame.
     fn reconstruct(
         &self,
         observation: &Observation<'_>,

@@ -65,7 +65,7 @@ pub struct BoxTree {
     /// Unit principal axes in columns, the longest first: (D, D).
     axes: Array2<f64>,
     nodes: Vec<Node>,
-    /// Two rows a node, the least and the greatest of each coordinate: (2 nodes, D).
+    /// Two rows per node, the least and the greatest of each coordinate: (2 nodes, D).
     boxes: Array2<f64>,
     /// The boxes along the principal axes: (2 nodes, D).
     turned: Array2<f64>,

@@ -13,7 +13,7 @@ use ndarray::{Array1, Array2, ArrayView2, Axis};
 /// How much of the poses' own covariance is added to that of their residuals.
 ///
 /// Residuals of poses that were learned from say too little about poses that were not. Measured on
-/// whole takes held out (five subjects, 2,000 atoms, 3 a pose): 0.2 lowers the error of three
+/// whole takes held out (five subjects, 2,000 atoms, 3 per pose): 0.2 lowers the error of three
 /// missing joints from 2.9 to 2.5 cm and of dense noise of 5.6 cm from 3.7 to 3.2 cm. The stated
 /// deviations come closer to the true ones, from 3 to 11 times too small to 1.4 to 2.6 times.
 const UNSEEN: f64 = 0.2;

@@ -4,16 +4,10 @@
 //! mean of a ramp and of PCHIP, and where the gap has one end only, it fades within [`FADES`].
 
 use super::regression::Regression;
+use super::tuning::{estimates::*, path::REACH};
 use crate::numeric::pchip::pchip;
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
-
-/// Seconds on either side of a gap that interpolation over time looks at.
-const REACH: f64 = 1.0 / 6.0;
-/// Seconds on either side that the regression's errors are taken from.
-const ERROR_REACH: f64 = 1.0 / 12.0;
-/// Seconds after which e⁻¹ of an error is left where a gap has one end.
-const FADES: f64 = 0.25;
 
 /// The points that are to be estimated together, in one or more gaps.
 pub struct Targets<'a> {
@@ -34,31 +28,31 @@ pub struct Estimates {
     pub variance: Array2<f64>,
 }
 
-/// A gap and the frames in it that are asked for.
+/// A gap and the frames in it that are to be estimated.
 #[derive(Debug, Clone)]
-pub struct Question {
+pub struct GapFrames {
     /// The frames that are not known.
     pub gap: Range<usize>,
     /// Those of them to estimate, in order.
-    pub asked: Vec<usize>,
+    pub frames: Vec<usize>,
 }
 
 impl Targets<'_> {
     /// The estimates for several gaps at once; none of their frames is learned from. `None` where
     /// there is nothing to learn from.
-    pub fn estimates(&self, questions: &[Question]) -> Option<Vec<Estimates>> {
-        let gaps: Vec<Range<usize>> = questions.iter().map(|q| q.gap.clone()).collect();
+    pub fn estimates(&self, wanted: &[GapFrames]) -> Option<Vec<Estimates>> {
+        let gaps: Vec<Range<usize>> = wanted.iter().map(|w| w.gap.clone()).collect();
         let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
-        let frames = |k: usize| questions[k].asked.iter().chain(&beside[k]).copied();
-        let asked: Vec<usize> = (0..gaps.len()).flat_map(frames).collect();
-        let predictions = self.regression.predict(&gaps, &asked)?;
+        let frames = |k: usize| wanted[k].frames.iter().chain(&beside[k]).copied();
+        let frames: Vec<usize> = (0..gaps.len()).flat_map(frames).collect();
+        let predictions = self.regression.predict(&gaps, &frames)?;
         let timed: Vec<bool> = (self.regression.kernels().iter())
             .map(|k| k.time > 0.0)
             .collect();
         let mut first = 0;
         let mut out = Vec::new();
-        for (question, beside) in questions.iter().zip(&beside) {
-            let (n, m) = (question.asked.len(), beside.len());
+        for (wanted, beside) in wanted.iter().zip(&beside) {
+            let (n, m) = (wanted.frames.len(), beside.len());
             let rows = |all: &Array2<f64>, from: usize, count: usize| {
                 all.slice(ndarray::s![first + from..first + from + count, ..])
                     .to_owned()
@@ -66,10 +60,10 @@ impl Targets<'_> {
             let mut means: Vec<Array2<f64>> = (predictions.iter())
                 .map(|p| {
                     let errors = self.known(beside) - rows(&p.mean, n, m);
-                    rows(&p.mean, 0, n) + self.bridge(question, beside, &errors)
+                    rows(&p.mean, 0, n) + self.bridge(wanted, beside, &errors)
                 })
                 .collect();
-            means.extend(self.over_time(question, &gaps));
+            means.extend(self.over_time(wanted, &gaps));
             let mut variance = Array2::zeros((n, self.columns.len()));
             let known = predictions.iter().zip(&timed).filter(|(_, timed)| **timed);
             known
@@ -103,12 +97,12 @@ impl Targets<'_> {
         (start..gap.start).chain(gap.end..end)
     }
 
-    /// Errors that are known beside a gap, carried to the asked frames (n, 3 T).
-    fn bridge(&self, question: &Question, beside: &[usize], errors: &Array2<f64>) -> Array2<f64> {
+    /// Errors that are known beside a gap, carried to the wanted frames (n, 3 T).
+    fn bridge(&self, wanted: &GapFrames, beside: &[usize], errors: &Array2<f64>) -> Array2<f64> {
         let seconds = self.regression.seconds;
-        let at: Vec<f64> = question.asked.iter().map(|&t| seconds[t]).collect();
+        let at: Vec<f64> = wanted.frames.iter().map(|&t| seconds[t]).collect();
         let x: Vec<f64> = beside.iter().map(|&t| seconds[t]).collect();
-        let before = beside.partition_point(|t| *t < question.gap.start);
+        let before = beside.partition_point(|t| *t < wanted.gap.start);
         let ends = (
             before.checked_sub(1),
             (before < beside.len()).then_some(before),
@@ -138,16 +132,16 @@ impl Targets<'_> {
 
     /// PCHIP in world space between the frames around a gap, in the frame of reference; `None`
     /// where the gap lacks an end.
-    fn over_time(&self, question: &Question, gaps: &[Range<usize>]) -> Option<Array2<f64>> {
+    fn over_time(&self, wanted: &GapFrames, gaps: &[Range<usize>]) -> Option<Array2<f64>> {
         let seconds = self.regression.seconds;
-        let at: Vec<f64> = question.asked.iter().map(|&t| seconds[t]).collect();
+        let at: Vec<f64> = wanted.frames.iter().map(|&t| seconds[t]).collect();
         let mut out = Array2::zeros((at.len(), self.columns.len()));
         for (c, &column) in self.columns.iter().enumerate() {
             let is_seen = |t: &usize| {
                 self.captured[[*t, column]].is_finite() && !gaps.iter().any(|g| g.contains(t))
             };
-            let around: Vec<usize> = self.around(&question.gap, REACH).filter(is_seen).collect();
-            let before = around.partition_point(|t| *t < question.gap.start);
+            let around: Vec<usize> = self.around(&wanted.gap, REACH).filter(is_seen).collect();
+            let before = around.partition_point(|t| *t < wanted.gap.start);
             if before == 0 || before == around.len() {
                 return None;
             }
@@ -159,7 +153,7 @@ impl Targets<'_> {
                 .zip(values)
                 .for_each(|(o, v)| *o = v);
         }
-        for (t, mut row) in question.asked.iter().zip(out.outer_iter_mut()) {
+        for (t, mut row) in wanted.frames.iter().zip(out.outer_iter_mut()) {
             let placement = self.regression.own.placements[*t]?;
             for c in (0..row.len()).step_by(3) {
                 let local = placement.undo([row[c], row[c + 1], row[c + 2]].into());

@@ -1,11 +1,51 @@
-//! The frames in which each point is known, a bit each: to count those that some points have in
-//! common takes a word for 64.
+//! What is known of a take while its gaps are filled. The frames in which each point is known are a
+//! bit each: to count those that some points have in common takes a word for 64.
 
-use ndarray::ArrayView2;
+use super::path::PathVariances;
+use super::tuning::filler::BREAK;
+use super::{Gap, put};
+use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
 /// Frames of one word.
 const WORD: usize = u64::BITS as usize;
+
+/// What is known of a take while its gaps are filled.
+pub struct Known {
+    /// (frames, 3 J), cm: captured or filled; NaN missing.
+    pub xyz: Array2<f64>,
+    /// The frames in which each point is captured or filled.
+    pub frames: KnownFrames,
+    /// Those in which it is captured.
+    pub captured: KnownFrames,
+    /// Seconds of each frame.
+    pub seconds: Vec<f64>,
+    /// How well points are interpolated.
+    pub paths: PathVariances,
+}
+
+impl Known {
+    /// What the captured frames (frames, 3 J) show; `rate` in frames a second.
+    pub fn new(captured: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Known {
+        let mut seconds = vec![0.0; captured.nrows()];
+        for (k, run) in runs.iter().enumerate() {
+            (run.clone()).for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / rate);
+        }
+        Known {
+            xyz: captured.to_owned(),
+            frames: KnownFrames::of(captured),
+            captured: KnownFrames::of(captured),
+            seconds,
+            paths: PathVariances::default(),
+        }
+    }
+
+    /// Puts a filled gap in place.
+    pub fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
+        put(&mut self.xyz, gap, xyz);
+        self.frames.add(gap.point, gap.frames.clone());
+    }
+}
 
 /// The frames in which each point of a take is known.
 pub struct KnownFrames(Vec<FrameSet>);
@@ -104,7 +144,6 @@ impl FrameSet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array2;
 
     #[test]
     fn frames_are_counted_as_one_by_one() {

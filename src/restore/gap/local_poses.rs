@@ -5,13 +5,9 @@
 //! else a rigid fit of the predictors to their mean shape. It is found from the predictors alone,
 //! so that it is known inside a gap too.
 
+use super::tuning::local_poses::*;
 use crate::pose::{Anchor, Similarity};
 use ndarray::{Array2, ArrayView2, s};
-
-/// Frames that the mean shape of predictors is measured in.
-const SHAPE_FRAMES: usize = 200;
-/// Rounds of fitting them to their mean.
-const SHAPE_ROUNDS: usize = 2;
 
 /// What is known of poses: (n, coordinates), cm.
 #[derive(Debug, Clone)]

@@ -1,22 +1,12 @@
 //! What a point of a take can do: move as fast as it is seen to, and be as far from others. A
 //! filled path that does more was estimated from too little.
 
+use super::tuning::motion_limits::*;
 use super::{FilledGap, Gap};
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
 use std::ops::Range;
-
-/// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s, and cm
-/// beside.
-const MORE: f64 = 2.0;
-const ANY_SPEED: f64 = 800.0;
-const LEAST_DISTANCE: f64 = 10.0;
-/// Frames that tell what a point does.
-const FEWEST: usize = 10;
-/// Frames and other points that distances are measured in.
-const FRAMES: usize = 300;
-const OTHERS: usize = 50;
 
 /// The limits of the points that have gaps.
 pub struct MotionLimits {

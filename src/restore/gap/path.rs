@@ -3,6 +3,7 @@
 //! A point that rests on either side of a short gap rests in it. Else a path is smooth enough where
 //! going straight on from one end misses the other by at most 4 cm, as in commercial practice.
 
+use super::tuning::path::*;
 use super::{FilledGap, Gap};
 use crate::numeric::pchip::pchip;
 use crate::pose::FillMethod;
@@ -10,22 +11,6 @@ use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
-
-/// Seconds on either side that a path is measured in.
-const REACH: f64 = 1.0 / 6.0;
-/// How far going straight on may miss, cm.
-const MISS: f64 = 4.0;
-/// A point is at rest where it strays no further than this, cm, for so many seconds.
-const REST: f64 = 1.0;
-const REST_SECONDS: f64 = 0.1;
-/// A point at rest on either side of a gap of no more seconds is taken to rest all through it, if
-/// it is no further away, cm.
-const RESTS_SECONDS: f64 = 0.5;
-const RESTS_WITHIN: f64 = 2.0;
-/// Standard deviation of a coordinate in the middle of such a gap, cm.
-const RESTS_SD: f64 = 0.2;
-/// Simulated gaps that the deviation is measured in.
-const SIMULATED: usize = 20;
 
 /// The variances of a coordinate in the middle of gaps of a take, by point and length (cm²):
 /// simulated once each, as a take may have as many gaps as frames.

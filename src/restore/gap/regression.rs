@@ -21,75 +21,11 @@
 //! of the others, those nearest to the gap's own.
 
 use super::local_poses::LocalPoses;
+use super::tuning::regression::*;
 use crate::numeric::linalg::Cholesky;
 use ndarray::{Array1, Array2, ArrayView1, Axis, s};
 use std::collections::BTreeSet;
 use std::ops::Range;
-
-/// Added to the variance of each predictor, cm²: what no predictor is more exact than.
-const RIDGE: f64 = 0.01;
-/// Own frames spread over the take.
-const SPREAD_FRAMES: usize = 330;
-/// Other poses, nearest to the gap's.
-const NEAREST_OTHERS: usize = 180;
-/// Frames of a gap that others are near to.
-const NEAR_TO: usize = 6;
-/// Frames of 1/120 s from a gap's end that are training frames too.
-const BESIDE: [f64; 14] = [
-    1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 14.0, 22.0, 36.0, 60.0,
-];
-/// Share of the variance that no predictor explains.
-const NUGGET: f64 = 3e-4;
-/// Seconds over which residuals are alike.
-const TIME_SCALE: f64 = 0.21;
-/// Own frames from which on the own statistics count as much as the others'.
-const OWN_FRAMES: f64 = 60.0;
-/// Frames whose covariance is taken, at most.
-const COVARIANCE_FRAMES: usize = 2000;
-
-/// A Gaussian process: whose frames it learns from, and what it takes to be alike.
-#[derive(Debug, Clone, Copy)]
-pub struct Kernel {
-    /// Whether others' poses are training frames too.
-    pub others: bool,
-    /// w, the width over poses.
-    pub width: f64,
-    /// τ, the share of time.
-    pub time: f64,
-}
-
-/// The processes for takes of people that others' poses are known for.
-const POOLED: [Kernel; 3] = [
-    Kernel {
-        others: true,
-        width: 2.0,
-        time: 0.01,
-    },
-    Kernel {
-        others: true,
-        width: 8.0,
-        time: 0.0,
-    },
-    Kernel {
-        others: false,
-        width: 8.0,
-        time: 0.01,
-    },
-];
-
-/// The processes that learn from the take alone.
-const OWN: [Kernel; 2] = [
-    Kernel {
-        others: false,
-        width: 8.0,
-        time: 0.01,
-    },
-    Kernel {
-        others: false,
-        width: 8.0,
-        time: 0.0,
-    },
-];
 
 /// Poses of a model, with their moments.
 pub struct OtherPoses {
@@ -122,7 +58,7 @@ pub struct Regression<'a> {
     pub others: Option<&'a OtherPoses>,
 }
 
-/// The answer of one process for some frames.
+/// The prediction of one process for some frames.
 #[derive(Debug, Clone)]
 pub struct Prediction {
     /// (frames, 3 T), cm.
@@ -132,7 +68,7 @@ pub struct Prediction {
 }
 
 impl Regression<'_> {
-    /// The processes to ask.
+    /// The processes that predict.
     pub fn kernels(&self) -> &'static [Kernel] {
         let own = self.complete.iter().filter(|c| **c).count() as f64;
         match self.others {
@@ -143,10 +79,10 @@ impl Regression<'_> {
         }
     }
 
-    /// Predicts the targets in the `asked` frames, which lie in `gaps`; the gaps' frames are not
-    /// learned from. One prediction a kernel, and last that of the conditional alone, without a
+    /// Predicts the targets in `frames`, which lie in `gaps`; the gaps' frames are not learned
+    /// from. One prediction a kernel, and last that of the conditional alone, without a
     /// variance. `None` where there is nothing to learn from.
-    pub fn predict(&self, gaps: &[Range<usize>], asked: &[usize]) -> Option<Vec<Prediction>> {
+    pub fn predict(&self, gaps: &[Range<usize>], frames: &[usize]) -> Option<Vec<Prediction>> {
         let with_others = match self.others {
             Some(others) => Some(Basis::new(self, gaps, Some(others))?),
             None => None,
@@ -158,12 +94,12 @@ impl Regression<'_> {
         };
         let of_kernel = |kernel: &Kernel| {
             let basis = if kernel.others { &with_others } else { &alone };
-            basis.as_ref()?.predict(self, kernel, asked)
+            basis.as_ref()?.predict(self, kernel, frames)
         };
         let mut out: Vec<Prediction> =
             (self.kernels().iter().map(of_kernel)).collect::<Option<_>>()?;
         let basis = with_others.as_ref().or(alone.as_ref())?;
-        let mean = basis.linear(&self.own.predictors.select(Axis(0), asked));
+        let mean = basis.linear(&self.own.predictors.select(Axis(0), frames));
         let variance = Array2::zeros(mean.dim());
         out.push(Prediction { mean, variance });
         Some(out)
@@ -318,7 +254,7 @@ impl Basis {
         &self,
         regression: &Regression<'_>,
         kernel: &Kernel,
-        asked: &[usize],
+        frames: &[usize],
     ) -> Option<Prediction> {
         let n = self.z.nrows();
         let mut gram = self.covariance(kernel, &self.distances, &self.seconds);
@@ -329,16 +265,16 @@ impl Basis {
         let sigma: Vec<f64> = (0..self.residual.ncols())
             .map(|c| self.residual.column(c).dot(&weights.column(c)) / n as f64)
             .collect();
-        let x = regression.own.predictors.select(Axis(0), asked);
+        let x = regression.own.predictors.select(Axis(0), frames);
         let z = self.scaled(&x);
-        let seconds: Vec<f64> = asked.iter().map(|&t| regression.seconds[t]).collect();
+        let seconds: Vec<f64> = frames.iter().map(|&t| regression.seconds[t]).collect();
         let distances = squared_distances(&self.z, &z);
         let cross = self.covariance(kernel, &distances, &seconds);
         let half = factor.half_solve(&cross)?;
         let left: Vec<f64> = (half.columns().into_iter())
             .map(|c| (1.0 + kernel.time - c.dot(&c)).max(1e-9))
             .collect();
-        let variance = Array2::from_shape_fn((asked.len(), sigma.len()), |(t, c)| {
+        let variance = Array2::from_shape_fn((frames.len(), sigma.len()), |(t, c)| {
             let point = &sigma[c / 3 * 3..c / 3 * 3 + 3];
             left[t] * point.iter().sum::<f64>() / 3.0
         });

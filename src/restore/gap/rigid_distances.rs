@@ -10,26 +10,69 @@
 //!     g(x) the distances at x, H their Jacobian
 //! ```
 
+use super::tuning::rigid_distances::*;
+use super::{FilledGap, Gap, put};
 use crate::numeric::linalg::Cholesky;
+use crate::numeric::parallel;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
+use std::collections::BTreeMap;
 
-/// Standard deviation of a rigid distance over the take, at most, cm.
-const RIGID: f64 = 0.1;
-/// Frames that distances are measured in: at least, and at most.
-const FEWEST_FRAMES: usize = 10;
-const MOST_FRAMES: usize = 400;
-/// Rigid distances of one point, the most rigid first.
-const MOST_PAIRS: usize = 8;
-/// Missing points of a frame that are solved together, at most.
-const MOST_POINTS: usize = 24;
-/// Variance added to that of a distance, cm².
-const LEAST_VARIANCE: f64 = 1e-4;
-/// Steps, at most, and how often one is halved until it helps.
-const STEPS: usize = 15;
-const HALVINGS: usize = 4;
-/// Steps that lower −2 log of the density by less are the last.
-const CONVERGED: f64 = 1e-6;
+/// Holds filled gaps of `captured` (frames, 3 J) to the rigid distances of the take.
+pub fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+    let mut known = captured.to_owned();
+    for (gap, filled) in gaps.iter().zip(filled.iter()) {
+        if let Some(filled) = filled {
+            put(&mut known, gap, &filled.xyz);
+        }
+    }
+    // frame -> gaps that are filled there
+    let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (k, gap) in (gaps.iter().enumerate()).filter(|(k, _)| filled[*k].is_some()) {
+        (gap.frames.clone()).for_each(|t| frames.entry(t).or_default().push(k));
+    }
+    let mut points: Vec<usize> = frames.values().flatten().map(|k| gaps[*k].point).collect();
+    points.sort_unstable();
+    points.dedup();
+    let distances = TakeDistances::measure(captured, &points);
+    let frames: Vec<(usize, Vec<usize>)> = frames.into_iter().collect();
+    let held = parallel::map_chunks(frames.len(), 16, |range| {
+        let hold = |(t, here): &(usize, Vec<usize>)| {
+            let points: Vec<usize> = here.iter().map(|k| gaps[*k].point).collect();
+            let mut frame = known.row(*t).to_vec();
+            let mut variance = Vec::with_capacity(3 * here.len());
+            for k in here {
+                let Some(filled) = &filled[*k] else { continue };
+                for i in 3 * gaps[*k].point..3 * gaps[*k].point + 3 {
+                    // What was measured of a point seen in part stays.
+                    let measured = captured[[*t, i]];
+                    let is_measured = measured.is_finite();
+                    variance.push(match is_measured {
+                        true => MEASURED,
+                        false => filled.variance[t - gaps[*k].frames.start],
+                    });
+                    if is_measured {
+                        frame[i] = measured;
+                    }
+                }
+            }
+            distances.hold(&mut frame, &points, &mut variance);
+            (frame, variance)
+        };
+        frames[range].iter().map(hold).collect::<Vec<_>>()
+    });
+    for ((t, here), (frame, variance)) in frames.iter().zip(held.into_iter().flatten()) {
+        known.row_mut(*t).assign(&ArrayView1::from(&frame));
+        for (k, variance) in here.iter().zip(variance.chunks_exact(3)) {
+            let gap = &gaps[*k];
+            if let Some(filled) = &mut filled[*k] {
+                filled.variance[t - gap.frames.start] = variance.iter().sum::<f64>() / 3.0;
+                let columns = s![*t, 3 * gap.point..3 * gap.point + 3];
+                (filled.xyz.row_mut(t - gap.frames.start)).assign(&known.slice(columns));
+            }
+        }
+    }
+}
 
 /// A rigid distance between two points.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,42 +10,12 @@
 //! variance of the weighted estimate is that of the processes times a factor: the geometric mean of
 //! what the errors show and of the usual one.
 
-use super::estimates::{Estimates, Question, Targets};
+use super::estimates::{Estimates, GapFrames, Targets};
 use super::regression::spread;
+use super::tuning::weights::*;
 use crate::numeric::linalg::cholesky_solve;
-use ndarray::{Array1, Array2, s};
+use ndarray::{Array1, Array2, Axis, s};
 use std::ops::Range;
-
-/// Gaps are simulated at the first of these parts of the true length of which the take has room for
-/// two.
-const SHORTER: [usize; 4] = [1, 2, 4, 8];
-/// Gaps of more seconds are simulated at their own length or not at all: what is best in short ones
-/// is not in long ones.
-const LONG: f64 = 0.5;
-/// Simulated gaps, at most.
-const SIMULATED: usize = 4;
-/// A simulated gap and what is left to learn from: together at least this many lengths of it.
-const ROOM: f64 = 2.5;
-/// Frames of a simulated gap at which errors are measured.
-const KNOTS: usize = 12;
-/// Seconds that a simulated gap with one end hides beyond it.
-const BEYOND: f64 = 1.0;
-/// Up to this length, seconds, PCHIP counts half where nothing can be simulated.
-const BRIEF: f64 = 0.1;
-/// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is
-/// steady, but knows no details.
-const CONDITIONAL_SECONDS: f64 = 0.5;
-/// How strongly w is held to w₀.
-const SHRINKAGE: f64 = 0.1;
-/// The variance that errors usually show, over that of the processes, and how many simulated gaps
-/// that is worth.
-const USUAL_FACTOR: f64 = 0.75;
-const USUAL_COUNT: f64 = 1.0;
-/// What is added to it for each second of a gap of which only the take's own frames tell: the
-/// longer, the more it lacks them.
-const OWN_FACTOR: f64 = 1.2;
-/// Errors of simulated gaps show no less than this.
-const LEAST_FACTOR: f64 = 1e-6;
 
 /// The estimate of a gap.
 pub struct Weighed {
@@ -59,15 +29,12 @@ pub struct Weighed {
 
 /// Weighs the estimates of `gap`. `None` where there is nothing to learn from.
 pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
-    let asked = gap.clone().collect();
-    let gap = gap.clone();
-    let estimates = targets
-        .estimates(&[Question {
-            gap: gap.clone(),
-            asked,
-        }])?
-        .pop()?;
-    let simulated = simulate(targets, &gap, estimates.means.len());
+    let whole = GapFrames {
+        gap: gap.clone(),
+        frames: gap.clone().collect(),
+    };
+    let estimates = targets.estimates(&[whole])?.pop()?;
+    let simulated = simulate(targets, gap, estimates.means.len());
     let processes = targets.regression.kernels().len();
     let seconds = gap.len() as f64 / targets.regression.rate;
     let points = targets.columns.len() / 3;
@@ -167,27 +134,25 @@ fn simulate_length(
         return None;
     }
     let last = regression.complete.len();
-    let question = |&start: &usize| {
+    let simulated = |&start: &usize| {
         let own = start..start + length;
-        let asked = spread(&own, KNOTS);
+        let frames = spread(&own, KNOTS);
         // A gap with one end is simulated with its other end out of reach.
         let gap = match ends {
             (true, false) => start..(own.end + beyond).min(last),
             (false, true) => start.saturating_sub(beyond)..own.end,
             _ => own,
         };
-        Question { gap, asked }
+        GapFrames { gap, frames }
     };
-    let questions: Vec<Question> = chosen.iter().map(question).collect();
-    let found = targets.estimates(&questions)?;
-    let both = found.into_iter().zip(questions);
+    let wanted: Vec<GapFrames> = chosen.iter().map(simulated).collect();
+    let found = targets.estimates(&wanted)?;
+    let both = found.into_iter().zip(wanted);
     let (estimates, truth): (Vec<_>, Vec<_>) = both
         .filter(|(found, _)| found.means.len() >= estimates)
-        .map(|(found, q)| {
-            (
-                found,
-                regression.own.targets.select(ndarray::Axis(0), &q.asked),
-            )
+        .map(|(found, w)| {
+            let truth = regression.own.targets.select(Axis(0), &w.frames);
+            (found, truth)
         })
         .unzip();
     let longer = gap.len() as f64 / length as f64;
@@ -296,7 +261,7 @@ fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
     let mut best = (objective(plain), plain.clone());
     for set in 1u32..1 << k {
         let members: Vec<usize> = (0..k).filter(|i| set >> i & 1 == 1).collect();
-        let pick = |v: &Array1<f64>| v.select(ndarray::Axis(0), &members);
+        let pick = |v: &Array1<f64>| v.select(Axis(0), &members);
         let sub = Array2::from_shape_fn((members.len(), members.len()), |(i, j)| {
             a[[members[i], members[j]]]
         });

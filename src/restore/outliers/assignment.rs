@@ -1,7 +1,7 @@
 //! Assignments of the undecided points of a frame to clean or outlier, by beam search.
 //!
 //! The log weight of an assignment z is the sum in the head of [`super::frame_posterior`]. A
-//! Cholesky factor of c P + i I + R_z at each scale grows by three rows a point, so each step of
+//! Cholesky factor of c P + i I + R_z at each scale grows by three rows per point, so each step of
 //! the beam costs O(n²) for n coordinates.
 
 use super::frame_state::FrameState;

@@ -10,8 +10,8 @@
 //!
 //! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an
 //! outlier comes from its worst distances and from where the prior expects it (`leave_one_out`).
-//! The prior is asked again under each likely assignment; its log evidence, tempered, replaces the
-//! sum. The result is the weighted average.
+//! The prior's posterior under each likely assignment follows; its log evidence, tempered, replaces
+//! the sum. The result is the weighted average.
 //!
 //! Cost: one posterior for each likely assignment, and one more.
 
@@ -40,7 +40,7 @@ pub struct Found {
     pub corrupt: Vec<f64>,
     /// Estimated noise variance of each coordinate, cm².
     pub noise: Vec<f64>,
-    /// The lengths of the body that was taken.
+    /// The lengths of the body that was assumed.
     pub lengths: Lengths,
 }
 
@@ -62,12 +62,12 @@ pub fn restore(
         rows.map(state).collect()
     }));
     let assignments = assign(prior, &mut frames);
-    // (frame, assignment) of each question to the prior.
-    let asked: Vec<(usize, &Assignment)> = (assignments.iter().enumerate())
+    // (frame, assignment) of each posterior.
+    let assigned: Vec<(usize, &Assignment)> = (assignments.iter().enumerate())
         .flat_map(|(t, own)| own.iter().map(move |a| (t, a)))
         .collect();
-    let posteriors = expected_by_prior(prior, asked.len(), |i| {
-        let (t, assignment) = asked[i];
+    let posteriors = expected_by_prior(prior, assigned.len(), |i| {
+        let (t, assignment) = assigned[i];
         (&frames[t].y, frames[t].noise(Some(&assignment.corrupt)))
     });
     let mut posteriors = posteriors.into_iter();

@@ -13,10 +13,10 @@ pub mod rigid_likelihood;
 mod trajectory;
 
 use crate::numeric::parallel;
-use crate::restore::gap::Gap;
-use crate::restore::loaded_model::{AdaptedModel, LoadedModel};
+use crate::restore::adapted_prior::AdaptedPrior;
+use crate::restore::gap::{FilledGap, Gap};
 use crate::restore::noise_estimation::{self, rounded};
-use crate::restore::restored_frames::{BoundModel, Take};
+use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use std::ops::Range;
 
@@ -34,8 +34,9 @@ const TOGETHER: f64 = 8.0;
 const EITHER_SIDE: f64 = 5.0;
 /// A point more likely an outlier than this is one.
 pub const LIKELY: f64 = 0.5;
-/// Frames of one parallel task.
-const CHUNK: usize = 8;
+/// An outlier within this many standard deviations of where the rest of the take expects it is
+/// none.
+const EXPECTED: f64 = 3.0;
 
 /// The outliers of a take.
 pub struct Outliers {
@@ -55,6 +56,11 @@ impl Outliers {
         }
     }
 
+    /// Frames (3 J; cm) of the take without the outliers.
+    pub fn removed_from(&self, xyz: ArrayView2<'_, f64>) -> Array2<f64> {
+        without(xyz, &self.points)
+    }
+
     /// The gaps with a frame in which the point is an outlier; in others it may be missing.
     pub fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
         let is_outlier =
@@ -62,66 +68,57 @@ impl Outliers {
         gaps.iter().filter(is_outlier).cloned().collect()
     }
 
-    /// The outliers of a take (frames, 3 J; cm), and the model adapted to its body. `runs` are
-    /// ranges of consecutive frames, `rate` is in frames a second, `noise` is the standard
-    /// deviation of a coordinate in cm if known.
-    pub fn find<'m>(
-        model: &'m LoadedModel,
+    /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
+    /// three standard deviations of what was `filled` in their `gaps`. `xyz` is what was captured,
+    /// `noise` that of each point, cm. Returns whether there were any.
+    pub fn accept_expected(
+        &mut self,
         xyz: ArrayView2<'_, f64>,
-        runs: &[Range<usize>],
-        rate: f64,
-        noise: Option<f64>,
-    ) -> (Outliers, AdaptedModel<'m>) {
-        let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
-        let mut clean = xyz.to_owned();
-        let mut by_point = noise_estimation::by_point(Some((model, xyz)), xyz, runs, noise);
-        for _ in 0..ROUNDS {
-            let before = spikes.clone();
-            let found = trajectory::spikes(xyz, runs, rate, &by_point);
-            for (spikes, found) in spikes.iter_mut().zip(found) {
-                // With a smaller noise a path may no longer be one: what was found stays.
-                spikes.extend(found);
-                spikes.sort_unstable();
-                spikes.dedup();
+        noise: &[f64],
+        gaps: &[Gap],
+        filled: &[Option<FilledGap>],
+    ) -> bool {
+        let mut is_any = false;
+        for (gap, filled) in gaps.iter().zip(filled) {
+            let Some(filled) = filled else { continue };
+            for (k, t) in gap.frames.clone().enumerate() {
+                let p = gap.point;
+                let off = |axis: usize| (xyz[[t, 3 * p + axis]] - filled.xyz[[k, axis]]).powi(2);
+                let variance = 3.0 * (filled.variance[k] + noise[p] * noise[p]);
+                let is_spike = self.spikes[t].contains(&p);
+                if !is_spike && (0..3).map(off).sum::<f64>() <= EXPECTED * EXPECTED * variance {
+                    self.points[t].retain(|q| *q != p);
+                    is_any = true;
+                }
             }
-            if spikes == before {
-                break;
-            }
-            clean.assign(&xyz);
-            remove(&mut clean, &spikes);
-            by_point =
-                noise_estimation::by_point(Some((model, clean.view())), clean.view(), runs, noise);
         }
-        // The median: the noise of a single point may be meaningless.
-        by_point.sort_by(f64::total_cmp);
-        let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
-        let adapted = model.adapt(clean.view(), typical);
-        let mut points = by_distances(&adapted, &clean, runs, typical);
-        for (points, spikes) in points.iter_mut().zip(&spikes) {
-            points.extend(spikes);
-        }
-        (Outliers { points, spikes }, adapted)
+        is_any
     }
 }
 
-/// The outliers of a take in the table's order of points, and the model adapted to the take's body.
-/// Without a model, and for points that it does not know, only spikes are found.
+/// The outliers of a take in the table's order of points, and the model adapted to the take's body;
+/// `noise` is the standard deviation of a coordinate in cm if known. Without a model, and for
+/// points that it does not know, only spikes are found.
 pub fn find_outliers<'m>(
-    bound: Option<&BoundModel<'m>>,
+    mapping: Option<&'m PointMapping<'m>>,
     take: &Take<'_>,
     noise: Option<f64>,
-) -> (Outliers, Option<AdaptedModel<'m>>) {
-    let is_foreign = |p: &usize| bound.is_none_or(|b| b.in_model(*p).is_none());
+) -> (Outliers, Option<AdaptedPrior<'m>>) {
+    let is_foreign = |p: &usize| mapping.is_none_or(|m| m.in_model(*p).is_none());
     let foreign: Vec<usize> = (0..take.names.len()).filter(is_foreign).collect();
-    let spikes = spikes_of(take, &foreign, noise);
-    let Some(bound) = bound else {
+    let columns: Vec<usize> = foreign.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+    let xyz = take.xyz.select(Axis(1), &columns);
+    let by_point = noise_estimation::by_point(None, xyz.view(), take.runs, noise);
+    let spikes = trajectory::spikes(xyz.view(), take.runs, take.rate, &by_point);
+    let named = |found: Vec<usize>| found.into_iter().map(|p| foreign[p]).collect();
+    let spikes: Vec<Vec<usize>> = spikes.into_iter().map(named).collect();
+    let Some(mapping) = mapping else {
         let points = spikes.clone();
         return (Outliers { points, spikes }, None);
     };
-    let xyz = bound.gather(take.xyz);
-    let (found, adapted) = Outliers::find(bound.model, xyz.view(), take.runs, take.rate, noise);
+    let (found, adapted) = find_by_model(mapping, take, noise);
     let both = |of_model: &[Vec<usize>]| {
-        let mut all = bound.to_table(of_model);
+        let mut all = mapping.points_of_table(of_model);
         all.iter_mut().zip(&spikes).for_each(|(a, s)| a.extend(s));
         all
     };
@@ -130,6 +127,47 @@ pub fn find_outliers<'m>(
         spikes: both(&found.spikes),
     };
     (outliers, Some(adapted))
+}
+
+/// The outliers of a take among the model's points, in the model's order, and the model adapted to
+/// the take's body.
+fn find_by_model<'m>(
+    mapping: &'m PointMapping<'m>,
+    take: &Take<'_>,
+    noise: Option<f64>,
+) -> (Outliers, AdaptedPrior<'m>) {
+    let xyz = mapping.gather(take.xyz);
+    let noise_of = |xyz: ArrayView2<'_, f64>| {
+        noise_estimation::by_point(Some((mapping.model, xyz)), xyz, take.runs, noise)
+    };
+    let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
+    let mut clean = xyz.clone();
+    let mut by_point = noise_of(xyz.view());
+    for _ in 0..ROUNDS {
+        let before = spikes.clone();
+        let found = trajectory::spikes(xyz.view(), take.runs, take.rate, &by_point);
+        for (spikes, found) in spikes.iter_mut().zip(found) {
+            // With a smaller noise a path may no longer be one: what was found stays.
+            spikes.extend(found);
+            spikes.sort_unstable();
+            spikes.dedup();
+        }
+        if spikes == before {
+            break;
+        }
+        clean = without(xyz.view(), &spikes);
+        by_point = noise_of(clean.view());
+    }
+    // The median: the noise of a single point may be meaningless.
+    by_point.sort_by(f64::total_cmp);
+    let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
+    let prior = AdaptedPrior::new(mapping, clean.view(), typical);
+    let adapted = prior.with_lengths_from(clean.view(), typical);
+    let mut points = by_distances(&adapted, &clean, take.runs, typical);
+    for (points, spikes) in points.iter_mut().zip(&spikes) {
+        points.extend(spikes);
+    }
+    (Outliers { points, spikes }, adapted)
 }
 
 /// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
@@ -144,29 +182,21 @@ pub fn spikes_of_take(
     trajectory::spikes(xyz, runs, rate, &noise)
 }
 
-/// The spikes of some points of a take, frame by frame.
-fn spikes_of(take: &Take<'_>, points: &[usize], noise: Option<f64>) -> Vec<Vec<usize>> {
-    let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-    let xyz = take.xyz.select(Axis(1), &columns);
-    let noise = noise_estimation::by_point(None, xyz.view(), take.runs, noise);
-    let spikes = trajectory::spikes(xyz.view(), take.runs, take.rate, &noise);
-    let named = |found: Vec<usize>| found.into_iter().map(|p| points[p]).collect();
-    spikes.into_iter().map(named).collect()
-}
-
-/// Makes the given points of each frame missing.
-pub fn remove(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
+/// Frames (3 J) with the given points of each missing.
+fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
+    let mut out = xyz.to_owned();
     for (t, points) in points.iter().enumerate() {
         for &p in points {
-            xyz.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+            out.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
         }
     }
+    out
 }
 
 /// The outliers of each frame by rigid distances and the prior; `noise` is that of most
 /// coordinates, cm.
 fn by_distances(
-    adapted: &AdaptedModel<'_>,
+    adapted: &AdaptedPrior<'_>,
     xyz: &Array2<f64>,
     runs: &[Range<usize>],
     noise: f64,
@@ -183,11 +213,11 @@ fn by_distances(
     let searched: Vec<(usize, f64)> = (pooled_over_time(&evidence, runs).into_iter().enumerate())
         .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
         .collect();
-    let restorer = adapted.rigid_restorer();
-    let found = parallel::map_chunks(searched.len(), CHUNK, |range| {
+    let estimator = adapted.rigid_estimator();
+    let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
-            let found = restorer.restore_with_outliers(&xyz.row(t).to_vec(), sd * sd);
+            let found = estimator.estimate_with_outliers(&xyz.row(t).to_vec(), sd * sd);
             let probability = found.map_or(Vec::new(), |f| f.1);
             (0..probability.len())
                 .filter(|&p| probability[p] > LIKELY)
@@ -236,14 +266,14 @@ mod tests {
         // Some by noise now and then; once enough by itself.
         (0..60).step_by(7).for_each(|t| evidence[t] = 0.8);
         evidence[40] = 4.0;
-        // For a stretch, with gaps; up to the end of a run.
+        // For some frames, with gaps; up to the end of a run.
         (90..110).for_each(|t| evidence[t] = 2.0 * f64::from(u8::from(t % 3 != 0)));
         (145..150).for_each(|t| evidence[t] = 2.5);
         let searched = pooled_over_time(&evidence, &[0..150, 150..200]);
         let searched: Vec<usize> = (0..200).filter(|t| searched[*t]).collect();
-        // At the ends of the stretch a frame without evidence has too little on one side.
-        let stretch = [91, 92].into_iter().chain(94..108).chain([109]);
-        let want: Vec<usize> = [40].into_iter().chain(stretch).chain(145..150).collect();
+        // At the ends of these a frame without evidence has too little on one side.
+        let some = [91, 92].into_iter().chain(94..108).chain([109]);
+        let want: Vec<usize> = [40].into_iter().chain(some).chain(145..150).collect();
         assert_eq!(searched, want);
     }
 }

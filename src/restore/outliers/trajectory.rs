@@ -2,7 +2,7 @@
 //! no model is needed.
 //!
 //! 1. Between two frames, a before and b after, a point moves on a straight line, but for A h² a b
-//!    / 2 if its acceleration is at most A (h seconds a frame), and for the noise. A point that
+//!    / 2 if its acceleration is at most A (h seconds per frame), and for the noise. A point that
 //!    agrees with too few pairs of its neighbors in time is a spike.
 //! 2. The remaining points are on the cubic through two neighbors on either side, but for S h⁴ a b
 //!    c d / 24 if the fourth derivative of the path is at most S. The point with the largest
@@ -402,11 +402,11 @@ mod tests {
             two[[t, 1]] += 50.0;
         }
         assert_eq!(found_in(&[0..50, 50..100], &two, 0.0), []);
-        let mut holes = motion(100);
+        let mut missing = motion(100);
         for t in (0..100).filter(|t| t % 3 > 0) {
-            holes.row_mut(t).fill(f64::NAN);
+            missing.row_mut(t).fill(f64::NAN);
         }
-        assert_eq!(found(&holes, 0.0), []);
+        assert_eq!(found(&missing, 0.0), []);
         assert_eq!(found_in(&[0..1, 1..2], &motion(2), 0.0), []);
     }
 }

@@ -176,7 +176,7 @@ impl RigidModel {
         RigidLikelihood::new(&self.pairs, &self.bodies, y, noise).corrupt
     }
 
-    /// Outliers can be told only if distances connect most points.
+    /// Outliers can be found only if distances connect most points.
     fn can_search(&self, points: usize) -> bool {
         let mut tied = vec![false; points];
         let ends = self.pairs.pairs.iter().flat_map(|p| p.ends);
@@ -330,8 +330,8 @@ mod tests {
         let mut y = poses.clone();
         let which: Vec<usize> = (0..poses.nrows()).map(|t| 1 + (t * 5) % 7).collect();
         for (t, p) in which.iter().enumerate() {
-            let wave = |c: usize| 5.0 * ((t * 3 + 7 * c) as f64).sin() + 3.0;
-            (0..3).for_each(|c| y[[t, 3 * p + c]] += wave(c));
+            let shift = |c: usize| 5.0 * ((t * 3 + 7 * c) as f64).sin() + 3.0;
+            (0..3).for_each(|c| y[[t, 3 * p + c]] += shift(c));
         }
         (y, which)
     }
@@ -342,7 +342,7 @@ mod tests {
         let (rigid, prior) = learned(&poses);
         assert_eq!(rigid.pairs.pairs.len(), 7);
         let noise_variance = Array2::zeros(poses.dim());
-        for (t, answer) in rigid
+        for (t, restored) in rigid
             .restore(
                 &prior,
                 poses.view(),
@@ -354,10 +354,10 @@ mod tests {
         {
             // A point at the end of the chain may be moved a little.
             let off = (0..24)
-                .map(|c| (answer.posterior.mean[c] - poses[[t, c]]).abs())
+                .map(|c| (restored.posterior.mean[c] - poses[[t, c]]).abs())
                 .fold(0.0, f64::max);
-            assert!(off <= 0.5, "{t}: {off} {:?}", answer.corrupt);
-            assert!(answer.corrupt.iter().all(|q| *q < 0.5));
+            assert!(off <= 0.5, "{t}: {off} {:?}", restored.corrupt);
+            assert!(restored.corrupt.iter().all(|q| *q < 0.5));
         }
     }
 
@@ -369,13 +369,12 @@ mod tests {
         for base in [0.0, 0.08] {
             let noise_variance = Array2::from_elem(poses.dim(), base);
             let (mut before, mut after, mut found) = (0.0, 0.0, 0);
-            let answers =
-                rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
-            for (t, answer) in answers.iter().enumerate() {
-                found += usize::from(answer.corrupt[which[t]] > 0.5);
+            let all = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
+            for (t, restored) in all.iter().enumerate() {
+                found += usize::from(restored.corrupt[which[t]] > 0.5);
                 for c in 0..24 {
                     before += (y[[t, c]] - poses[[t, c]]).powi(2);
-                    after += (answer.posterior.mean[c] - poses[[t, c]]).powi(2);
+                    after += (restored.posterior.mean[c] - poses[[t, c]]).powi(2);
                 }
             }
             assert!(
@@ -394,15 +393,15 @@ mod tests {
         let mut generator = crate::numeric::parallel::rng(9, 0);
         y.mapv_inplace(|v| v + sd * rand::Rng::sample::<f64, _>(&mut generator, StandardNormal));
         let noise_variance = Array2::from_elem(poses.dim(), sd * sd);
-        let answers = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
+        let all = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
         let (mut found, mut wrong, mut before, mut after) = (0, 0, 0.0, 0.0);
-        for (t, answer) in answers.iter().enumerate() {
-            let corrupt: Vec<usize> = (0..8).filter(|p| answer.corrupt[*p] > 0.5).collect();
+        for (t, restored) in all.iter().enumerate() {
+            let corrupt: Vec<usize> = (0..8).filter(|p| restored.corrupt[*p] > 0.5).collect();
             found += usize::from(corrupt.contains(&which[t]));
             wrong += corrupt.iter().filter(|p| **p != which[t]).count();
             for c in 0..24 {
                 before += (y[[t, c]] - poses[[t, c]]).powi(2);
-                after += (answer.posterior.mean[c] - poses[[t, c]]).powi(2);
+                after += (restored.posterior.mean[c] - poses[[t, c]]).powi(2);
             }
         }
         assert!(
@@ -423,8 +422,8 @@ mod tests {
                 .fill(f64::INFINITY);
         }
         let y = poses.slice(s![..10, ..]);
-        for answer in rigid.restore(&prior, y, noise_variance.view(), OutlierMode::Ignore) {
-            let x = &answer.posterior.mean;
+        for restored in rigid.restore(&prior, y, noise_variance.view(), OutlierMode::Ignore) {
+            let x = &restored.posterior.mean;
             for p in 1..8 {
                 let length = (0..3)
                     .map(|c| (x[3 * p + c] - x[3 * p - 3 + c]).powi(2))
@@ -432,7 +431,7 @@ mod tests {
                     .sqrt();
                 assert!((length - 12.0).abs() <= 0.3, "{length}");
             }
-            assert!(answer.posterior.variance.iter().all(|v| *v >= 0.0));
+            assert!(restored.posterior.variance.iter().all(|v| *v >= 0.0));
         }
     }
 
@@ -475,13 +474,13 @@ mod tests {
         y.row_mut(1).fill(f64::NAN);
         y.row_mut(2).fill(1e6);
         let noise_variance = Array2::zeros((3, 24));
-        let answers = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
-        assert_eq!(answers.len(), 3);
-        for answer in &answers {
-            assert!(answer.posterior.mean.iter().all(|v| v.is_finite()));
+        let all = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
+        assert_eq!(all.len(), 3);
+        for restored in &all {
+            assert!(restored.posterior.mean.iter().all(|v| v.is_finite()));
         }
-        let off = |c: usize| (answers[0].posterior.mean[c] - poses[[0, c]]).abs();
-        assert!((0..24).all(|c| off(c) <= 1.0) && answers[0].corrupt[2] == 0.0);
+        let off = |c: usize| (all[0].posterior.mean[c] - poses[[0, c]]).abs();
+        assert!((0..24).all(|c| off(c) <= 1.0) && all[0].corrupt[2] == 0.0);
         let none = Array2::zeros((0, 24));
         assert!(
             rigid
@@ -497,11 +496,10 @@ mod tests {
         let noise_variance = Array2::from_elem(poses.dim(), 1.0);
         let plain = posterior_rows(&prior, poses.view(), noise_variance.view(), Want::Variances);
         for mode in [OutlierMode::Ignore, OutlierMode::Search] {
-            let answers =
+            let all =
                 RigidModel::default().restore(&prior, poses.view(), noise_variance.view(), mode);
             assert!(
-                answers
-                    .iter()
+                all.iter()
                     .zip(&plain)
                     .all(|(a, b)| a.posterior.mean == b.mean
                         && a.posterior.variance == b.variance

@@ -20,7 +20,7 @@ use crate::prior::rigid_pairs::RigidPairs;
 const BASES: [f64; 12] = [
     0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
 ];
-/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker taken for
+/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker mistaken for
 /// another is off by much more than one shifted by a few pixels.
 const SLABS: [(f64, f64); 4] = [
     (0.5, MIN_OUTLIER_VARIANCE),
@@ -250,10 +250,10 @@ mod tests {
         }
         assert!(noise_floors.base(&pairs, &bodies, &y).unwrap().sd <= 0.02);
         let noisy = |sd: f64| -> Vec<f64> {
-            let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
+            let noise = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
             y.iter()
                 .enumerate()
-                .map(|(i, v)| v + sd * wave(i))
+                .map(|(i, v)| v + sd * noise(i))
                 .collect()
         };
         let found = |sd: f64| noise_floors.base(&pairs, &bodies, &noisy(sd)).unwrap();
@@ -270,9 +270,9 @@ mod tests {
             assert!(base.sd <= 0.02 && base.has_outliers(), "{off} {base:?}");
         }
         for sd in [0.5, 2.0, 6.0] {
-            let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
+            let noise = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
             let all: Vec<f64> = (y.iter().enumerate())
-                .map(|(i, v)| v + sd * wave(i))
+                .map(|(i, v)| v + sd * noise(i))
                 .collect();
             let base = noise_floors.base(&pairs, &bodies, &all).unwrap();
             assert!(!base.has_outliers(), "{sd} {base:?}");

@@ -82,7 +82,7 @@ pub fn project(
     let Some((x, step)) = converge(&ends, &lengths, mean, uncertainty, &extra) else {
         return as_it_was();
     };
-    // Lengths that cannot all be met, for an outlier taken for clean, are not kept.
+    // Lengths that cannot all be met, for an outlier that seems clean, are not kept.
     if misfit(&ends, &x, &lengths) >= misfit(&ends, mean, &lengths) {
         return as_it_was();
     }

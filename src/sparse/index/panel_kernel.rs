@@ -42,13 +42,13 @@ pub struct PanelKernel<'a> {
     pub directions: &'a [f32],
     /// Minus what each pose has along its direction.
     pub parts: &'a [f32],
-    /// The state, one row a pose.
+    /// The state, one row per pose.
     pub state: State<'a>,
     /// The best atom of each pose so far.
     pub best: &'a mut [StoredArgmax],
 }
 
-/// What is kept for a panel: one row a pose.
+/// What is kept for a panel: one row per pose.
 pub struct State<'a> {
     /// c; no number once the atom is taken.
     pub correlations: &'a mut [Row],

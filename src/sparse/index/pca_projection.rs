@@ -121,7 +121,7 @@ fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; COORDINATES]> {
     let mut vectors = Array2::from_shape_fn((COORDINATES.min(d), d), start);
     for _ in 0..ITERATIONS {
         vectors = vectors.dot(matrix);
-        orthonormalise(&mut vectors);
+        orthonormalize(&mut vectors);
     }
     let mut columns = vec![[0.0; COORDINATES]; d];
     for (k, vector) in vectors.outer_iter().enumerate() {
@@ -131,7 +131,7 @@ fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; COORDINATES]> {
 }
 
 /// Gram-Schmidt, twice for each vector: the second pass removes the rounding errors of the first.
-fn orthonormalise(vectors: &mut Array2<f64>) {
+fn orthonormalize(vectors: &mut Array2<f64>) {
     for i in 0..vectors.nrows() {
         let (before, mut rest) = vectors.view_mut().split_at(Axis(0), i);
         let mut vector = rest.row_mut(0);

@@ -68,14 +68,14 @@ pub struct Args {
     /// Axis of the scan that points up
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
     scan_up: UpAxis,
-    /// Noise of the markers: standard deviation a coordinate, in cm or with a unit
+    /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
     noise: f64,
     /// Shape of another body: comma-separated numbers, or a table of one row
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
     /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending
-    /// in /) for a file a frame
+    /// in /) for a file per frame
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder [default: ply]

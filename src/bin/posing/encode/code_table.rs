@@ -17,7 +17,7 @@ const BATCH: usize = 1 << 10;
 const LINES: usize = 256;
 
 /// Encodes the poses of a stream with at most `sparsity` atoms each, and writes the header and a
-/// line a pose.
+/// line per pose.
 ///
 /// # Errors
 /// When a pose cannot be read or encoded, or a line cannot be written; all lines before it are

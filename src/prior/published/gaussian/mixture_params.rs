@@ -13,7 +13,7 @@ pub struct MixtureParams {
     pub weights: Vec<f64>,
     /// (K, D), cm.
     pub means: Array2<f64>,
-    /// (K q, D), cm: q rows a component, one after the other.
+    /// (K q, D), cm: q rows per component, one after the other.
     pub factors: Array2<f64>,
     /// (K, D), cm², at least 0.
     pub rest: Array2<f64>,

@@ -1,4 +1,4 @@
-//! One frame restored: the estimate behind completing and denoising.
+//! The estimate of one frame, behind completing and denoising.
 //!
 //! ```text
 //! y ~ N(s R x + t, diag(r)),   x ~ prior:
@@ -21,9 +21,9 @@ const NOISY: f64 = 0.25;
 /// A point more likely an outlier than this does not place a pose.
 const SUSPECT: f64 = 0.05;
 
-/// A restored frame, in world space.
+/// The estimate of a frame, in world space.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RestoredFrame {
+pub struct FrameEstimate {
     /// (3 J), cm.
     pub mean: Vec<f64>,
     /// Standard deviation of a coordinate of each point (J), cm.
@@ -32,8 +32,8 @@ pub struct RestoredFrame {
     pub placement: Similarity,
 }
 
-/// Restores frames with one prior.
-pub struct FrameRestorer<'a> {
+/// Estimates frames with one prior.
+pub struct FrameEstimator<'a> {
     /// The prior of poses of the captured body.
     pub prior: &'a dyn Prior,
     /// The root's frame; `None` takes frames for poses in the model's space.
@@ -44,48 +44,53 @@ pub struct FrameRestorer<'a> {
     pub rigid: Option<&'a RigidModel>,
 }
 
-impl<'a> FrameRestorer<'a> {
+impl<'a> FrameEstimator<'a> {
     /// Keeps the rigid distances of `rigid`, unless it has none.
     pub fn with_rigid_model(mut self, rigid: &'a RigidModel) -> Self {
         self.rigid = (!rigid.is_empty()).then_some(rigid);
         self
     }
 
-    /// Restores one frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite
+    /// Estimates one frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite
     /// where missing).
     ///
     /// `None` when too little is seen: no coordinate at all; in world space fewer than three
     /// points, or all on a line.
-    pub fn restore(&self, y: &[f64], noise: &[f64]) -> Option<RestoredFrame> {
+    pub fn estimate(&self, y: &[f64], noise: &[f64]) -> Option<FrameEstimate> {
         let seen = observation(y, noise);
         if self.anchor.is_some() && seen.is_partial() {
             let known = self.placement_by_whole_points(seen);
             let (posterior, placement) =
                 orthographic::restore(self.prior, seen, self.solver, known)?;
-            return Some(RestoredFrame {
+            return Some(FrameEstimate {
                 mean: posterior.mean,
                 sd: point_sd(&posterior.variance),
                 placement,
             });
         }
-        Some(self.restore_placed(seen, &self.solve_placement(seen)?))
+        Some(self.estimate_placed(seen, &self.solve_placement(seen)?))
     }
 
-    /// Restores one frame as [`FrameRestorer::restore`] does, its placement found from that of the
+    /// Estimates one frame as [`FrameEstimator::estimate`] does, its placement found from that of
+    /// the
     /// solution `before`; for a pose that is edited, whose frames follow one another closely.
     pub fn follow(
         &self,
         y: &[f64],
         noise: &[f64],
         before: &PlacementSolution,
-    ) -> Option<(RestoredFrame, PlacementSolution)> {
+    ) -> Option<(FrameEstimate, PlacementSolution)> {
         let seen = observation(y, noise);
         let solution = (self.solver).follow(self.prior, seen, self.anchor?, before)?;
-        Some((self.restore_placed(seen, &solution), solution))
+        Some((self.estimate_placed(seen, &solution), solution))
     }
 
-    /// Restores a frame whose placement is known.
-    fn restore_placed(&self, seen: Observation<'_>, solution: &PlacementSolution) -> RestoredFrame {
+    /// Estimates a frame whose placement is known.
+    fn estimate_placed(
+        &self,
+        seen: Observation<'_>,
+        solution: &PlacementSolution,
+    ) -> FrameEstimate {
         let placement = solution.placement;
         if placement == Similarity::IDENTITY {
             return placed(self.posterior(seen, solution), placement);
@@ -141,17 +146,17 @@ impl<'a> FrameRestorer<'a> {
         Some(solution.placement)
     }
 
-    /// Restores a frame any points of which may be outliers; `variance` is that of the coordinates
+    /// Estimates a frame any points of which may be outliers; `variance` is that of the coordinates
     /// of clean points, cm². Returns also the probability of each point to be an outlier (J).
     /// `None` when too little is seen, or nothing rigid is known.
     ///
     /// Distances need no placement: points that they make suspect are left out where the pose is
     /// placed.
-    pub fn restore_with_outliers(
+    pub fn estimate_with_outliers(
         &self,
         y: &[f64],
         variance: f64,
-    ) -> Option<(RestoredFrame, Vec<f64>)> {
+    ) -> Option<(FrameEstimate, Vec<f64>)> {
         let clean = |v: &f64| {
             if v.is_finite() {
                 variance
@@ -167,22 +172,22 @@ impl<'a> FrameRestorer<'a> {
         let noise = observation(y, &clean).variance_without(&suspects);
         let seen = observation(y, &noise);
         let placement = match self.anchor {
-            Some(_) if seen.is_partial() => self.restore(y, &noise)?.placement,
+            Some(_) if seen.is_partial() => self.estimate(y, &noise)?.placement,
             _ => self.solve_placement(seen)?.placement,
         };
         let mut in_model = vec![0.0; y.len()];
         placement.undo_pose(y, &mut in_model);
         let seen = observation(&in_model, &clean);
         let corrected = self.corrected(seen, OutlierMode::Search)?;
-        let mut restored = placed(corrected.posterior, placement);
+        let mut found = placed(corrected.posterior, placement);
         let probability = corrected.corrupt;
         for (i, variance) in clean.iter().enumerate() {
             // The way to the model's space and back rounds.
             if *variance <= EXACT_VARIANCE && probability.get(i / 3).is_none_or(|q| *q <= 0.0) {
-                restored.mean[i] = y[i];
+                found.mean[i] = y[i];
             }
         }
-        Some((restored, probability))
+        Some((found, probability))
     }
 
     /// Novelty of a complete pose (3 J, world space) at a placement, nats; see [`Prior::novelty`].
@@ -211,13 +216,13 @@ fn observation<'a>(values: &'a [f64], variance: &'a [f64]) -> Observation<'a> {
 }
 
 /// A posterior carried to the world.
-fn placed(posterior: Posterior, placement: Similarity) -> RestoredFrame {
+fn placed(posterior: Posterior, placement: Similarity) -> FrameEstimate {
     let mut mean = posterior.mean;
     if placement != Similarity::IDENTITY {
         let in_model = mean.clone();
         placement.apply_pose(&in_model, &mut mean);
     }
-    RestoredFrame {
+    FrameEstimate {
         mean,
         sd: point_sd(&posterior.variance),
         placement,

@@ -68,7 +68,7 @@ pub fn variances(
     filled: &Array2<f64>,
 ) -> Array2<f64> {
     let mut out = Array2::zeros((filled.nrows(), bones.len()));
-    // Gaps of the same channels and length have the same answer.
+    // Gaps of the same channels and length have the same variances.
     let mut known: HashMap<ChannelGap, Option<Array2<f64>>> = HashMap::new();
     let lacks = |t: usize| bvh.motion.row(t).iter().any(|v| v.is_nan());
     let mut t = 0;

@@ -10,7 +10,8 @@
 //! without pulling what they do determine: at 1e-4 cm² a squared radian an angle with a lever of 5
 //! cm gives way by a hundred thousandth of its step.
 //!
-//! A step costs O(n depth²) for n free values. P2 is not convex: the answer is a local minimum near
+//! A step costs O(n depth²) for n free values. P2 is not convex: the solution is a local minimum
+//! near
 //! the start.
 
 use super::tree_cholesky::solve_tree;
@@ -143,7 +144,7 @@ impl<'a> IkSolver<'a> {
         }
     }
 
-    /// Sets the weight of each coordinate of the targets (3 a joint, 0 or more).
+    /// Sets the weight of each coordinate of the targets (3 per joint, 0 or more).
     pub fn set_weights(&mut self, weights: &[f64]) {
         self.weights.copy_from_slice(weights);
     }
@@ -194,7 +195,8 @@ impl<'a> IkSolver<'a> {
         (misfit + held, misfit)
     }
 
-    /// Improves `q` for `targets` (3 numbers a joint, NaN is missing). Values that no target moves
+    /// Improves `q` for `targets` (3 numbers per joint, NaN is missing). Values that no target
+    /// moves
     /// stay as they are, and so do those for which `fixed` is true.
     pub fn solve(
         &mut self,

@@ -17,7 +17,7 @@ use ndarray::ArrayView2;
 ///
 /// ```
 /// use posing::io::{Amc, Asf};
-/// use posing::restore::ik::SkeletonFit;
+/// use posing::ik::SkeletonFit;
 ///
 /// let asf = Asf::open("testdata/cmu/09/09.asf")?;
 /// let mut take = Amc::open("testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;

@@ -106,7 +106,7 @@ impl BoneNormalizer {
         &self.parents
     }
 
-    /// Carries the pose `y` (3 numbers a point, NaN is missing) to the bones' lengths.
+    /// Carries the pose `y` (3 numbers per point, NaN is missing) to the bones' lengths.
     ///
     /// A missing point stays missing, and so becomes one that lies on its parent although its bone
     /// has a length: no direction is known for it. A point below a missing one moves as the

@@ -313,7 +313,7 @@ struct Twist {
 }
 
 impl Twist {
-    /// Asks for the turn about `axis` that carries `a` to `b`.
+    /// Adds the wish for the turn about `axis` that carries `a` to `b`.
     fn add(&mut self, axis: DVec3, a: DVec3, b: DVec3, weight: f64) {
         self.cos += weight * (b.dot(a) - b.dot(axis) * a.dot(axis));
         self.sin += weight * b.dot(axis.cross(a));

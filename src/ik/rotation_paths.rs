@@ -3,7 +3,7 @@
 //! Where a rotation is missing for some frames, a cubic from the frames before to those after is a
 //! second estimate of it: in the rotation vectors from the last frame, with the speeds at both
 //! ends. A fifth of it makes solutions no worse on the whole and small motions twice as good (42
-//! stretches of 14 CMU takes: 3.5 degrees rms, the straight way between the ends 7.7). A solution
+//! segments of 14 CMU takes: 3.5 degrees rms, the straight way between the ends 7.7). A solution
 //! that leaves the straight way (slerp) farther than the joint ever does in the take was led
 //! astray, and the straight way takes its place.
 
@@ -21,7 +21,7 @@ const SIDE: usize = 4;
 const LASTING: f64 = 0.7;
 /// The share of the solution in the mixture.
 const SOLVED: f64 = 0.8;
-/// Stretches of the take that tell how far a joint leaves the straight way; a solution is astray
+/// Segments of the take that tell how far a joint leaves the straight way; a solution is astray
 /// that many times farther off.
 const COMPARED: usize = 60;
 const ASTRAY: f64 = 1.25;
@@ -139,7 +139,7 @@ impl RotationChannels {
         gap.clone().map(at).collect()
     }
 
-    /// How far the joint leaves the straight way at most, over stretches as long as `gap`
+    /// How far the joint leaves the straight way at most, over segments as long as `gap`
     /// elsewhere; `None` where there is no room.
     fn farthest(&self, motion: ArrayView2<'_, f64>, length: usize) -> Option<f64> {
         let last = motion.nrows().checked_sub(length + 1)?;

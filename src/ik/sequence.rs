@@ -83,7 +83,8 @@ pub struct SequenceFit {
 /// the number of frames done.
 ///
 /// # Errors
-/// [`Error::Usage`]: too many degrees of freedom, no joints, or columns that are not three a joint.
+/// [`Error::Usage`]: too many degrees of freedom, no joints, or columns that are not three per
+/// joint.
 pub fn fit_sequence(
     skeleton: &Skeleton,
     joints: &[usize],
@@ -177,7 +178,7 @@ struct SequenceFitter<'a> {
     pause: (usize, usize),
 }
 
-/// One frame's answer.
+/// The solution of one frame.
 struct FrameSolution {
     q: Vec<f64>,
     energy: f64,

@@ -1,0 +1,117 @@
+//! A model's prior and rigid distances, carried to the body of one take.
+
+use super::frame_estimator::FrameEstimator;
+use super::pose_model::length_sd;
+use super::rigid::RigidModel;
+use super::take::PointMapping;
+use crate::numeric::parallel;
+use crate::pose::Similarity;
+use crate::prior::Prior;
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use std::borrow::Cow;
+
+/// Frames by which a model is judged to know a take.
+const JUDGED_FRAMES: usize = 50;
+/// Noise under which that can be judged, cm.
+const JUDGED_NOISE: f64 = 0.3;
+
+/// A model's prior and rigid distances, carried to the body of one take.
+pub struct AdaptedPrior<'a> {
+    /// The model, and the points of the table that are its own.
+    pub mapping: &'a PointMapping<'a>,
+    /// `None`: the body is the model's own, or the model does not say what its own is.
+    prior: Option<Box<dyn Prior>>,
+    /// The rigid distances of the body, with what is uncertain about them.
+    pub rigid: Cow<'a, RigidModel>,
+}
+
+impl<'a> AdaptedPrior<'a> {
+    /// The prior for the body that `frames` (m, 3 J, in the model's order; cm) of one take show;
+    /// `noise` is the standard deviation of a coordinate, cm. The rigid distances are still those
+    /// of the model's own body.
+    pub fn new(
+        mapping: &'a PointMapping<'a>,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedPrior<'a> {
+        let model = mapping.model;
+        AdaptedPrior {
+            mapping,
+            prior: model.prior_for(frames, noise),
+            rigid: Cow::Borrowed(&model.rigid),
+        }
+    }
+
+    /// Rigid distances of the body too, as uncertain as lengths are that were measured in `frames`
+    /// with `noise` (standard deviation of a coordinate, cm).
+    pub fn with_lengths_from(
+        mut self,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedPrior<'a> {
+        let model = self.mapping.model;
+        let Some(prior) = self.prior.as_ref().filter(|_| !model.rigid.is_empty()) else {
+            return self;
+        };
+        let length_sd = |ends: [usize; 2], length: f64| {
+            let is_seen = |row: ArrayView1<'_, f64>| {
+                let mut all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
+                all.all(|i| row[i].is_finite())
+            };
+            let count = frames.rows().into_iter().filter(|r| is_seen(*r)).count();
+            length_sd(length, noise, count)
+        };
+        let from = model.prior.representative_poses();
+        let to = prior.representative_poses();
+        self.rigid = Cow::Owned(model.rigid.mapped(from, to, length_sd));
+        self
+    }
+
+    /// Whether the body is the model's own.
+    pub fn is_own_body(&self) -> bool {
+        self.prior.is_none()
+    }
+
+    /// The training poses as the body would take them, in the order of the `points` points of the
+    /// table (n, 3 J), cm; points that the model does not know are NaN. `None` where the model
+    /// keeps none, or not in the pelvis's frame.
+    pub fn training_poses(&self, points: usize) -> Option<Array2<f64>> {
+        let estimator = self.estimator();
+        estimator.anchor.filter(|a| a.root.is_some())?;
+        let poses = estimator.prior.training_poses()?;
+        Some(self.mapping.rows_of_table(poses.view(), points))
+    }
+
+    /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;
+    /// cm) are unlike all training poses. Under more than a little `noise` (standard deviation of
+    /// a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
+    pub fn knows(&self, take: ArrayView2<'_, f64>, noise: f64) -> bool {
+        if noise > JUDGED_NOISE {
+            return true;
+        }
+        let take = self.mapping.gather(take);
+        let is_complete = |t: &usize| take.row(*t).iter().all(|v| v.is_finite());
+        let complete: Vec<usize> = (0..take.nrows()).filter(is_complete).collect();
+        let step = complete.len().div_ceil(JUDGED_FRAMES).max(1);
+        let estimator = self.estimator();
+        let judged = parallel::map_chunks(complete.len().div_ceil(step), 1, |range| {
+            let pose = take.row(complete[range.start * step]).to_vec();
+            estimator.novelty(&pose, &Similarity::IDENTITY) > 0.0
+        });
+        2 * judged.iter().filter(|is_novel| **is_novel).count() <= judged.len()
+    }
+
+    /// Estimates frames with the prior alone, no rigid distance kept.
+    pub fn estimator(&self) -> FrameEstimator<'_> {
+        let own = self.mapping.model.estimator();
+        FrameEstimator {
+            prior: self.prior.as_deref().unwrap_or(own.prior),
+            ..own
+        }
+    }
+
+    /// Estimates frames with the prior and the rigid distances.
+    pub fn rigid_estimator(&self) -> FrameEstimator<'_> {
+        self.estimator().with_rigid_model(&self.rigid)
+    }
+}

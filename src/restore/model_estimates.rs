@@ -1,0 +1,130 @@
+//! What the model expects in the smoothed frames of a take.
+
+use super::adapted_prior::AdaptedPrior;
+use super::adaptive_smoothing::{LEAST_VARIANCE, SmoothedTake, path_of, smooth_path};
+use super::frame_estimator::{FrameEstimate, FrameEstimator};
+use super::take::{FRAMES_PER_TASK, Take};
+use crate::numeric::parallel;
+use crate::pose::Observation;
+use glam::DVec3;
+use ndarray::{Array1, Array2};
+
+/// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to
+/// hold poses to them.
+const MEASURES_LENGTHS: f64 = 0.3;
+/// The share of the noise's variance that trembles in the estimates.
+const SHARE_LEFT: f64 = 0.02;
+
+/// The model's estimates of the smoothed frames of a take, in the table's order of points.
+pub struct ModelEstimates {
+    /// (frames, 3 J), cm; NaN where the model says nothing.
+    pub mean: Array2<f64>,
+    /// (frames x J), cm.
+    pub sd: Vec<f64>,
+    /// Nats, one per frame.
+    pub novelty: Vec<f64>,
+    /// Frames with too little seen to estimate them.
+    pub too_little: usize,
+}
+
+impl ModelEstimates {
+    /// Estimates each frame, moves its points by the person's own offsets, and smooths over time.
+    pub fn new(
+        adapted: &AdaptedPrior<'_>,
+        smoothed: &SmoothedTake,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> ModelEstimates {
+        let seen = adapted.mapping.gather(smoothed.mean.view());
+        let variance = adapted.mapping.gather(smoothed.variance.view());
+        // Lengths measured through noise are all too long: keeping them would do more harm than
+        // good.
+        let keeps_lengths = adapted.is_own_body() || smoothed.noise_left() <= MEASURES_LENGTHS;
+        let estimator = match keeps_lengths {
+            true => adapted.rigid_estimator(),
+            false => adapted.estimator(),
+        };
+        let found = parallel::map_chunks(seen.nrows(), FRAMES_PER_TASK, |range| {
+            let estimate = |t: usize| {
+                let noise: Vec<f64> = (seen.row(t).iter().zip(variance.row(t)))
+                    .map(|(y, v)| if y.is_finite() { *v } else { f64::INFINITY })
+                    .collect();
+                estimate_smoothed(&estimator, &seen.row(t).to_vec(), &noise)
+            };
+            let part: Vec<_> = range.clone().map(estimate).collect();
+            done(range.len());
+            part
+        });
+        let found: Vec<Option<FrameEstimate>> = found.into_iter().flatten().collect();
+        let novelty = |f: &FrameEstimate| estimator.novelty(&f.mean, &f.placement);
+        let offsets = personal_offsets(&seen, &found);
+        let points = take.names.len();
+        let mut out = ModelEstimates {
+            mean: Array2::from_elem(take.xyz.dim(), f64::NAN),
+            sd: vec![f64::NAN; take.xyz.nrows() * points],
+            novelty: (found.iter())
+                .map(|f| f.as_ref().map_or(f64::NAN, novelty))
+                .collect(),
+            too_little: found.iter().filter(|f| f.is_none()).count(),
+        };
+        for (t, found) in found.iter().enumerate() {
+            let Some(found) = found else { continue };
+            for (p, in_table) in adapted.mapping.pairs() {
+                let mean = DVec3::from_slice(&found.mean[3 * p..]);
+                let mean = mean + found.placement.rotation * offsets[p];
+                (0..3).for_each(|axis| out.mean[[t, 3 * in_table + axis]] = mean[axis]);
+                out.sd[t * points + in_table] = found.sd[p];
+            }
+        }
+        // What is left of the noise trembles in the estimates.
+        let columns = parallel::map_chunks(points, 1, |range| {
+            let p = range.start;
+            let r = (SHARE_LEFT * smoothed.noise[p] * smoothed.noise[p]).max(LEAST_VARIANCE);
+            smooth_path(&path_of(out.mean.view(), p), take.runs, r, 1.0 / take.rate)
+        });
+        for (i, smooth) in columns.into_iter().flatten().enumerate() {
+            out.mean.column_mut(i).assign(&Array1::from(smooth.mean));
+        }
+        out
+    }
+}
+
+/// Estimates a smoothed frame. Points seen in part among whole ones count as missing, which saves a
+/// search for the placement; what was seen of them stays as the smoother left it.
+fn estimate_smoothed(
+    estimator: &FrameEstimator<'_>,
+    y: &[f64],
+    variances: &[f64],
+) -> Option<FrameEstimate> {
+    let seen = Observation {
+        values: y,
+        variance: variances,
+    };
+    let parts = seen.removable_partial_points();
+    let mut found = estimator.estimate(y, &seen.variance_without(&parts))?;
+    let parts = parts.iter().flat_map(|p| 3 * p..3 * p + 3);
+    for i in parts.filter(|&i| variances[i].is_finite()) {
+        found.mean[i] = y[i];
+    }
+    Some(found)
+}
+
+/// By how much a person's points are elsewhere than the model has them (J; cm, in the model's
+/// directions): the mean over the frames of what was `seen` (frames, 3 J) less what was `found`.
+fn personal_offsets(seen: &Array2<f64>, found: &[Option<FrameEstimate>]) -> Vec<DVec3> {
+    let mut sums = vec![(DVec3::ZERO, 0.0); seen.ncols() / 3];
+    for (row, found) in seen.outer_iter().zip(found) {
+        let Some(found) = found else { continue };
+        let row = row.to_vec();
+        for (p, (sum, count)) in sums.iter_mut().enumerate() {
+            let off = DVec3::from_slice(&row[3 * p..]) - DVec3::from_slice(&found.mean[3 * p..]);
+            if off.is_finite() {
+                *sum += found.placement.rotation.transpose() * off;
+                *count += 1.0;
+            }
+        }
+    }
+    (sums.into_iter())
+        .map(|(sum, count)| sum / f64::max(count, 1.0))
+        .collect()
+}

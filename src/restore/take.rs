@@ -1,0 +1,240 @@
+//! A take of a table, the points of it that a model knows, and what becomes of its frames.
+
+use super::pose_model::PoseModel;
+use crate::pose::{FillMethod, NameMap, Status};
+use crate::prior::EXACT_VARIANCE;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, s};
+use std::ops::Range;
+
+/// Frames of one parallel task.
+pub const FRAMES_PER_TASK: usize = 8;
+
+/// One take of a table.
+#[derive(Debug, Clone, Copy)]
+pub struct Take<'a> {
+    /// The names of the points (J).
+    pub names: &'a [String],
+    /// (frames, 3 J), cm; NaN missing.
+    pub xyz: ArrayView2<'a, f64>,
+    /// Its ranges of consecutive frames.
+    pub runs: &'a [Range<usize>],
+    /// Frames a second.
+    pub rate: f64,
+}
+
+/// A method that restores the frames of a table, in the table's order of points:
+/// [`super::Complete`], [`super::Denoise`] or [`super::Clean`].
+pub trait Method {
+    /// Restores each frame of `xyz` (frames, 3 J; cm, NaN missing) by itself.
+    fn frames(&self, mapping: &PointMapping<'_>, xyz: ArrayView2<'_, f64>) -> TakeResult;
+
+    /// Restores one take, with a model or without. `done` is called with numbers of frames that are
+    /// finished.
+    fn take(
+        &self,
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> TakeResult;
+}
+
+/// The points of a table that are those of a model.
+pub struct PointMapping<'a> {
+    /// The model.
+    pub model: &'a PoseModel,
+    /// The table's point that is each of the model's.
+    points: Vec<Option<usize>>,
+    /// Whether the points are those of another skeleton: the model knows roughly what their poses
+    /// look like, and nothing of how they are placed on the body.
+    pub is_other_skeleton: bool,
+}
+
+impl<'a> PointMapping<'a> {
+    /// Finds the points of a model named `source` among those of a table, which the model knows as
+    /// `names`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the table has none of the model's points.
+    pub fn new(
+        model: &'a PoseModel,
+        source: &str,
+        names: &[String],
+        is_other_skeleton: bool,
+    ) -> Result<PointMapping<'a>> {
+        let in_table = |name: &String| names.iter().position(|p| p == name);
+        let points: Vec<_> = model.points.iter().map(in_table).collect();
+        if points.iter().all(Option::is_none) {
+            let listed =
+                |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+            let what = format!(
+                "the table has none of the model's points ({}, …); it has {}; {}; or train a \
+                 model with prior-train, or use the option `self`: the take's own frames alone",
+                listed(&model.points),
+                listed(names),
+                NameMap::advice(names)
+            );
+            return Err(Error::data(Place::file(source), what));
+        }
+        Ok(PointMapping {
+            model,
+            points,
+            is_other_skeleton,
+        })
+    }
+
+    /// The model's points that the table has: of the model, of the table.
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let pairs = self.points.iter().enumerate();
+        pairs.filter_map(|(p, in_table)| Some((p, (*in_table)?)))
+    }
+
+    /// The model's point that is `point` of the table.
+    pub fn in_model(&self, point: usize) -> Option<usize> {
+        self.points.iter().position(|i| *i == Some(point))
+    }
+
+    /// Points of the model, frame by frame, as points of the table.
+    pub fn points_of_table(&self, points: &[Vec<usize>]) -> Vec<Vec<usize>> {
+        let of_frame =
+            |points: &Vec<usize>| points.iter().filter_map(|p| self.points[*p]).collect();
+        points.iter().map(of_frame).collect()
+    }
+
+    /// Frames in the model's order of points, restored, as frames of the table; `xyz` is what the
+    /// table holds.
+    pub fn scatter(&self, xyz: ArrayView2<'_, f64>, restored: &TakeResult) -> TakeResult {
+        let mut out = TakeResult::captured(xyz);
+        out.too_little = restored.too_little;
+        out.noise = restored.noise;
+        out.novelty.clone_from(&restored.novelty);
+        for (p, in_table) in self.pairs() {
+            for t in 0..xyz.nrows() {
+                let state = restored.state(t, p);
+                out.set(t, in_table, state.status, state.sd);
+                for axis in 0..3 {
+                    let value = restored.xyz[[t, 3 * p + axis]];
+                    if value.is_finite() {
+                        out.xyz[[t, 3 * in_table + axis]] = value;
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// Rows in the model's order of points (n, 3 J) as rows of a table of `points` points; those
+    /// that the model does not know are NaN.
+    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>, points: usize) -> Array2<f64> {
+        moved(rows, points, self.pairs())
+    }
+
+    /// Rows of the table in the model's order of points; points that the table lacks are missing.
+    pub fn gather(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        let moves = self.pairs().map(|(p, in_table)| (in_table, p));
+        moved(rows, self.points.len(), moves)
+    }
+}
+
+/// Rows (n, 3 J) with other `points`, each from where to where it goes; the others are NaN.
+fn moved(
+    rows: ArrayView2<'_, f64>,
+    points: usize,
+    moves: impl Iterator<Item = (usize, usize)>,
+) -> Array2<f64> {
+    let mut out = Array2::from_elem((rows.nrows(), 3 * points), f64::NAN);
+    for (from, to) in moves {
+        let from = rows.slice(s![.., 3 * from..3 * from + 3]);
+        out.slice_mut(s![.., 3 * to..3 * to + 3]).assign(&from);
+    }
+    out
+}
+
+/// What became of a point in a frame.
+#[derive(Debug, Clone, Copy)]
+pub struct PointState {
+    /// Its status.
+    pub status: Status,
+    /// Standard deviation of a coordinate, cm; NaN where unknown.
+    pub sd: f64,
+    /// How it was filled; `None` where it was not, or the frame was restored by itself.
+    pub method: Option<FillMethod>,
+}
+
+/// The frames of a take, or of a table, restored.
+#[derive(Debug, Clone, Default)]
+pub struct TakeResult {
+    /// (frames, 3 J), cm.
+    pub xyz: Array2<f64>,
+    /// (frames x J).
+    pub states: Vec<PointState>,
+    /// Whether the model knows so little of the take that it was restored without.
+    pub take_alone: bool,
+    /// Frames with too little seen to restore them.
+    pub too_little: usize,
+    /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
+    pub noise: f64,
+    /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN
+    /// where the model has no threshold or the frame is not restored.
+    pub novelty: Vec<f64>,
+}
+
+impl TakeResult {
+    /// Frames as they were captured.
+    pub fn of(xyz: Array2<f64>) -> TakeResult {
+        let captured = PointState {
+            status: Status::Observed,
+            sd: EXACT_VARIANCE.sqrt(),
+            method: None,
+        };
+        TakeResult {
+            novelty: vec![f64::NAN; xyz.nrows()],
+            states: vec![captured; xyz.nrows() * xyz.ncols() / 3],
+            xyz,
+            ..TakeResult::default()
+        }
+    }
+
+    /// Frames as they were captured, their missing points unknown.
+    pub fn captured(xyz: ArrayView2<'_, f64>) -> TakeResult {
+        let mut out = TakeResult::of(xyz.to_owned());
+        for t in 0..xyz.nrows() {
+            for p in 0..out.points() {
+                if (3 * p..3 * p + 3).any(|i| xyz[[t, i]].is_nan()) {
+                    out.set(t, p, Status::Unknown, f64::NAN);
+                }
+            }
+        }
+        out
+    }
+
+    /// The number of points of a frame.
+    pub fn points(&self) -> usize {
+        self.xyz.ncols() / 3
+    }
+
+    /// What became of a point.
+    pub fn state(&self, frame: usize, point: usize) -> &PointState {
+        &self.states[frame * self.points() + point]
+    }
+
+    /// Sets the status of a point that is not filled in time, and the standard deviation of its
+    /// coordinates, cm.
+    pub fn set(&mut self, frame: usize, point: usize, status: Status, sd: f64) {
+        let at = frame * self.points() + point;
+        self.states[at] = PointState {
+            status,
+            sd,
+            method: None,
+        };
+    }
+
+    /// Whether any point of a frame was filled or replaced.
+    pub fn is_any_filled(&self, frame: usize) -> bool {
+        let is_filled = |p: usize| {
+            let status = self.state(frame, p).status;
+            matches!(status, Status::Inferred | Status::Rejected)
+        };
+        (0..self.points()).any(is_filled)
+    }
+}
