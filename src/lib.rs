@@ -91,6 +91,15 @@
 //! order ([`numeric::parallel`]). The same input and seed therefore give the same bytes with any
 //! number of threads.
 //!
+//! # Features
+//!
+//! | feature | adds |
+//! |---|---|
+//! | `openblas` (default) | dense decompositions by the system's OpenBLAS; without it, by faer |
+//! | `cli` (default) | the program and [`cli`]; brings the two below |
+//! | `server` | [`server`] |
+//! | `published` | [`prior::published`], learners besides RDSR, distances to compare with |
+//!
 //! # Contributing
 //!
 //! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags,
