@@ -121,7 +121,7 @@ pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<D
 /// The frames of the points `names` of a table, which `whose` names; each is a marker of the body.
 ///
 /// # Errors
-/// Those of [`columns_of`] and [`check_points`].
+/// [`Error::Data`]: the table lacks a marker, or its points spread as no body's do.
 pub fn marker_frames(
     body: &BodyModel,
     markers: &[Marker],

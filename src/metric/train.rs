@@ -34,19 +34,19 @@ pub enum Learner {
     /// Features chosen by boosting.
     #[cfg(feature = "published")]
     Boost,
-    /// [`xing`].
+    /// [`xing`](super::learners::xing).
     #[cfg(feature = "published")]
     Xing,
-    /// [`sda`].
+    /// [`sda`](super::learners::sda).
     #[cfg(feature = "published")]
     Sda,
-    /// [`rca`].
+    /// [`rca`](super::learners::rca).
     #[cfg(feature = "published")]
     Rca,
-    /// [`lmnn`].
+    /// [`lmnn`](super::learners::lmnn).
     #[cfg(feature = "published")]
     Lmnn,
-    /// [`nca`].
+    /// [`nca`](super::learners::nca).
     #[cfg(feature = "published")]
     Nca,
 }

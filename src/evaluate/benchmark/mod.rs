@@ -3,7 +3,7 @@
 //!
 //! [`Dataset`] holds the poses, [`splits`] divides it, [`leakage`] finds takes that must stay on
 //! one side, [`task`] damages the test poses, [`method`] trains and restores, [`runner`] does all
-//! of this for each case, [`share`] divides the cases among machines, and [`summary`] averages over
+//! of this for each case, [`shard`] divides the cases among machines, and [`summary`] averages over
 //! seeds with bootstrap intervals. [`report`](super::report) writes the results down.
 //!
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of
