@@ -93,7 +93,7 @@ impl Error {
         }
     }
     /// Something unusable whose place the caller knows. Texts convert into it, too.
-    pub fn unfit(what: impl Into<String>) -> Self {
+    pub(crate) fn unfit(what: impl Into<String>) -> Self {
         Error::Unfit(what.into())
     }
     /// An [`Error::Unfit`] becomes [`Error::Data`] at `place`; others stay as they are.
@@ -158,7 +158,7 @@ pub fn name_options(name: fn(&str) -> String) {
 }
 
 /// The text of a message with its options named as [`name_options`] says.
-pub fn with_options(text: &str) -> String {
+pub(crate) fn with_options(text: &str) -> String {
     match OPTION_NAMES.get() {
         Some(name) => replace_options(text, name),
         None => text.to_string(),

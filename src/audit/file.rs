@@ -143,7 +143,7 @@ impl FileAudit {
     }
 
     /// A take in one line: its frames, rate, points and size, and what is missing.
-    pub fn line(take: &TakeAudit) -> String {
+    pub(crate) fn line(take: &TakeAudit) -> String {
         let mut out = count(take.frames, "frame");
         if let Some(rate) = take.rate {
             let _ = write!(

@@ -64,7 +64,7 @@ pub fn held_rotations(joints: &[JointAngles], rate: f64) -> Vec<HeldRotations> {
 }
 
 /// The findings of [`held_rotations`], one a run of frames.
-pub fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
+pub(crate) fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
     let held = rate.map_or(Vec::new(), |rate| held_rotations(joints, rate));
     let finding = |held: HeldRotations| {
         let names: Vec<String> = (held.joints.iter())

@@ -17,7 +17,7 @@ mod take_pages;
 
 pub use file::count;
 pub use file::{FileAudit, FileAuditor, files_to_audit};
-pub(crate) use file::{audit_motion, kind_name};
+pub use file::{audit_motion, kind_name};
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};
 pub use page::page;
@@ -31,7 +31,7 @@ use std::ops::Range;
 
 /// What is wrong with the rotations of a take: angles that jump though their joints hardly turn,
 /// and rotations that were held. `rate`: frames a second; without one, nothing is held.
-pub fn rotation_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
+pub(crate) fn rotation_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
     let mut out = rotations::flips(joints);
     out.extend(held_rotations::held_findings(joints, rate));
     out
@@ -160,7 +160,7 @@ struct Take<'a> {
 /// let takes = audit(&poses, Some(120.0), &Limits::default());
 /// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 /// ```
-pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
+pub(crate) fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
     let all_runs = poses.runs();
     let takes = poses.takes().into_iter().zip(poses.rates());
     let one = |(frames, rate): (Range<usize>, Option<f64>)| {

@@ -12,7 +12,7 @@ const FRAMES: usize = 4;
 const NEAREST: NonZero<usize> = NonZero::new(9).unwrap();
 
 /// The pairs, the smaller number first, in order.
-pub fn pairs(take: &Take<'_>) -> Vec<(usize, usize)> {
+pub(crate) fn pairs(take: &Take<'_>) -> Vec<(usize, usize)> {
     let points = take.points.len();
     if points <= FEW {
         let later = |a: usize| (a + 1..points).map(move |b| (a, b));

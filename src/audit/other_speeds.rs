@@ -13,13 +13,13 @@ const MOST: usize = 500;
 type Speeds = Vec<(f64, usize)>;
 
 /// The speeds of points in ranges of frames, each range measured once.
-pub struct OtherSpeeds<'a, 't> {
+pub(crate) struct OtherSpeeds<'a, 't> {
     take: &'a Take<'t>,
     known: RefCell<HashMap<Range<usize>, Speeds>>,
 }
 
 impl<'a, 't> OtherSpeeds<'a, 't> {
-    pub fn of(take: &'a Take<'t>) -> OtherSpeeds<'a, 't> {
+    pub(crate) fn of(take: &'a Take<'t>) -> OtherSpeeds<'a, 't> {
         OtherSpeeds {
             take,
             known: RefCell::default(),
@@ -27,7 +27,7 @@ impl<'a, 't> OtherSpeeds<'a, 't> {
     }
 
     /// The speed of the points but `point` from the first to the last frame, in the median, cm/s.
-    pub fn median(&self, frames: Range<usize>, point: usize, rate: f64) -> f64 {
+    pub(crate) fn median(&self, frames: Range<usize>, point: usize, rate: f64) -> f64 {
         let mut known = self.known.borrow_mut();
         let key = frames.clone();
         let all = known.entry(key).or_insert_with(|| self.measure(frames));

@@ -11,7 +11,7 @@ const TURN: f64 = 0.25;
 
 /// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly
 /// turns: what is interpolated between two such frames goes astray.
-pub fn flips(joints: &[JointAngles]) -> Vec<Finding> {
+pub(crate) fn flips(joints: &[JointAngles]) -> Vec<Finding> {
     joints.iter().filter_map(JointAngles::flips).collect()
 }
 

@@ -30,7 +30,12 @@ impl TakePages {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn write(&self, number: usize, name: &str, file: &MotionFile) -> Result<Option<String>> {
+    pub(crate) fn write(
+        &self,
+        number: usize,
+        name: &str,
+        file: &MotionFile,
+    ) -> Result<Option<String>> {
         let poses = &file.table.poses;
         let html = TakePage {
             name,

@@ -41,7 +41,7 @@ impl BodyModel {
 
     /// [`BodyModel::synthesize`] with the S of [`ShapeModel::matrices`], for many poses of one
     /// shape.
-    pub fn synthesize_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
+    pub(crate) fn synthesize_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
         let q = self.pose.deformations(&self.template, rotations);
         let deformations: Vec<DMat3> = shape.iter().zip(&q).map(|(s, q)| *s * *q).collect();
         synthesize(&self.template, rotations, &deformations)
@@ -84,7 +84,7 @@ impl BodyModel {
 
     /// The mean and the standard deviation of each component of the joints' twists in the training
     /// poses, radians.
-    pub fn twist_prior(&self) -> Vec<(DVec3, DVec3)> {
+    pub(crate) fn twist_prior(&self) -> Vec<(DVec3, DVec3)> {
         let poses: Vec<Vec<DVec3>> = (self.training_rotations.iter())
             .map(|r| twists(&self.template.joint_parts(), r))
             .collect();

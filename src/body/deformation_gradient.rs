@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 const FLAT: f64 = 1e-7;
 
 /// A triangle with an area.
-pub struct Triangle {
+pub(crate) struct Triangle {
     /// The corners, and V + k for its normal.
     pub nodes: [usize; 4],
     /// The share of each node in each column of T.
@@ -24,7 +24,7 @@ pub struct Triangle {
 impl Triangle {
     /// A triangle of vertices at rest, cm, and the place of its normal among the unknowns. `None`
     /// for one without area.
-    pub fn new(face: [usize; 3], rest: &[DVec3], normal_node: usize) -> Option<Triangle> {
+    pub(crate) fn new(face: [usize; 3], rest: &[DVec3], normal_node: usize) -> Option<Triangle> {
         let [a, b, c] = face.map(|v| rest[v]);
         let cross = (b - a).cross(c - a);
         let longest = [b - a, c - b, a - c].map(DVec3::length_squared);
@@ -45,7 +45,7 @@ impl Triangle {
     }
 
     /// T, of all unknowns (3, 3).
-    pub fn gradient(&self, unknowns: &[DVec3]) -> DMat3 {
+    pub(crate) fn gradient(&self, unknowns: &[DVec3]) -> DMat3 {
         let column = |shares: [f64; 4]| {
             let parts = (0..4).map(|j| unknowns[self.nodes[j]] * shares[j]);
             parts.sum::<DVec3>()
@@ -55,14 +55,14 @@ impl Triangle {
     }
 
     /// The nodes, each with its share.
-    pub fn terms(&self, shares: [f64; 4]) -> impl Iterator<Item = (usize, f64)> + '_ {
+    pub(crate) fn terms(&self, shares: [f64; 4]) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.nodes.iter().copied().zip(shares)
     }
 
     /// The weight of the difference of the gradients of two triangles with a common edge: the
     /// squared length of the edge by the areas, so that sums of squared differences are
     /// integrals of the gradient's derivative.
-    pub fn weight_beside(&self, other: &Triangle, rest: &[DVec3]) -> f64 {
+    pub(crate) fn weight_beside(&self, other: &Triangle, rest: &[DVec3]) -> f64 {
         let common: Vec<usize> = (self.nodes[..3].iter().copied())
             .filter(|v| other.nodes[..3].contains(v))
             .collect();
@@ -73,7 +73,7 @@ impl Triangle {
 
 /// The rotation nearest to each gradient (3, 3), times the scale that is best for all, given the
 /// areas.
-pub fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
+pub(crate) fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
     let nearest = |(gradient, area): &(DMat3, f64)| {
         let rotation = polar(gradient);
         let gain: f64 = (0..3).map(|a| rotation.col(a).dot(gradient.col(a))).sum();

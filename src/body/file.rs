@@ -16,10 +16,10 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 
 /// The kind of a model file that holds a body.
-pub const KIND: &str = "body";
+pub(crate) const KIND: &str = "body";
 
 /// The name of part `p` in tables.
-pub fn part_name(p: usize) -> String {
+pub(crate) fn part_name(p: usize) -> String {
     format!("part{p}")
 }
 

@@ -23,7 +23,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2, s};
 
 /// The weight w_Z of the markers against the edges.
-pub const MARKER_WEIGHT: f64 = 3.0;
+pub(crate) const MARKER_WEIGHT: f64 = 3.0;
 /// Markers that determine a pose at all.
 pub const FEWEST: usize = 4;
 const MOST_STEPS: usize = 60;

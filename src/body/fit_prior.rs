@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
 /// The standard deviation of a marker where none is told, centimeters a coordinate.
-pub const NOISE: f64 = 0.18;
+pub(crate) const NOISE: f64 = 0.18;
 /// The least noise that counts: without any the priors would vanish.
 const LEAST_NOISE: f64 = 0.01;
 
@@ -40,12 +40,12 @@ impl NormalEquations {
 
 impl FitPrior {
     /// The noise squared, cm².
-    pub fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         self.noise.max(LEAST_NOISE).powi(2)
     }
 
     /// The squared distance from the mean in standard deviations.
-    pub fn energy(&self, twists: &[DVec3], shape: &[f64]) -> f64 {
+    pub(crate) fn energy(&self, twists: &[DVec3], shape: &[f64]) -> f64 {
         let twists = twists.iter().zip(&self.twists);
         let twists: f64 = twists
             .map(|(t, (mean, sd))| ((*t - *mean) / *sd).length_squared())

@@ -26,7 +26,7 @@ use ndarray::Array2;
 
 /// The weights of an energy, besides those of the data.
 #[derive(Debug, Clone, Copy)]
-pub struct Stiffness {
+pub(crate) struct Stiffness {
     /// b: the length over which bending is resisted, cm.
     pub bend: f64,
     /// s: the length over which stretching is resisted, cm.
@@ -35,7 +35,7 @@ pub struct Stiffness {
 
 /// What the vertices are drawn to: Σ_v weight_v |y_v - target_v|².
 #[derive(Debug, Clone)]
-pub struct Targets {
+pub(crate) struct Targets {
     /// c, cm (V).
     pub targets: Vec<DVec3>,
     /// w, cm²; 0 where there is none (V).
@@ -44,7 +44,7 @@ pub struct Targets {
 
 /// The energy of a template of V vertices and P triangles that have an area; its matrix is (V + P,
 /// V + P).
-pub struct GradientEnergy {
+pub(crate) struct GradientEnergy {
     vertices: usize,
     triangles: Vec<Triangle>,
     /// Two triangles, as places in `triangles`, and w_ab.
@@ -64,7 +64,7 @@ struct Tie {
 }
 
 /// The factored matrix of an energy.
-pub struct Factored<'a> {
+pub(crate) struct Factored<'a> {
     energy: &'a GradientEnergy,
     stiffness: Stiffness,
     factor: SparseCholesky,
@@ -72,7 +72,7 @@ pub struct Factored<'a> {
 
 impl GradientEnergy {
     /// The energy of a template at rest at `rest`, cm (V).
-    pub fn new(template: &Template, rest: &[DVec3]) -> GradientEnergy {
+    pub(crate) fn new(template: &Template, rest: &[DVec3]) -> GradientEnergy {
         let faces = template.surface();
         let mut place = vec![None; faces.len()];
         let mut triangles = Vec::with_capacity(faces.len());
@@ -119,7 +119,7 @@ impl GradientEnergy {
 
     /// The unknowns of a mesh of the template's topology: its vertices, then the unit normals of
     /// its triangles (V + P).
-    pub fn unknowns(&self, vertices: &[DVec3]) -> Vec<DVec3> {
+    pub(crate) fn unknowns(&self, vertices: &[DVec3]) -> Vec<DVec3> {
         let normal = |t: &Triangle| {
             let [a, b, c] = [0, 1, 2].map(|j| vertices[t.nodes[j]]);
             (b - a).cross(c - a).normalize_or_zero()
@@ -129,13 +129,13 @@ impl GradientEnergy {
     }
 
     /// The gradients of the triangles, and the areas of these at rest, cm² (P).
-    pub fn gradients(&self, unknowns: &[DVec3]) -> Vec<(DMat3, f64)> {
+    pub(crate) fn gradients(&self, unknowns: &[DVec3]) -> Vec<(DMat3, f64)> {
         let of = |t: &Triangle| (t.gradient(unknowns), t.area);
         self.triangles.iter().map(of).collect()
     }
 
     /// The vertex areas, a third of each triangle for each corner, cm² (V).
-    pub fn vertex_areas(&self) -> Vec<f64> {
+    pub(crate) fn vertex_areas(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.vertices];
         for t in &self.triangles {
             t.nodes[..3].iter().for_each(|v| areas[*v] += t.area / 3.0);
@@ -144,7 +144,7 @@ impl GradientEnergy {
     }
 
     /// Half the derivative of the energy by each unknown (V + P); `rotations` are the R (P).
-    pub fn derivative(
+    pub(crate) fn derivative(
         &self,
         stiffness: Stiffness,
         targets: &Targets,
@@ -189,7 +189,7 @@ impl GradientEnergy {
     /// Factors the matrix of an energy, of which only the weights of the targets matter. `None`: it
     /// is not positive definite, because no target holds the mesh, or only triangles without
     /// area hold a vertex.
-    pub fn factor(&self, stiffness: Stiffness, weights: &[f64]) -> Option<Factored<'_>> {
+    pub(crate) fn factor(&self, stiffness: Stiffness, weights: &[f64]) -> Option<Factored<'_>> {
         let (bend, stretch) = (stiffness.bend.powi(4), stiffness.stretch.powi(2));
         let mut entries: Vec<(usize, usize, f64)> = (self.entries.iter())
             .map(|(row, column, [b, s])| (*row, *column, bend * b + stretch * s))
@@ -268,7 +268,12 @@ impl Factored<'_> {
     /// The unknowns at which the energy is least, from others: one step of Newton's method, which
     /// is exact, because the energy is quadratic. A step from afar leaves the error of a matrix
     /// of bad condition; one from near does not.
-    pub fn step(&self, targets: &Targets, rotations: &[DMat3], unknowns: &[DVec3]) -> Vec<DVec3> {
+    pub(crate) fn step(
+        &self,
+        targets: &Targets,
+        rotations: &[DMat3],
+        unknowns: &[DVec3],
+    ) -> Vec<DVec3> {
         let energy = self.energy;
         let derivative = energy.derivative(self.stiffness, targets, rotations, unknowns);
         let right = Array2::from_shape_fn((derivative.len(), 3), |(n, a)| derivative[n][a]);

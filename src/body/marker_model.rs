@@ -68,7 +68,7 @@ struct PartTerms {
 
 /// The positions of the markers, and their derivatives.
 #[derive(Debug, Clone)]
-pub struct MarkerPositions {
+pub(crate) struct MarkerPositions {
     /// Centimeters, up to one shift of all.
     pub positions: Vec<DVec3>,
     /// The twist of each joint.
@@ -112,17 +112,17 @@ impl MarkerModel {
     }
 
     /// The number of components of shape.
-    pub fn components(&self) -> usize {
+    pub(crate) fn components(&self) -> usize {
         self.parts.first().map_or(0, |p| p.by_shape.len() - 1)
     }
 
     /// The number of parts.
-    pub fn parts(&self) -> usize {
+    pub(crate) fn parts(&self) -> usize {
         self.parts.len()
     }
 
     /// The part that marker `m` is on.
-    pub fn part_of(&self, m: usize) -> usize {
+    pub(crate) fn part_of(&self, m: usize) -> usize {
         self.offsets[m].0
     }
 
@@ -137,7 +137,7 @@ impl MarkerModel {
     }
 
     /// The parts of each joint.
-    pub fn joints(&self) -> &[[usize; 2]] {
+    pub(crate) fn joints(&self) -> &[[usize; 2]] {
         &self.joints
     }
 
@@ -168,7 +168,7 @@ impl MarkerModel {
     }
 
     /// The positions and their derivatives.
-    pub fn evaluate(&self, rotations: &[DMat3], shape: &[f64]) -> MarkerPositions {
+    pub(crate) fn evaluate(&self, rotations: &[DMat3], shape: &[f64]) -> MarkerPositions {
         let twists: Vec<DVec3> = twists(&self.joints, rotations);
         let count = self.offsets.len();
         let mut out = MarkerPositions {

@@ -12,29 +12,29 @@
 //! the template on a raw scan.
 
 pub mod animation;
-pub mod body_model;
+pub(crate) mod body_model;
 pub mod completion;
 pub mod decomposition;
-pub mod deformation_gradient;
-pub mod file;
+pub(crate) mod deformation_gradient;
+pub(crate) mod file;
 pub mod fit;
-pub mod fit_prior;
+pub(crate) mod fit_prior;
 pub mod glb;
-pub mod gradient_energy;
+pub(crate) mod gradient_energy;
 pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
 pub mod pose_model;
 pub mod registration;
 pub mod scan_fit;
-pub mod scan_match;
-pub mod shape_model;
+pub(crate) mod scan_match;
+pub(crate) mod shape_model;
 pub mod skinning;
 pub mod surface;
 pub mod take;
-pub mod template;
+pub(crate) mod template;
 pub mod train;
-pub mod vertex_jacobian;
+pub(crate) mod vertex_jacobian;
 
 pub use body_model::BodyModel;
 pub use decomposition::Decomposer;

@@ -44,7 +44,7 @@ pub struct PoseModel {
 }
 
 /// The twist of each joint, of its two parts.
-pub fn twists(joints: &[[usize; 2]], rotations: &[DMat3]) -> Vec<DVec3> {
+pub(crate) fn twists(joints: &[[usize; 2]], rotations: &[DMat3]) -> Vec<DVec3> {
     let twist = |[a, b]: &[usize; 2]| rotation_vector(&(rotations[*a].transpose() * rotations[*b]));
     joints.iter().map(twist).collect()
 }
@@ -99,7 +99,7 @@ impl PoseModel {
 
     /// What Q of triangle `k` is multiplied by each of its inputs: the components of its joints'
     /// twists, then 1.
-    pub fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
+    pub(crate) fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
         let width = self.coefficients.ncols() / 9;
         let term = move |t: usize| {
             let entry = |e: usize| f64::from(self.coefficients[[k, e * width + t]]);

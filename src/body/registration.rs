@@ -27,7 +27,7 @@ use crate::pose::similarity::{Similarity, TransformKind, eigen_symmetric, fit_si
 use glam::DVec3;
 
 /// The fewest points that a registration starts from.
-pub const FEWEST_POINTS: usize = 4;
+pub(crate) const FEWEST_POINTS: usize = 4;
 
 /// The rounds of a registration, of which its observer hears.
 pub const ROUNDS: usize = 1 + LEVELS * ROUNDS_OF_LEVEL;
@@ -76,7 +76,7 @@ pub struct Registration {
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: fewer than [`FEWEST_POINTS`] points, or all on a line.
-pub fn start(template: &[DVec3], points: &[(usize, DVec3)]) -> Result<Similarity> {
+pub(crate) fn start(template: &[DVec3], points: &[(usize, DVec3)]) -> Result<Similarity> {
     if points.len() < FEWEST_POINTS {
         return Err(format!(
             "has {} points, expected {FEWEST_POINTS} or more",

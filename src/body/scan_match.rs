@@ -9,7 +9,7 @@ use glam::DVec3;
 const ALIKE: f64 = 0.5;
 
 /// Finds, for the vertices of a mesh, the points of a scan.
-pub struct ScanMatcher<'a> {
+pub(crate) struct ScanMatcher<'a> {
     scan: &'a Surface,
     faces: &'a [[usize; 3]],
     /// 1, or -1 for a scan whose faces point inwards where those of the mesh point outwards.
@@ -18,7 +18,11 @@ pub struct ScanMatcher<'a> {
 
 impl<'a> ScanMatcher<'a> {
     /// A matcher of a scan and a mesh near it: `vertices` (V), cm, and `faces`.
-    pub fn new(scan: &'a Surface, faces: &'a [[usize; 3]], vertices: &[DVec3]) -> ScanMatcher<'a> {
+    pub(crate) fn new(
+        scan: &'a Surface,
+        faces: &'a [[usize; 3]],
+        vertices: &[DVec3],
+    ) -> ScanMatcher<'a> {
         let mut matcher = ScanMatcher {
             scan,
             faces,
@@ -35,7 +39,7 @@ impl<'a> ScanMatcher<'a> {
 
     /// The nearest point of each vertex. `None`: it is farther than `limit` cm, at the border of a
     /// hole, or of another direction.
-    pub fn matches(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<DVec3>> {
+    pub(crate) fn matches(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<DVec3>> {
         let normals = normals(vertices, self.faces);
         let nearest = self.nearest(vertices).into_iter().enumerate();
         let accept = |(v, point): (usize, Option<SurfacePoint>)| {
@@ -50,7 +54,7 @@ impl<'a> ScanMatcher<'a> {
 
     /// The distance of each vertex to the scan, cm. `None`: it is more than `limit`, or the nearest
     /// point is at the border of a hole.
-    pub fn distances(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<f64>> {
+    pub(crate) fn distances(&self, vertices: &[DVec3], limit: f64) -> Vec<Option<f64>> {
         (self.nearest(vertices).into_iter().zip(vertices))
             .map(|(point, v)| {
                 let point = point.filter(|p| is_seen(p, *v, limit))?;

@@ -46,7 +46,7 @@ pub struct ShapeModel {
 
 impl ShapeModel {
     /// The template's own shape, and no other.
-    pub fn of_template(template: &Template) -> ShapeModel {
+    pub(crate) fn of_template(template: &Template) -> ShapeModel {
         let identity = DMat3::IDENTITY.to_cols_array().map(|v| v as f32);
         ShapeModel {
             mean: Array2::from_shape_fn((template.faces.len(), 9), |(_, e)| identity[e]),
@@ -58,7 +58,7 @@ impl ShapeModel {
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: there is no one, or the matrices are not finite.
-    pub fn learn(
+    pub(crate) fn learn(
         template: &Template,
         people: &Array2<f32>,
         count: usize,
@@ -122,7 +122,7 @@ impl ShapeModel {
     }
 
     /// What multiplies 1 and each β in the S of triangle `k`.
-    pub fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
+    pub(crate) fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
         let mean = std::iter::once(matrix(|e| self.mean[[k, e]]));
         let component = move |c: usize| matrix(|e| self.components[[c, 9 * k + e]]);
         mean.chain((0..self.len()).map(component))
@@ -134,7 +134,7 @@ fn matrix(entry: impl Fn(usize) -> f32) -> DMat3 {
 }
 
 /// The S of each triangle of a person (9 P), given the rotations of the parts.
-pub fn matrices_of_person(
+pub(crate) fn matrices_of_person(
     decomposer: &Decomposer<'_>,
     pose: &PoseModel,
     template: &Template,

@@ -67,12 +67,12 @@ impl Surface {
     }
 
     /// The vertices.
-    pub fn vertices(&self) -> &[DVec3] {
+    pub(crate) fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
 
     /// The normal at each vertex.
-    pub fn normals(&self) -> &[DVec3] {
+    pub(crate) fn normals(&self) -> &[DVec3] {
         &self.normals
     }
 

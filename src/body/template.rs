@@ -110,7 +110,7 @@ impl Template {
     }
 
     /// The part at the root of the tree of joints.
-    pub fn root(&self) -> usize {
+    pub(crate) fn root(&self) -> usize {
         self.joints.first().map_or(0, |j| j.parts[0])
     }
 
@@ -123,18 +123,18 @@ impl Template {
     }
 
     /// The two parts of each joint.
-    pub fn joint_parts(&self) -> Vec<[usize; 2]> {
+    pub(crate) fn joint_parts(&self) -> Vec<[usize; 2]> {
         self.joints.iter().map(|j| j.parts).collect()
     }
 
     /// The mean length of the edges, centimeters.
-    pub fn resolution(&self) -> f64 {
+    pub(crate) fn resolution(&self) -> f64 {
         let sum: f64 = self.edges.iter().flatten().map(|e| e.length()).sum();
         sum / (2 * self.edges.len()) as f64
     }
 
     /// The edges of each triangle of vertices of this topology.
-    pub fn edges_of(&self, vertices: &[DVec3]) -> Vec<[DVec3; 2]> {
+    pub(crate) fn edges_of(&self, vertices: &[DVec3]) -> Vec<[DVec3; 2]> {
         edges_of(vertices, &self.faces)
     }
 
@@ -145,7 +145,7 @@ impl Template {
     /// ```
     ///
     /// One factorization serves all; it is made with the template. O(V) a call.
-    pub fn vertices_of(&self, edges: &[[DVec3; 2]]) -> Vec<DVec3> {
+    pub(crate) fn vertices_of(&self, edges: &[[DVec3; 2]]) -> Vec<DVec3> {
         let mut right = Array2::zeros((self.vertices.len(), 3));
         for (face, edges) in self.faces.iter().zip(edges) {
             for (corner, edge) in face[1..].iter().zip(edges) {
@@ -166,13 +166,13 @@ impl Template {
     /// A⁻¹ `b` for b (V, m), where A is the normal matrix of the edges with 1 added at the first
     /// vertex, which holds it. For columns of b that sum to zero it is the solution of the
     /// edges alone that leaves the first vertex where it is.
-    pub fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
         self.solver.solve(b)
     }
 
     /// The entries (row, column, value) of the normal matrix of the edges, which leaves a shift
     /// free.
-    pub fn edge_entries(&self) -> Vec<(usize, usize, f64)> {
+    pub(crate) fn edge_entries(&self) -> Vec<(usize, usize, f64)> {
         edge_entries(&self.faces)
     }
 
@@ -345,7 +345,7 @@ pub(super) mod tests {
     use super::*;
 
     /// A box of `n` rings of four vertices along y, closed at both ends, in two parts.
-    pub fn column(n: usize) -> Template {
+    pub(crate) fn column(n: usize) -> Template {
         let mut vertices = Vec::new();
         for k in 0..n {
             for (x, z) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {

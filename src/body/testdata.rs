@@ -6,7 +6,7 @@ use super::train::{Settings, train};
 use glam::{DMat3, DVec3};
 
 /// A column of two parts that bulges where it bends, and comes thick and thin.
-pub fn bending_body() -> BodyModel {
+pub(crate) fn bending_body() -> BodyModel {
     let template = column(12);
     let bent = |angle: f64, axis: DVec3| -> Vec<DVec3> {
         let turn = DMat3::from_axis_angle(axis, angle);

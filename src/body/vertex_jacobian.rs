@@ -15,7 +15,7 @@ const COLUMNS: usize = 24;
 /// in the world), then the shape.
 ///
 /// Less than 0.15 s for 13,000 vertices, 16 parts and 20 components on two cores.
-pub fn vertex_jacobian(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Array3<f64> {
+pub(crate) fn vertex_jacobian(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Array3<f64> {
     let edges = edge_derivatives(body, rotations, shape);
     let (count, n) = (body.template.vertices.len(), edges.ncols() / 3);
     let solved = parallel::map_chunks(edges.ncols(), COLUMNS, |range| {

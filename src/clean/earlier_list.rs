@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// What the list of an earlier run says of its files.
 #[derive(Debug, Default)]
-pub struct EarlierList(HashMap<String, EarlierRow>);
+pub(crate) struct EarlierList(HashMap<String, EarlierRow>);
 
 #[derive(Debug, Deserialize)]
 struct EarlierRow {
@@ -25,7 +25,7 @@ impl EarlierList {
     ///
     /// # Errors
     /// [`Error::Data`]: a file is there that is no such list.
-    pub fn read(path: &Path) -> Result<EarlierList> {
+    pub(crate) fn read(path: &Path) -> Result<EarlierList> {
         if path.symlink_metadata().is_err() {
             return Ok(EarlierList::default());
         }
@@ -42,13 +42,13 @@ impl EarlierList {
     }
 
     /// Whether a capture had this finding.
-    pub fn has(&self, file: &str, sha256: Option<&str>, finding: &str) -> bool {
+    pub(crate) fn has(&self, file: &str, sha256: Option<&str>, finding: &str) -> bool {
         let row = self.row(file, sha256);
         row.is_some_and(|row| row.findings.iter().any(|f| f == finding))
     }
 
     /// Whether a capture failed in the same way.
-    pub fn has_failure(&self, file: &str, sha256: Option<&str>, error: &str) -> bool {
+    pub(crate) fn has_failure(&self, file: &str, sha256: Option<&str>, error: &str) -> bool {
         let row = self.row(file, sha256);
         row.is_some_and(|row| row.error.as_deref() == Some(error))
     }

@@ -9,7 +9,7 @@ use crate::io::{Bvh, MotionFile};
 ///
 /// # Errors
 /// None for a file that was read.
-pub fn empty_held(file: &mut MotionFile) -> Result<()> {
+pub(crate) fn empty_held(file: &mut MotionFile) -> Result<()> {
     let (angles, Some(rate)) = (file.joint_angles(), file.rate()) else {
         return Ok(());
     };

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// The place of the list beside a page.
-pub fn list_path(page: &Path) -> PathBuf {
+pub(crate) fn list_path(page: &Path) -> PathBuf {
     page.with_extension("json")
 }
 
@@ -16,7 +16,7 @@ pub fn list_path(page: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Usage`]: never of such rows.
-pub fn list(rows: &[Row], folder: &Path) -> Result<String> {
+pub(crate) fn list(rows: &[Row], folder: &Path) -> Result<String> {
     let rows: Vec<Value> = rows.iter().map(|row| listed(row, folder)).collect();
     let json = serde_json::to_string_pretty(&rows).map_err(|e| Error::usage(e.to_string()))?;
     Ok(json + "\n")

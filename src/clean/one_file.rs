@@ -75,7 +75,11 @@ pub enum FileOutcome {
 impl CleanSettings {
     /// Cleans a file; the digest of the capture, where it can be read, comes with what became of
     /// it.
-    pub fn clean(&self, job: &Job, to: Option<OutputFormat>) -> (FileOutcome, Option<String>) {
+    pub(crate) fn clean(
+        &self,
+        job: &Job,
+        to: Option<OutputFormat>,
+    ) -> (FileOutcome, Option<String>) {
         let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e));
         let input = packed.map(|packed| (Fingerprint::of(&job.input, &packed), packed));
         let sha256 = input.as_ref().ok().map(|(input, _)| input.sha256.clone());
@@ -504,7 +508,7 @@ impl CleanSettings {
 }
 
 /// Whether the result holds rotations or columns, as the file does, and no positions.
-pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
+pub(crate) fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
     let is_of_rotations = matches!(
         file.format,
         MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim

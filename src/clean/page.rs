@@ -14,7 +14,7 @@ use ndarray::Array2;
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
-pub fn write_page(
+pub(crate) fn write_page(
     job: &Job,
     file: &MotionFile,
     restored: &Restoration<'_>,

@@ -20,7 +20,7 @@ pub struct PlaceToSee {
 }
 
 /// The places of what was found, the longest gaps of the points, and the farthest outliers.
-pub fn places(
+pub(crate) fn places(
     found: Vec<PlaceToSee>,
     before: &[TakeAudit],
     replaced: &[ReplacedPosition],

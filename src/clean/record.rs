@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// A file by its name and content.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Fingerprint {
+pub(crate) struct Fingerprint {
     /// The file's name, without its folder.
     pub file: String,
     /// The SHA-256 of its bytes.
@@ -26,7 +26,7 @@ pub struct Fingerprint {
 
 impl Fingerprint {
     /// The fingerprint of a file whose bytes are `bytes`.
-    pub fn of(path: &Path, bytes: &[u8]) -> Fingerprint {
+    pub(crate) fn of(path: &Path, bytes: &[u8]) -> Fingerprint {
         let name = path.file_name().unwrap_or(path.as_os_str());
         Fingerprint {
             file: name.to_string_lossy().into_owned(),
@@ -38,7 +38,7 @@ impl Fingerprint {
     ///
     /// # Errors
     /// [`Error::Io`]: it cannot be read.
-    pub fn read(path: &Path) -> Result<Fingerprint> {
+    pub(crate) fn read(path: &Path) -> Result<Fingerprint> {
         let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
         Ok(Fingerprint::of(path, &bytes))
     }
@@ -46,7 +46,7 @@ impl Fingerprint {
 
 /// What a result was made from. Where nothing of it changes, the result does not either.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MadeFrom {
+pub(crate) struct MadeFrom {
     /// The version of posing.
     pub posing: String,
     /// The settings that change results.
@@ -113,7 +113,7 @@ pub struct Summary {
 
 /// The record of a result.
 #[derive(Debug, Serialize)]
-pub struct Record<'a> {
+pub(crate) struct Record<'a> {
     /// The command that made it.
     pub command: &'static str,
     /// What it was made from.
@@ -193,7 +193,7 @@ impl Earlier {
 ///
 /// # Errors
 /// [`Error::Data`].
-pub fn may_write(output: &Path, again: bool) -> Result<()> {
+pub(crate) fn may_write(output: &Path, again: bool) -> Result<()> {
     let record = record_path(output);
     let (path, what) = match Earlier::read(output) {
         Some(earlier) if earlier.is_failure() && output.exists() => (
@@ -222,7 +222,7 @@ pub fn may_write(output: &Path, again: bool) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
-pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
+pub(crate) fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
     make_folder_of(output)?;
     let old = std::fs::read(record_path(output)).ok();
     let replaces = Fingerprint::read(output).ok().map(|was| was.sha256);
@@ -233,7 +233,7 @@ pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
 
 /// Whether it is open who made the file in the place of a result: a run that was stopped, or
 /// somebody since.
-pub fn is_in_doubt(output: &Path) -> bool {
+pub(crate) fn is_in_doubt(output: &Path) -> bool {
     let is_changed = |earlier: Earlier| {
         let now = Fingerprint::read(output).ok().map(|now| now.sha256);
         let is_stopped = earlier.output.is_none() && earlier.error.is_none();
@@ -244,7 +244,7 @@ pub fn is_in_doubt(output: &Path) -> bool {
 
 /// Takes back what [`begin`] said, where no result came of it: the file that still stands there
 /// keeps its `old` record, by which it is known whether somebody changed it.
-pub fn give_up(output: &Path, old: Option<&[u8]>) {
+pub(crate) fn give_up(output: &Path, old: Option<&[u8]>) {
     let record = record_path(output);
     // Where that fails, a later run finds that nothing was made.
     let _ = match old.filter(|_| output.exists()) {
@@ -254,12 +254,12 @@ pub fn give_up(output: &Path, old: Option<&[u8]>) {
 }
 
 /// Whether a result of an earlier run stands there.
-pub fn has_result(output: &Path) -> bool {
+pub(crate) fn has_result(output: &Path) -> bool {
     output.exists() && Earlier::read(output).is_some_and(|earlier| !earlier.is_failure())
 }
 
 /// Whether a record that `clean` wrote stands beside a result.
-pub fn has_record(output: &Path) -> bool {
+pub(crate) fn has_record(output: &Path) -> bool {
     Earlier::read(output).is_some()
 }
 
@@ -269,7 +269,7 @@ pub fn has_record(output: &Path) -> bool {
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
-pub fn leave_failure(output: &Path, error: &str) -> Result<()> {
+pub(crate) fn leave_failure(output: &Path, error: &str) -> Result<()> {
     match Earlier::read(output) {
         None if record_path(output).exists() || output.exists() => Ok(()),
         Some(earlier) if earlier.error.as_deref() == Some(error) => Ok(()),
@@ -305,7 +305,7 @@ impl Record<'_> {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn write(mut self, output: &Path, size: usize) -> Result<()> {
+    pub(crate) fn write(mut self, output: &Path, size: usize) -> Result<()> {
         let most = size.max(SMALL);
         let mut json = self.text(true)?;
         if json.len() > most {
@@ -356,7 +356,7 @@ impl Record<'_> {
 }
 
 /// What an earlier run says of a result that is still what it made of the same.
-pub fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
+pub(crate) fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
     let earlier = Earlier::read(output)?;
     let is_made_from = |was: &MadeFrom| was.holds_for(made_from);
     let is_same = earlier.made_from.as_ref().is_some_and(is_made_from)
@@ -372,7 +372,7 @@ pub fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
 ///
 /// # Errors
 /// [`Error::Io`]: it cannot be made.
-pub fn make_folder_of(path: &Path) -> Result<()> {
+pub(crate) fn make_folder_of(path: &Path) -> Result<()> {
     match path.parent() {
         Some(folder) => std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e)),
         None => Ok(()),
@@ -380,7 +380,7 @@ pub fn make_folder_of(path: &Path) -> Result<()> {
 }
 
 /// The place of the record of a result.
-pub fn record_path(output: &Path) -> PathBuf {
+pub(crate) fn record_path(output: &Path) -> PathBuf {
     let mut name = output.as_os_str().to_owned();
     name.push(".json");
     PathBuf::from(name)

@@ -36,7 +36,7 @@ impl Segment {
     }
 
     /// The frames of the segment. `rate` is that of a take without times.
-    pub fn frames(&self, poses: &Poses, rate: Option<f64>) -> Vec<usize> {
+    pub(crate) fn frames(&self, poses: &Poses, rate: Option<f64>) -> Vec<usize> {
         let [from, to] = self.seconds;
         // Times may be given with fewer digits than the file has.
         let near = 0.1 / rate.unwrap_or(1.0);
@@ -49,7 +49,7 @@ impl Segment {
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: there is no such point or time, or there are several takes.
-    pub fn empty(&self, poses: &mut Poses, rate: Option<f64>) -> Result<(usize, usize)> {
+    pub(crate) fn empty(&self, poses: &mut Poses, rate: Option<f64>) -> Result<(usize, usize)> {
         let find = poses.points.iter().position(|p| *p == self.point);
         let p = find.ok_or_else(|| format!("has no point \"{}\" to be done again", self.point))?;
         if poses.takes().len() != 1 {

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// A measured position that was replaced.
 #[derive(Debug, Serialize)]
-pub struct ReplacedPosition {
+pub(crate) struct ReplacedPosition {
     /// The point.
     pub point: String,
     /// The frame, counted from 0 over the file.
@@ -20,7 +20,7 @@ pub struct ReplacedPosition {
 }
 
 /// The measured positions that were replaced as outliers.
-pub fn replaced(restored: &Restoration<'_>) -> Vec<ReplacedPosition> {
+pub(crate) fn replaced(restored: &Restoration<'_>) -> Vec<ReplacedPosition> {
     let poses = &restored.source().poses;
     let mut out = Vec::new();
     for t in 0..poses.frames() {

@@ -37,7 +37,7 @@ fn folder_of(page: &Path) -> &Path {
 }
 
 /// Whether a file is a page that [`CleanReport::html`] made.
-pub fn is_page(path: &Path) -> bool {
+pub(crate) fn is_page(path: &Path) -> bool {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     text.contains(&format!("<title>{TITLE}</title>"))
 }
@@ -168,7 +168,7 @@ impl CleanReport {
     }
 
     /// The page, which stands in `folder`.
-    pub fn html(&self, folder: &Path) -> String {
+    pub(crate) fn html(&self, folder: &Path) -> String {
         let mut rows = String::new();
         for row in &self.rows {
             push_row(&mut rows, row, folder);

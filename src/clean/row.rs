@@ -26,7 +26,7 @@ pub struct Row {
 
 impl Row {
     /// A file, or a folder that cannot be read, which has no job.
-    pub fn new(
+    pub(crate) fn new(
         name: String,
         (outcome, sha256): (FileOutcome, Option<String>),
         job: Option<&Job>,
@@ -55,17 +55,17 @@ impl Row {
     }
 
     /// Whether it failed.
-    pub fn has_failed(&self) -> bool {
+    pub(crate) fn has_failed(&self) -> bool {
         matches!(self.outcome, FileOutcome::Failed { .. })
     }
 
     /// Whether there is something that the last run did not tell.
-    pub fn has_news(&self) -> bool {
+    pub(crate) fn has_news(&self) -> bool {
         !self.new.is_empty() || self.is_new_failure
     }
 
     /// The result, where there is one.
-    pub fn result(&self) -> Option<PathBuf> {
+    pub(crate) fn result(&self) -> Option<PathBuf> {
         let is_there = match self.outcome {
             FileOutcome::Failed { old_result, .. } => old_result,
             _ => true,
@@ -74,7 +74,7 @@ impl Row {
     }
 
     /// Its record, where there is one.
-    pub fn record(&self) -> Option<PathBuf> {
+    pub(crate) fn record(&self) -> Option<PathBuf> {
         let output = self.output.as_deref();
         output.filter(|o| has_record(o)).map(record_path)
     }
@@ -88,7 +88,7 @@ impl Row {
 
 impl FileOutcome {
     /// What became of the file, unless it failed.
-    pub fn summary(&self) -> Option<&Summary> {
+    pub(crate) fn summary(&self) -> Option<&Summary> {
         match self {
             FileOutcome::Cleaned(summary) | FileOutcome::Unchanged(summary) => Some(summary),
             FileOutcome::Failed { .. } => None,
@@ -96,7 +96,7 @@ impl FileOutcome {
     }
 
     /// Why the file could not be cleaned.
-    pub fn into_error(self) -> Option<Error> {
+    pub(crate) fn into_error(self) -> Option<Error> {
         match self {
             FileOutcome::Failed { error, .. } => Some(error),
             FileOutcome::Cleaned(_) | FileOutcome::Unchanged(_) => None,
@@ -104,7 +104,7 @@ impl FileOutcome {
     }
 
     /// What became of it in one word: cleaned, copied, unchanged or failed.
-    pub fn word(&self) -> &'static str {
+    pub(crate) fn word(&self) -> &'static str {
         match self {
             FileOutcome::Cleaned(summary) if summary.copied => "copied",
             FileOutcome::Cleaned(_) => "cleaned",

@@ -32,7 +32,7 @@ names!(OutputFormat {
 
 impl OutputFormat {
     /// The table that it is, if it is one.
-    pub fn table(self) -> Option<TableFormat> {
+    pub(crate) fn table(self) -> Option<TableFormat> {
         match self {
             OutputFormat::Csv => Some(TableFormat::Csv),
             OutputFormat::Npy => Some(TableFormat::Npy),
@@ -41,7 +41,7 @@ impl OutputFormat {
     }
 
     /// Whether a file of this format is of it already.
-    pub fn is(self, format: MotionFormat) -> bool {
+    pub(crate) fn is(self, format: MotionFormat) -> bool {
         matches!(
             (self, format),
             (OutputFormat::C3d, MotionFormat::C3d)
@@ -54,7 +54,7 @@ impl OutputFormat {
 
 /// A file to clean.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Job {
+pub(crate) struct Job {
     /// The name in tables: without the path of the folder that was given.
     pub name: String,
     /// The capture.
@@ -65,7 +65,7 @@ pub struct Job {
 
 /// The files to clean, in order.
 #[derive(Debug, Default)]
-pub struct Jobs {
+pub(crate) struct Jobs {
     /// The files.
     pub jobs: Vec<Job>,
     /// The folder of the results, where there is one.
@@ -85,7 +85,7 @@ pub struct Jobs {
 /// [`Error::Usage`]: a result would be written over a capture or over another result, or in a
 /// format that it cannot have.
 /// [`Error::Data`]: there is nothing to clean.
-pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
+pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
     let is_stream = |path: &Path| path == Path::new("-") || is_special(path);
     if inputs.iter().any(|p| is_stream(p)) || is_stream(output) {
         let what = "clean reads and writes files, since a record stands beside each result";
@@ -200,7 +200,7 @@ impl Jobs {
 
     /// Fails where the page would be written over a capture, a result, or a file that is no such
     /// page, as `is_page` says.
-    pub fn check_page(&self, page: &Path, is_page: bool) -> Result<()> {
+    pub(crate) fn check_page(&self, page: &Path, is_page: bool) -> Result<()> {
         let own = canonical(page);
         let is_of = |job: &Job| {
             let paths = [&job.input, &job.output, &record_path(&job.output)];

@@ -246,7 +246,7 @@ impl OutputArgs {
     }
 
     /// The unit and the axis of the output, given those of the input table.
-    pub fn table_units(&self, input: Units) -> Units {
+    pub(crate) fn table_units(&self, input: Units) -> Units {
         Units {
             unit: self.out_units.unwrap_or(input.unit),
             up: self.out_up.unwrap_or(input.up),
@@ -308,7 +308,7 @@ pub struct SeedArgs {
 
 /// The flag that takes positions at 0 0 0 for missing ones.
 #[derive(Debug, Clone, Copy, Default, Args)]
-pub struct ZeroArgs {
+pub(crate) struct ZeroArgs {
     /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not those of
     /// BVH and AMC files)
     #[arg(long)]

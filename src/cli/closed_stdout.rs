@@ -29,7 +29,7 @@ static LOOK: extern "C" fn() = {
 };
 
 /// Whether it was closed. Always false on systems other than Linux.
-pub fn was_closed() -> bool {
+pub(crate) fn was_closed() -> bool {
     #[cfg(target_os = "linux")]
     return WAS_CLOSED.load(Ordering::Relaxed);
     #[cfg(not(target_os = "linux"))]
@@ -40,7 +40,7 @@ pub fn was_closed() -> bool {
 ///
 /// # Errors
 /// [`Error::Data`]: it was closed when the program was started.
-pub fn open_stdout() -> Result<Stdout> {
+pub(crate) fn open_stdout() -> Result<Stdout> {
     if !was_closed() {
         return Ok(stdout());
     }
@@ -50,7 +50,7 @@ pub fn open_stdout() -> Result<Stdout> {
 
 /// Closes it again in a program that takes the place of this one, which then sees it as this one
 /// did.
-pub fn pass_on() {
+pub(crate) fn pass_on() {
     if was_closed() {
         let _ = rustix::io::fcntl_setfd(stdout(), rustix::io::FdFlags::CLOEXEC);
     }

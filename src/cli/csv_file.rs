@@ -8,7 +8,7 @@ use std::io::BufRead;
 use std::path::Path;
 
 /// A CSV file with a header line; blanks about its cells do not count.
-pub struct CsvFile {
+pub(crate) struct CsvFile {
     /// Where it came from.
     pub name: String,
     /// The titles of its columns.
@@ -34,7 +34,7 @@ impl CsvFile {
     }
 
     /// The column of a title.
-    pub fn column(&self, title: &str) -> Option<usize> {
+    pub(crate) fn column(&self, title: &str) -> Option<usize> {
         self.head.iter().position(|h| h == title)
     }
 
@@ -42,7 +42,7 @@ impl CsvFile {
     ///
     /// # Errors
     /// [`Error::Data`]: there is none.
-    pub fn needed(&self, title: &str, expected: &str) -> Result<usize> {
+    pub(crate) fn needed(&self, title: &str, expected: &str) -> Result<usize> {
         self.column(title).ok_or_else(|| {
             let what = format!("has no column {title}; expected {expected}");
             Error::data(Place::line(&self.name, 1), what)
@@ -50,7 +50,7 @@ impl CsvFile {
     }
 
     /// The rows, each with its line.
-    pub fn rows(&mut self) -> impl Iterator<Item = Result<(u64, StringRecord)>> {
+    pub(crate) fn rows(&mut self) -> impl Iterator<Item = Result<(u64, StringRecord)>> {
         let name = &self.name;
         self.reader.records().enumerate().map(move |(k, row)| {
             let row = row.map_err(|e| csv_fault(name, &e))?;

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The remedy of commands that read centimeters alone.
-pub const IN_CENTIMETERS: &str =
+pub(crate) const IN_CENTIMETERS: &str =
     "this command reads centimeters (complete and denoise convert: --units m --out-units cm)";
 
 /// Opens a file, or standard input for `-`.

@@ -32,7 +32,7 @@ static MOST_THREADS: OnceLock<usize> = OnceLock::new();
 ///
 /// # Errors
 /// The limit has no room for one thread.
-pub fn prepare() -> Result<()> {
+pub(crate) fn prepare() -> Result<()> {
     let Some(limit) = address_limit() else {
         return Ok(());
     };
@@ -66,7 +66,7 @@ pub fn prepare() -> Result<()> {
 
 /// Makes the pool of `threads`, or as many as there are processors; under a limit, no more than it
 /// has room for, whose memory is then taken.
-pub fn make_pool(threads: Option<usize>) {
+pub(crate) fn make_pool(threads: Option<usize>) {
     let builder = rayon::ThreadPoolBuilder::new();
     let Some(&most) = MOST_THREADS.get() else {
         if let Some(threads) = threads {

@@ -10,12 +10,12 @@ static NAME: OnceLock<String> = OnceLock::new();
 static LEVEL: AtomicU8 = AtomicU8::new(1);
 
 /// Sets the name that begins every line.
-pub fn set_name(name: &str) {
+pub(crate) fn set_name(name: &str) {
     let _ = NAME.set(name.to_string());
 }
 
 /// `-q` and `-v`.
-pub fn set_verbosity(quiet: bool, verbose: bool) {
+pub(crate) fn set_verbosity(quiet: bool, verbose: bool) {
     LEVEL.store(
         if quiet {
             0
@@ -29,7 +29,7 @@ pub fn set_verbosity(quiet: bool, verbose: bool) {
 }
 
 /// Whether `-q` was given.
-pub fn is_quiet() -> bool {
+pub(crate) fn is_quiet() -> bool {
     LEVEL.load(Ordering::Relaxed) == 0
 }
 

@@ -30,7 +30,7 @@ pub fn name_map(name: &str, known: &[String]) -> Result<NameMap> {
 ///
 /// # Errors
 /// [`Error::Usage`]: there is none, and the name looks like that of a map.
-pub fn map_file(name: &str) -> Result<&Path> {
+pub(crate) fn map_file(name: &str) -> Result<&Path> {
     let path = Path::new(name);
     if path.exists() || path.extension().is_some() {
         return Ok(path);

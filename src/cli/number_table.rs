@@ -30,7 +30,7 @@ pub struct NumberTable {
 /// # Errors
 /// [`Error::Data`], with the line: the file cannot be read, a row has another number of cells than
 /// the header, or a cell is no number.
-pub fn read(path: &Path) -> Result<NumberTable> {
+pub(crate) fn read(path: &Path) -> Result<NumberTable> {
     let mut file = CsvFile::open(path)?;
     let (name, head) = (file.name.clone(), file.head.clone());
     let fail = |line: u64, what: String| Error::data(Place::line(&name, line), what);
@@ -79,7 +79,12 @@ pub fn read(path: &Path) -> Result<NumberTable> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write(path: &Path, poses: &Poses, columns: &[String], values: &Array2<f64>) -> Result<()> {
+pub(crate) fn write(
+    path: &Path,
+    poses: &Poses,
+    columns: &[String],
+    values: &Array2<f64>,
+) -> Result<()> {
     let mut out = open_output(Some(path), false)?;
     let mut head: Vec<&str> = Vec::new();
     head.extend(poses.take.as_ref().map(|_| "take"));

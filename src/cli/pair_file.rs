@@ -43,7 +43,10 @@ type Rows<const N: usize> = Vec<(u64, [String; N])>;
 ///
 /// # Errors
 /// Those of [`PairFile::read`].
-pub fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<(String, Rows<N>)> {
+pub(crate) fn read_columns<const N: usize>(
+    path: &Path,
+    columns: [&str; N],
+) -> Result<(String, Rows<N>)> {
     let mut file = CsvFile::open(path)?;
     let mut at = [0; N];
     for (at, column) in at.iter_mut().zip(columns) {
@@ -64,7 +67,13 @@ pub fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<(
 ///
 /// # Errors
 /// [`Error::Data`], with the line: no whole number, or too large.
-pub fn whole_number(name: &str, line: u64, cell: &str, what: &str, count: usize) -> Result<usize> {
+pub(crate) fn whole_number(
+    name: &str,
+    line: u64,
+    cell: &str,
+    what: &str,
+    count: usize,
+) -> Result<usize> {
     let wrong = |why: String| Error::data(Place::line(name, line), why);
     let value: usize = cell.parse().map_err(|_| {
         let cell = excerpt(cell);

@@ -27,7 +27,7 @@ static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 /// Handles the signals that end a process from now on: unfinished files are removed, then the
 /// process ends as by default. A file that grows over its limit (SIGXFSZ) is an error of writing.
 /// Memory that cannot be had, after which Rust aborts, is exit 1.
-pub fn watch() {
+pub(crate) fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
         if !is_ignored(SIGXFSZ) {

@@ -9,7 +9,7 @@ use crate::pose::units::{LengthUnit, Units};
 use crate::restore::{Restoration, RestorationCounts};
 
 /// The columns that `--status` adds.
-pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
+pub(crate) fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
     if !status {
         return Vec::new();
     }
@@ -28,7 +28,7 @@ pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
 
 /// The cells of these columns for one frame of `points` points; none without the `units` of the
 /// output.
-pub fn status_cells(
+pub(crate) fn status_cells(
     units: Option<Units>,
     restored: &Restoration<'_>,
     t: usize,
@@ -67,7 +67,7 @@ fn number(value: f64) -> String {
 /// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points
 /// are visible; `status`: whether the table has status columns; `max_gap`: whether long gaps are
 /// left empty.
-pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_gap: bool) {
+pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_gap: bool) {
     if counts.too_little > 0 {
         messages::info(&format!(
             "{} of {} frames {too_little}",

@@ -44,7 +44,7 @@ type Reassignment = (u32, u32, f64, f64);
 
 impl BoundedAssignment {
     /// Starts from `labels` (n), all below `k` and only hints: nothing is known of them.
-    pub fn new(labels: Vec<u32>, k: usize) -> Self {
+    pub(crate) fn new(labels: Vec<u32>, k: usize) -> Self {
         let n = labels.len();
         BoundedAssignment {
             labels,
@@ -57,7 +57,7 @@ impl BoundedAssignment {
     }
 
     /// Takes note that centroid `j` has moved by `shifts[j]`.
-    pub fn move_centroids(&mut self, shifts: &[f64]) {
+    pub(crate) fn move_centroids(&mut self, shifts: &[f64]) {
         let mut farthest = 0.0f64;
         for (traveled, shift) in self.traveled.iter_mut().zip(shifts) {
             let shift = shift * (1.0 + SLACK);
@@ -69,7 +69,7 @@ impl BoundedAssignment {
     }
 
     /// Puts pose `i` into cluster `label` whatever its distance; the next step looks at it again.
-    pub fn assign_to(&mut self, i: u32, label: u32) {
+    pub(crate) fn assign_to(&mut self, i: u32, label: u32) {
         self.relabel(i as usize, label);
         self.upper[i as usize] = f64::INFINITY;
         self.lower[i as usize] = 0.0;
@@ -86,7 +86,7 @@ impl BoundedAssignment {
     }
 
     /// Gives each pose to its nearest centroid; says how many changed.
-    pub fn step(&mut self, poses: Dataset<'_>, centroids: &Centroids) -> usize {
+    pub(crate) fn step(&mut self, poses: Dataset<'_>, centroids: &Centroids) -> usize {
         let uncertain = self.uncertain_poses(poses, centroids);
         let names: Vec<u32> = uncertain
             .iter()

@@ -58,7 +58,6 @@ pub(super) fn halve(
         labels,
         iterations,
         converged,
-        tree: None,
     }
 }
 

@@ -1,6 +1,5 @@
 //! The result of a clustering, and the progress of one that is running.
 
-use super::tree::Tree;
 use ndarray::Array2;
 
 /// Poses parted into clusters.
@@ -11,8 +10,8 @@ pub struct Clustering {
     /// any more.
     pub centroids: Array2<f64>,
     /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the
-    /// lowest on a tie; in a tree the leaf that [`Tree::descend`] finds; in a balanced one,
-    /// not always the nearest.
+    /// lowest on a tie; in a tree the leaf reached by going from the root to the nearest
+    /// child; in a balanced one, not always the nearest.
     pub labels: Vec<u32>,
     /// Poses in each cluster, (k), none of them 0.
     pub sizes: Vec<usize>,
@@ -24,8 +23,6 @@ pub struct Clustering {
     /// Whether that run (in a tree, every one) met the tolerance before its iterations were used
     /// up.
     pub converged: bool,
-    /// The tree, where `KMeans::branch` asked for one.
-    pub tree: Option<Tree>,
 }
 
 /// The progress of a clustering that is running.

@@ -25,7 +25,7 @@ impl<'a> Dataset<'a> {
     /// # Errors
     /// Usage: no columns, or more rows than a u32 counts. Data: the first row holding NaN, infinity
     /// or a value beyond 1e15; its place has the file `poses` and the row, counted from 1, as line.
-    pub fn check(table: &'a CowArray<'_, f32, Ix2>) -> Result<Self> {
+    pub(crate) fn check(table: &'a CowArray<'_, f32, Ix2>) -> Result<Self> {
         let (n, d) = table.dim();
         if d == 0 {
             return Err(Error::usage("poses to cluster need at least 1 column"));
@@ -62,7 +62,7 @@ impl<'a> Dataset<'a> {
     }
 
     /// The poses of `table`, which are rows of a checked table.
-    pub fn trusted(values: &'a [f32], d: usize) -> Self {
+    pub(crate) fn trusted(values: &'a [f32], d: usize) -> Self {
         Dataset {
             values,
             n: values.len() / d,
@@ -71,7 +71,7 @@ impl<'a> Dataset<'a> {
     }
 
     /// Some of the poses, by their ascending numbers; copied into `room` unless they are all.
-    pub fn subset<'b>(self, members: &[u32], room: &'b mut Vec<f32>) -> Dataset<'b>
+    pub(crate) fn subset<'b>(self, members: &[u32], room: &'b mut Vec<f32>) -> Dataset<'b>
     where
         'a: 'b,
     {
@@ -84,12 +84,12 @@ impl<'a> Dataset<'a> {
     }
 
     /// Pose `i`.
-    pub fn row(&self, i: usize) -> &'a [f32] {
+    pub(crate) fn row(&self, i: usize) -> &'a [f32] {
         &self.values[i * self.d..(i + 1) * self.d]
     }
 
     /// Mean of the poses (d), and the mean over coordinates of their variance.
-    pub fn moments(&self) -> (Vec<f64>, f64) {
+    pub(crate) fn moments(&self) -> (Vec<f64>, f64) {
         let sums = parallel::map_chunks(self.n, 4096, |rows| {
             let mut sum = vec![0.0; self.d];
             rows.for_each(|i| add(&mut sum, self.row(i)));

@@ -50,7 +50,7 @@ pub(super) struct Scratch {
 
 impl Scratch {
     /// For poses of `d` coordinates.
-    pub fn new(d: usize) -> Self {
+    pub(crate) fn new(d: usize) -> Self {
         Scratch {
             tile: Array2::ones((TILE, d + 1)),
             scores: Array2::zeros((TILE, BLOCK)),
@@ -61,7 +61,7 @@ impl Scratch {
 
 impl Centroids {
     /// Prepares `exact` (k, d); `middle` (d) is any point near the poses.
-    pub fn new(exact: Array2<f64>, middle: &[f32]) -> Self {
+    pub(crate) fn new(exact: Array2<f64>, middle: &[f32]) -> Self {
         let (k, d) = exact.dim();
         let mut scanned = Array2::zeros((k, d + 1));
         let mut max_norm = 0.0f64;
@@ -84,23 +84,23 @@ impl Centroids {
     }
 
     /// Number of centroids.
-    pub fn k(&self) -> usize {
+    pub(crate) fn k(&self) -> usize {
         self.exact.nrows()
     }
 
     /// Centroid `j`.
-    pub fn row(&self, j: usize) -> &[f64] {
+    pub(crate) fn row(&self, j: usize) -> &[f64] {
         let d = self.exact.ncols();
         &self.exact.as_slice().expect("made row by row")[j * d..(j + 1) * d]
     }
 
     /// The centroids themselves, (k, d).
-    pub fn exact(&self) -> ArrayView2<'_, f64> {
+    pub(crate) fn exact(&self) -> ArrayView2<'_, f64> {
         self.exact.view()
     }
 
     /// The centroids themselves, (k, d).
-    pub fn into_exact(self) -> Array2<f64> {
+    pub(crate) fn into_exact(self) -> Array2<f64> {
         self.exact
     }
 
@@ -113,7 +113,7 @@ impl Centroids {
     }
 
     /// The nearest of `candidates` (ascending; all when `None`) for each of at most [`TILE`] poses.
-    pub fn nearest(
+    pub(crate) fn nearest(
         &self,
         poses: Dataset<'_>,
         ids: &[u32],
@@ -197,7 +197,7 @@ impl Centroids {
 
     /// Distances from each centroid of `of` (at most [`TILE`]) to every centroid, (of, k): none is
     /// too long.
-    pub fn centroid_distances(&self, of: &[u32], scratch: &mut Scratch) -> Array2<f32> {
+    pub(crate) fn centroid_distances(&self, of: &[u32], scratch: &mut Scratch) -> Array2<f32> {
         let width = self.middle.len() + 1;
         let mut distances_to = Array2::zeros((of.len(), self.k()));
         let mut norms = Vec::with_capacity(of.len());

@@ -1,4 +1,4 @@
-//! A tree of clusters: for large k, and for finding a pose's cluster in about B log K distances.
+//! A tree of clusters, for large k.
 //!
 //! Nistér and Stewénius, Scalable recognition with a vocabulary tree, 2006. They split every node
 //! into B down to a fixed depth; here the leaf with the largest inertia is split next, until there
@@ -12,11 +12,10 @@ use super::clustering::{Clustering, KMeansProgress};
 use super::dataset::Dataset;
 use super::lloyd::best_run;
 use super::parameters::KMeans;
-use super::tree::Tree;
 use super::update::{ClusterMembers, distances};
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView1};
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::BinaryHeap;
 use std::ops::Range;
 
 /// A node while the tree grows.
@@ -84,38 +83,41 @@ pub(super) fn grow(
         converged &= found.converged;
         observer(&KMeansProgress::Split { leaves });
     }
-    let (tree, order) = level_by_level(&nodes);
-    let mut grown = Clustering {
-        centroids: Array2::zeros((leaves, poses.d)),
-        labels: vec![0; poses.n],
-        sizes: vec![0; leaves],
-        inertia: 0.0,
-        iterations,
-        converged,
-        tree: None,
-    };
-    for (leaf, &grown_from) in tree
-        .nodes()
-        .iter()
-        .zip(&order)
-        .filter(|(n, _)| n.children.is_empty())
-    {
-        let (leaf, node) = (leaf.leaves.start, &nodes[grown_from]);
-        node.members
-            .iter()
-            .for_each(|&i| grown.labels[i as usize] = leaf as u32);
-        grown.sizes[leaf] = node.members.len();
-        grown.inertia += node.inertia;
-        grown
-            .centroids
+    gather(&nodes, poses, iterations, converged)
+}
+
+/// The leaves of the tree as clusters, numbered from left to right.
+fn gather(
+    nodes: &[GrowingNode],
+    poses: Dataset<'_>,
+    iterations: usize,
+    converged: bool,
+) -> Clustering {
+    let mut leaves = Vec::new();
+    let mut stack = vec![0];
+    while let Some(i) = stack.pop() {
+        if nodes[i].children.is_empty() {
+            leaves.push(&nodes[i]);
+        }
+        stack.extend(nodes[i].children.clone().rev());
+    }
+    let mut labels = vec![0; poses.n];
+    let mut centroids = Array2::zeros((leaves.len(), poses.d));
+    for (leaf, node) in leaves.iter().enumerate() {
+        for &i in &node.members {
+            labels[i as usize] = leaf as u32;
+        }
+        centroids
             .row_mut(leaf)
-            .iter_mut()
-            .zip(&node.centroid)
-            .for_each(|(to, c)| *to = *c);
+            .assign(&ArrayView1::from(&node.centroid));
     }
     Clustering {
-        tree: Some(tree),
-        ..grown
+        centroids,
+        labels,
+        sizes: leaves.iter().map(|node| node.members.len()).collect(),
+        inertia: leaves.iter().map(|node| node.inertia).sum(),
+        iterations,
+        converged,
     }
 }
 
@@ -134,29 +136,6 @@ fn split(
     (found, squares)
 }
 
-/// The tree with its nodes numbered level by level, and for each of them the index in `nodes`.
-fn level_by_level(nodes: &[GrowingNode]) -> (Tree, Vec<usize>) {
-    let (mut order, mut children) = (Vec::with_capacity(nodes.len()), Vec::new());
-    let mut queue = VecDeque::from([0]);
-    let mut next = 1;
-    while let Some(i) = queue.pop_front() {
-        let count = nodes[i].children.len();
-        order.push(i);
-        children.push(next..next + count);
-        next += count;
-        queue.extend(nodes[i].children.clone());
-    }
-    let mut centroids = Array2::zeros((nodes.len(), nodes[0].centroid.len()));
-    for (mut row, &i) in centroids.rows_mut().into_iter().zip(&order) {
-        row.iter_mut()
-            .zip(&nodes[i].centroid)
-            .for_each(|(to, c)| *to = *c);
-    }
-    let tree =
-        Tree::from_parts(centroids, children).expect("every node but the root has one parent");
-    (tree, order)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::testdata::{blobs, noise, repeated};
@@ -172,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_number_k_and_descending_finds_them() {
+    fn leaves_number_k_and_hold_every_pose() {
         let tables = [
             noise(900, 69, 1),
             blobs(900, 4, 30, 2),
@@ -181,34 +160,15 @@ mod tests {
         for table in tables {
             for (k, branch) in [(1, 2), (2, 2), (3, 2), (10, 3), (64, 4), (65, 8), (70, 50)] {
                 let found = tree_of(&table, k, branch);
-                let tree = found.tree.as_ref().unwrap();
-                assert_eq!((tree.leaves(), found.centroids.nrows()), (k, k));
-                let (labels, squares) = tree.assign(table.view()).unwrap();
-                assert_eq!(labels, found.labels);
+                let centroids = found.centroids.view();
+                let poses = table.as_standard_layout();
+                let poses = Dataset::check(&poses).unwrap();
+                let squares = distances(poses, centroids, &found.labels);
                 let total: f64 = squares.iter().sum();
                 assert!((total - found.inertia).abs() <= 1e-9 * total + 1e-12);
-                assert_eq!(found.sizes, ClusterMembers::new(&labels, k).sizes());
+                assert_eq!(found.sizes, ClusterMembers::new(&found.labels, k).sizes());
+                assert_eq!((found.sizes.len(), centroids.nrows()), (k, k));
                 assert!(found.sizes.iter().all(|&s| s > 0));
-                assert!(tree.nodes().iter().all(|n| n.children.len() <= branch));
-                for (i, node) in tree.nodes().iter().enumerate() {
-                    if node.children.is_empty() {
-                        let leaf = node.leaves.start;
-                        assert_eq!(node.leaves.len(), 1);
-                        assert_eq!(tree.centroids().row(i), found.centroids.row(leaf));
-                    } else {
-                        let mut next = node.leaves.start;
-                        for child in node.children.clone() {
-                            assert_eq!(tree.nodes()[child].leaves.start, next);
-                            next = tree.nodes()[child].leaves.end;
-                        }
-                        assert_eq!(next, node.leaves.end);
-                    }
-                }
-                let leaf = tree.descend(table.row(5)).unwrap();
-                assert_eq!(leaf, found.labels[5] as usize);
-                let children = tree.nodes().iter().map(|n| n.children.clone()).collect();
-                let again = Tree::from_parts(tree.centroids().to_owned(), children).unwrap();
-                assert_eq!(&again, tree);
             }
         }
     }

@@ -57,7 +57,6 @@ fn lloyd(
         inertia,
         iterations,
         converged,
-        tree: None,
     }
 }
 

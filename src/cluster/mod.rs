@@ -20,7 +20,7 @@
 //! | `dataset` | the checked table, the exact distance |
 //! | `distances` | distances in blocks; exact where rounding could change an answer |
 //! | `update` | means, and poses for empty clusters |
-//! | `hierarchical`, `tree` | a tree with branch B: K leaves for about B log K distances per pose |
+//! | `hierarchical` | a tree with branch B: K leaves for about B log K distances per pose |
 //! | `balanced` | clusters of equal size |
 //!
 //! **A label is exact.** Except in balanced clusters, it is the centroid with the least squared
@@ -54,13 +54,11 @@ mod kmeans;
 mod lloyd;
 mod parameters;
 mod seeding;
-mod tree;
 mod update;
 
 pub use clustering::{Clustering, KMeansProgress};
 pub use distances::assign;
 pub use parameters::KMeans;
-pub use tree::{Node, Tree};
 
 #[cfg(test)]
 mod testdata {
@@ -73,13 +71,13 @@ mod testdata {
     use rand::Rng;
 
     /// Uniform in the unit cube.
-    pub fn noise(n: usize, d: usize, seed: u64) -> Array2<f32> {
+    pub(crate) fn noise(n: usize, d: usize, seed: u64) -> Array2<f32> {
         let mut generator = parallel::rng(seed, 0);
         Array2::from_shape_simple_fn((n, d), || generator.random::<f32>())
     }
 
     /// `count` tight heaps far from each other; pose i is of heap i modulo `count`.
-    pub fn blobs(n: usize, d: usize, count: usize, seed: u64) -> Array2<f32> {
+    pub(crate) fn blobs(n: usize, d: usize, count: usize, seed: u64) -> Array2<f32> {
         let centers = noise(count, d, seed) * 100.0;
         let mut poses = noise(n, d, seed + 1);
         poses
@@ -91,12 +89,12 @@ mod testdata {
     }
 
     /// A clustering that nobody listens to.
-    pub fn quiet(poses: &Array2<f32>, parameters: &KMeans) -> Result<Clustering> {
+    pub(crate) fn quiet(poses: &Array2<f32>, parameters: &KMeans) -> Result<Clustering> {
         parameters.fit(poses.view())
     }
 
     /// The usual parameters for k clusters.
-    pub fn with_k(k: usize) -> KMeans {
+    pub(crate) fn with_k(k: usize) -> KMeans {
         KMeans {
             k,
             ..KMeans::default()
@@ -104,12 +102,12 @@ mod testdata {
     }
 
     /// The whole table `times` times over.
-    pub fn repeated(table: &Array2<f32>, times: usize) -> Array2<f32> {
+    pub(crate) fn repeated(table: &Array2<f32>, times: usize) -> Array2<f32> {
         concatenate(Axis(0), &vec![table.view(); times]).expect("equal widths")
     }
 
     /// Whole numbers in the plane, where most distances tie.
-    pub fn grid(side: usize) -> Array2<f32> {
+    pub(crate) fn grid(side: usize) -> Array2<f32> {
         Array2::from_shape_fn((side * side, 2), |(i, j)| {
             if j == 0 {
                 (i / side) as f32
@@ -120,7 +118,7 @@ mod testdata {
     }
 
     /// What `work` gives on a pool of that many threads.
-    pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

@@ -44,7 +44,7 @@ impl KMeans {
     ///
     /// # Errors
     /// Usage, naming the first value that is out of its range, and the range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let what = if self.k == 0 {
             "k = 0 clusters: at least 1 is needed".to_string()
         } else if self.restarts == 0 {

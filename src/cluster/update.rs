@@ -17,7 +17,7 @@ pub(super) struct ClusterMembers {
 
 impl ClusterMembers {
     /// Gathers items `0..labels.len()` by label, each label below `k`: a counting sort.
-    pub fn new(labels: &[u32], k: usize) -> Self {
+    pub(crate) fn new(labels: &[u32], k: usize) -> Self {
         let mut starts = vec![0usize; k + 1];
         labels.iter().for_each(|&l| starts[l as usize + 1] += 1);
         (0..k).for_each(|j| starts[j + 1] += starts[j]);
@@ -31,17 +31,17 @@ impl ClusterMembers {
     }
 
     /// The items of label `j`.
-    pub fn members(&self, j: usize) -> &[u32] {
+    pub(crate) fn members(&self, j: usize) -> &[u32] {
         &self.order[self.starts[j]..self.starts[j + 1]]
     }
 
     /// How many items each label has.
-    pub fn sizes(&self) -> Vec<usize> {
+    pub(crate) fn sizes(&self) -> Vec<usize> {
         self.starts.windows(2).map(|w| w[1] - w[0]).collect()
     }
 
     /// The groups that `wanted` picks, in order, cut into pieces of at most `len` items.
-    pub fn pieces(&self, len: usize, wanted: impl Fn(usize) -> bool) -> Vec<(u32, &[u32])> {
+    pub(crate) fn pieces(&self, len: usize, wanted: impl Fn(usize) -> bool) -> Vec<(u32, &[u32])> {
         (0..self.starts.len() - 1)
             .filter(|&j| wanted(j))
             .flat_map(|j| {

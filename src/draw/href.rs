@@ -4,14 +4,14 @@ use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
 /// The address of the file `to` from a page in `folder`.
-pub fn href(folder: &Path, to: &Path) -> String {
+pub(crate) fn href(folder: &Path, to: &Path) -> String {
     let path = relative(folder, to);
     let parts: Vec<String> = path.split('/').map(encoded).collect();
     parts.join("/")
 }
 
 /// The path of the file `to` from `folder`, with slashes.
-pub fn relative(folder: &Path, to: &Path) -> String {
+pub(crate) fn relative(folder: &Path, to: &Path) -> String {
     let own = absolute(folder);
     let parent = to.parent().map(absolute).unwrap_or_default();
     let shared = own
@@ -40,7 +40,7 @@ fn absolute(folder: &Path) -> PathBuf {
 }
 
 /// Text as a part of an address: all but letters, digits and `-_.~` as %XX.
-pub fn encoded(text: &str) -> String {
+pub(crate) fn encoded(text: &str) -> String {
     let mut out = String::new();
     for byte in text.bytes() {
         match byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte) {

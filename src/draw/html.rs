@@ -66,7 +66,7 @@ pub(crate) fn policy_hash(source: &str) -> String {
 }
 
 /// A page of a template: its values, its style and its script with their hashes, and the version.
-pub(crate) fn page(template: &str, style: &str, script: &str, values: &[(&str, &str)]) -> String {
+pub fn page(template: &str, style: &str, script: &str, values: &[(&str, &str)]) -> String {
     let (style_hash, script_hash) = (policy_hash(style), policy_hash(script));
     let own = [
         ("style", style),

@@ -45,7 +45,7 @@ pub struct MeshScene<'a> {
 
 impl<'a> MeshFigure<'a> {
     /// The number of frames.
-    pub fn frames(&self) -> usize {
+    pub(crate) fn frames(&self) -> usize {
         self.vertices.len_of(Axis(0))
     }
 
@@ -112,7 +112,7 @@ impl MeshScene<'_> {
     /// [`Error::Data`], with the figure's name: no meshes, vertices or faces, a face of a vertex
     /// that is not there, a coordinate that is not finite. [`Error::Usage`]: a rate that is not
     /// above 0.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if let Some(rate) = self.rate.filter(|r| !(r.is_finite() && *r > 0.0)) {
             return Err(Error::usage(format!("rate {rate} must be above 0")));
         }
@@ -159,7 +159,7 @@ pub(super) mod tests {
     use ndarray::Array3;
 
     /// A closed cube from -1 to 1, faces anticlockwise as seen from outside.
-    pub fn cube() -> (Array3<f32>, Vec<[u32; 3]>) {
+    pub(crate) fn cube() -> (Array3<f32>, Vec<[u32; 3]>) {
         let corner = |(_, v, a): (usize, usize, usize)| if v >> a & 1 == 1 { 1.0 } else { -1.0 };
         let quads: [[u32; 4]; 6] = [
             [0, 2, 3, 1],
@@ -177,7 +177,7 @@ pub(super) mod tests {
     }
 
     /// A scene of one figure.
-    pub fn scene<'a>(vertices: &'a Array3<f32>, faces: &'a [[u32; 3]]) -> MeshScene<'a> {
+    pub(crate) fn scene<'a>(vertices: &'a Array3<f32>, faces: &'a [[u32; 3]]) -> MeshScene<'a> {
         MeshScene {
             figures: vec![MeshFigure {
                 name: "m",

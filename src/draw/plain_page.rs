@@ -27,7 +27,7 @@ pub(crate) struct PlainPage<'a> {
 
 impl PlainPage<'_> {
     /// The page.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let lead: String = self.lead.iter().map(|p| format!("<p>{p}</p>\n")).collect();
         let style = format!("{STYLE}{}", self.style);
         let data = match self.data {

@@ -30,7 +30,7 @@ pub struct Figure<'a> {
 
 impl<'a> Figure<'a> {
     /// A figure without statuses.
-    pub fn new(name: &'a str, xyz: ArrayView2<'a, f64>) -> Figure<'a> {
+    pub(crate) fn new(name: &'a str, xyz: ArrayView2<'a, f64>) -> Figure<'a> {
         Figure {
             name,
             xyz,
@@ -103,7 +103,7 @@ impl Scene<'_> {
     }
 
     /// The take that a frame belongs to (empty without runs) and its time in seconds.
-    pub fn moment(&self, frame: usize) -> (&str, f64) {
+    pub(crate) fn moment(&self, frame: usize) -> (&str, f64) {
         let run = self.runs.iter().rev().find(|run| run.first <= frame);
         match run {
             Some(run) => (run.name, run.time + (frame - run.first) as f64 / run.rate),
@@ -111,17 +111,12 @@ impl Scene<'_> {
         }
     }
 
-    /// Up to `count` frames spread evenly from the first to the last, both included.
-    pub fn spread(&self, count: usize) -> Vec<usize> {
-        spread(self.frames(), count)
-    }
-
     /// Checks that the scene can be drawn.
     ///
     /// # Errors
     /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of
     /// different shapes, or runs out of order.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         let points = self.points.len();
         let mut rates = self.runs.iter().map(|run| run.rate).chain([self.rate]);
@@ -208,12 +203,12 @@ pub(super) mod tests {
     use super::*;
     use ndarray::Array2;
 
-    pub fn names(list: &[&str]) -> Vec<String> {
+    pub(crate) fn names(list: &[&str]) -> Vec<String> {
         list.iter().map(|name| name.to_string()).collect()
     }
 
     /// A scene of one figure at 60 frames a second.
-    pub fn scene<'a>(points: &'a [String], xyz: &'a Array2<f64>) -> Scene<'a> {
+    pub(crate) fn scene<'a>(points: &'a [String], xyz: &'a Array2<f64>) -> Scene<'a> {
         Scene {
             points,
             rate: 60.0,
@@ -223,7 +218,7 @@ pub(super) mod tests {
     }
 
     /// A run at 60 frames a second.
-    pub fn run(name: &str, first: usize, time: f64) -> Run<'_> {
+    pub(crate) fn run(name: &str, first: usize, time: f64) -> Run<'_> {
         Run {
             name,
             first,
@@ -270,10 +265,10 @@ pub(super) mod tests {
     fn frames_are_spread_from_first_to_last() {
         let (points, xyz) = (names(&["a"]), Array2::zeros((10, 3)));
         let scene = scene(&points, &xyz);
-        assert_eq!(scene.spread(4), [0, 3, 6, 9]);
-        assert_eq!(scene.spread(1), [0]);
-        assert_eq!(scene.spread(99).len(), 10);
-        assert!(Scene::default().spread(3).is_empty());
+        assert_eq!(spread(scene.frames(), 4), [0, 3, 6, 9]);
+        assert_eq!(spread(scene.frames(), 1), [0]);
+        assert_eq!(spread(scene.frames(), 99).len(), 10);
+        assert!(spread(0, 3).is_empty());
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub(super) struct SceneGeometry<'s, 'a> {
 }
 
 impl<'s, 'a> SceneGeometry<'s, 'a> {
-    pub fn of(scene: &'s Scene<'a>) -> Self {
+    pub(crate) fn of(scene: &'s Scene<'a>) -> Self {
         let mut geometry = SceneGeometry {
             scene,
             flat: scene.figures.iter().map(|f| flat_axes(f.xyz)).collect(),
@@ -68,7 +68,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     }
 
     /// Where a point is (cm), unless it is missing.
-    pub fn at(&self, figure: usize, frame: usize, point: usize) -> Option<[f64; 3]> {
+    pub(crate) fn at(&self, figure: usize, frame: usize, point: usize) -> Option<[f64; 3]> {
         let xyz = self.scene.figures[figure].xyz;
         let mut place = [0.0; 3];
         for axis in 0..3 {
@@ -83,14 +83,14 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     }
 
     /// The status of a point that is there.
-    pub fn status(&self, figure: usize, frame: usize, point: usize) -> Status {
+    pub(crate) fn status(&self, figure: usize, frame: usize, point: usize) -> Status {
         self.scene.figures[figure]
             .status
             .map_or(Status::Observed, |s| s[[frame, point]])
     }
 
     /// The side of a bone: that of the end which has one.
-    pub fn bone_side(&self, (a, b): (usize, usize)) -> Side {
+    pub(crate) fn bone_side(&self, (a, b): (usize, usize)) -> Side {
         if self.sides[b] != Side::Middle {
             self.sides[b]
         } else {
@@ -99,7 +99,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     }
 
     /// The box around the reference figure in a frame: lowest and highest x, y, z.
-    pub fn extent(&self, frame: usize) -> Option<[[f64; 2]; 3]> {
+    pub(crate) fn extent(&self, frame: usize) -> Option<[[f64; 2]; 3]> {
         let mut extent = None;
         for place in (0..self.scene.points.len()).filter_map(|p| self.at(self.reference, frame, p))
         {
@@ -114,7 +114,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
 
     /// The horizontal middle (x, z) of the reference figure in a frame: the medians, which an
     /// outlier hardly moves.
-    pub fn middle(&self, frame: usize) -> Option<[f64; 2]> {
+    pub(crate) fn middle(&self, frame: usize) -> Option<[f64; 2]> {
         let points = 0..self.scene.points.len();
         let seen: Vec<[f64; 3]> = points
             .filter_map(|p| self.at(self.reference, frame, p))
@@ -125,7 +125,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
 
     /// Where the camera should stand (degrees): the body is seen three quarters from the front
     /// and looks to the right, as walks are printed. 0 is at +z, 90 at +x.
-    pub fn azimuth(&self) -> f64 {
+    pub(crate) fn azimuth(&self) -> f64 {
         const AWAY_FROM_THE_FRONT: f64 = -55.0;
         let frames = self.scene.frames();
         let step = frames.div_ceil(200).max(1);
@@ -174,7 +174,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     }
 
     /// The axes that a figure does not have at all, as letters.
-    pub fn flat_axes(&self, figure: usize) -> String {
+    pub(crate) fn flat_axes(&self, figure: usize) -> String {
         let axes = ["x", "y", "z"];
         (0..3)
             .filter(|a| self.flat[figure][*a])

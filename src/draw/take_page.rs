@@ -20,7 +20,7 @@ const BYTES: usize = 16;
 const MOST_POINTS: usize = 1000;
 
 /// A take to show.
-pub struct TakePage<'a> {
+pub(crate) struct TakePage<'a> {
     /// Its name.
     pub name: &'a str,
     /// One sentence.
@@ -40,7 +40,7 @@ impl TakePage<'_> {
     ///
     /// # Errors
     /// The page, as [`player::page`] makes it.
-    pub fn html(&self) -> Result<Option<String>> {
+    pub(crate) fn html(&self) -> Result<Option<String>> {
         let (frames, points) = (self.poses.frames(), self.poses.points.len());
         if frames == 0 || points == 0 || points > MOST_POINTS {
             return Ok(None);
@@ -75,14 +75,14 @@ fn seen<'s>(figure: &'s Figure<'_>) -> Figure<'s> {
 }
 
 /// The place of a take's page beside a file.
-pub fn page_beside(path: &Path) -> PathBuf {
+pub(crate) fn page_beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".html");
     PathBuf::from(name)
 }
 
 /// Whether a file is such a page.
-pub fn is_take_page(path: &Path) -> bool {
+pub(crate) fn is_take_page(path: &Path) -> bool {
     let mut head = Vec::new();
     let read = std::fs::File::open(path).and_then(|f| f.take(HEAD).read_to_end(&mut head));
     read.is_ok() && String::from_utf8_lossy(&head).contains(&format!("<title>{TITLE}"))
@@ -93,7 +93,7 @@ pub fn is_take_page(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
-pub fn write_take_page(path: &Path, page: Option<&str>) -> Result<bool> {
+pub(crate) fn write_take_page(path: &Path, page: Option<&str>) -> Result<bool> {
     let is_there = path.symlink_metadata().is_ok();
     if is_there && !is_take_page(path) {
         return Ok(false);

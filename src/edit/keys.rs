@@ -4,7 +4,7 @@ use super::pose_solver::Pose;
 use std::sync::Arc;
 
 /// Frames a second of a motion if nothing else is said.
-pub const RATE: f64 = 30.0;
+pub(crate) const RATE: f64 = 30.0;
 
 /// A pose at a time.
 #[derive(Debug, Clone, PartialEq)]

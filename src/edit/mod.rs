@@ -4,10 +4,10 @@
 mod history;
 pub mod in_betweens;
 pub mod keys;
-pub mod other_poses;
+pub(crate) mod other_poses;
 pub mod photograph;
 pub mod pose_solver;
-pub mod protocol;
+pub(crate) mod protocol;
 mod rig;
 mod rig_prior;
 pub mod session;
@@ -16,4 +16,4 @@ mod start_poses;
 pub use rig::Rig;
 pub use rig_prior::{for_rig, open_model};
 pub use session::{Drags, LARGEST_SESSION, Pins, Session, rows_of_table};
-pub use start_poses::StartPose;
+pub(crate) use start_poses::StartPose;

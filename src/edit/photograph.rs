@@ -37,7 +37,7 @@ use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Fewer marks do not place a pose.
-pub const FEWEST_MARKS: usize = 4;
+pub(crate) const FEWEST_MARKS: usize = 4;
 /// How well a mark is where its joint is, cm.
 const MARK_SD: f64 = 2.0;
 /// Depths of a limb that is flipped are known to within this, cm.

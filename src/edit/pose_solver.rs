@@ -46,7 +46,7 @@ use crate::restore::{FrameEstimate, PoseModel};
 use glam::DVec3;
 
 /// `rest` if nothing else is said, cm.
-pub const REST: f64 = 10.0;
+pub(crate) const REST: f64 = 10.0;
 /// The range of `rest`, cm.
 pub const REST_RANGE: (f64, f64) = (0.5, 1000.0);
 /// The range of the standard deviation of a dragged joint, cm.
@@ -111,7 +111,7 @@ impl Constraints {
     }
 
     /// The same joints dragged and pinned, at the places `xyz` (3 K, cm).
-    pub fn at_places(&self, xyz: &[f64]) -> Constraints {
+    pub(crate) fn at_places(&self, xyz: &[f64]) -> Constraints {
         let mut there = self.clone();
         for (k, at) in xyz.chunks_exact(3).enumerate() {
             there.drags[k] = self.drags[k].map(|(_, sd)| (DVec3::from_slice(at), sd));
@@ -121,7 +121,7 @@ impl Constraints {
     }
 
     /// How far the drags and pins went since `before`, the farthest of them, cm.
-    pub fn way_from(&self, before: &Constraints) -> f64 {
+    pub(crate) fn way_from(&self, before: &Constraints) -> f64 {
         let way = |k: usize| {
             let drag = self.drags[k].zip(before.drags[k]);
             let drag = drag.map_or(0.0, |((to, _), (from, _))| (to - from).length());
@@ -290,7 +290,12 @@ impl PoseSolver {
 
     /// The rig in a restored pose, with its goals, found from the values `start` or in
     /// closed form.
-    pub fn posed(&self, goals: &Constraints, restored: &FrameEstimate, start: &[f64]) -> Pose {
+    pub(crate) fn posed(
+        &self,
+        goals: &Constraints,
+        restored: &FrameEstimate,
+        start: &[f64],
+    ) -> Pose {
         let mut closed_form = start.to_vec();
         let (targets, _) = self.soft_targets(goals, restored);
         InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut closed_form);
@@ -298,7 +303,7 @@ impl PoseSolver {
     }
 
     /// A pose carried elsewhere.
-    pub fn moved(&self, pose: &Pose, shift: DVec3) -> Pose {
+    pub(crate) fn moved(&self, pose: &Pose, shift: DVec3) -> Pose {
         let mut xyz = pose.xyz.clone();
         xyz.chunks_exact_mut(3)
             .for_each(|p| (0..3).for_each(|c| p[c] += shift[c]));
@@ -315,7 +320,7 @@ impl PoseSolver {
 
     /// The rig with its joints at `xyz` (3 K, cm), the pins of `goals` held, found from the values
     /// `start`; the prior says nothing.
-    pub fn at_places(
+    pub(crate) fn at_places(
         &self,
         goals: &Constraints,
         xyz: &[f64],

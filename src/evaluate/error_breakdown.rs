@@ -7,12 +7,12 @@ use std::ops::Range;
 
 /// Coordinates that differ by no more than this are unchanged, cm. Rounding to f32 and the way to
 /// the model's space and back stay below one micrometer.
-pub const UNCHANGED: f64 = 1e-4;
+pub(crate) const UNCHANGED: f64 = 1e-4;
 
 /// Upper ends of the bins of gap lengths, seconds; the last bin has none.
-pub const GAP_SECONDS: [f64; 5] = [0.1, 0.3, 0.6, 1.0, 2.0];
+pub(crate) const GAP_SECONDS: [f64; 5] = [0.1, 0.3, 0.6, 1.0, 2.0];
 /// Upper ends of the bins of gap lengths without a rate, frames.
-pub const GAP_FRAMES: [u64; 5] = [10, 30, 60, 100, 200];
+pub(crate) const GAP_FRAMES: [u64; 5] = [10, 30, 60, 100, 200];
 
 /// Errors by the state of the damaged table.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -24,7 +24,7 @@ pub struct ErrorStats {
 
 /// The sums behind [`ErrorStats`], in centimeters.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ErrorSums {
+pub(crate) struct ErrorSums {
     coordinates: u64,
     missing: u64,
     squares: f64,
@@ -35,7 +35,7 @@ pub struct ErrorSums {
 
 impl ErrorSums {
     /// Adds the coordinates of a point for which `member` is true and the truth has a value.
-    pub fn add(&mut self, truth: [f64; 3], result: [f64; 3], member: [bool; 3]) {
+    pub(crate) fn add(&mut self, truth: [f64; 3], result: [f64; 3], member: [bool; 3]) {
         let (mut squared, mut compared) = (0.0, 0);
         for a in 0..3 {
             if !member[a] || truth[a].is_nan() {
@@ -59,7 +59,7 @@ impl ErrorSums {
     }
 
     /// Adds another sums's sums.
-    pub fn merge(&mut self, other: &ErrorSums) {
+    pub(crate) fn merge(&mut self, other: &ErrorSums) {
         self.coordinates += other.coordinates;
         self.missing += other.missing;
         self.squares += other.squares;
@@ -69,12 +69,12 @@ impl ErrorSums {
     }
 
     /// Whether the truth has no value in the set.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.coordinates + self.missing == 0
     }
 
     /// The errors, with lengths in a unit of `unit` centimeters.
-    pub fn errors(&self, unit: f64) -> ErrorStats {
+    pub(crate) fn errors(&self, unit: f64) -> ErrorStats {
         let mse = mean(self.squares, self.coordinates).map(|v| v / (unit * unit));
         ErrorStats {
             coordinates: self.coordinates,

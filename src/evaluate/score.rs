@@ -195,7 +195,7 @@ pub(super) mod tests {
     }
 
     /// A table of points `p0`, `p1`, … at `rate` frames a second.
-    pub fn table(xyz: Array2<f64>, rate: Option<f64>) -> Poses {
+    pub(crate) fn table(xyz: Array2<f64>, rate: Option<f64>) -> Poses {
         let frames = xyz.nrows();
         Poses {
             points: names(xyz.ncols() / 3),

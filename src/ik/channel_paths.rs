@@ -23,7 +23,7 @@ const SIDE: usize = 2;
 /// The motion of `bvh` (frames, channels; radians and centimeters) with each missing value on a
 /// smooth path (PCHIP) from those before to those after, angles unwound; at the ends of the take
 /// the nearest value, and 0 where a channel has none.
-pub fn interpolated(bvh: &Bvh) -> Array2<f64> {
+pub(crate) fn interpolated(bvh: &Bvh) -> Array2<f64> {
     let kinds = bvh.joints.iter().flat_map(|j| &j.channels);
     let mut out = bvh.motion.clone();
     for (c, kind) in kinds.enumerate() {
@@ -61,7 +61,7 @@ fn path(known: &[usize], mut values: Vec<f64>, is_angle: bool, at: &[usize]) -> 
 /// (frames, bones), by gaps of the same channels and lengths that are simulated elsewhere in the
 /// take; infinite where it is too short to tell, 0 in frames that lack nothing. `filled` is what
 /// [`interpolated`] gives.
-pub fn variances(
+pub(crate) fn variances(
     bvh: &Bvh,
     rig: &BvhSkeleton,
     bones: &[usize],
@@ -169,7 +169,7 @@ impl ChannelGap {
 }
 
 /// Where bones end in a frame of channels.
-pub struct Joints<'a> {
+pub(crate) struct Joints<'a> {
     rig: &'a BvhSkeleton,
     bones: &'a [usize],
     posture: Posture,
@@ -178,7 +178,7 @@ pub struct Joints<'a> {
 
 impl<'a> Joints<'a> {
     /// The ends of `bones`.
-    pub fn new(rig: &'a BvhSkeleton, bones: &'a [usize]) -> Joints<'a> {
+    pub(crate) fn new(rig: &'a BvhSkeleton, bones: &'a [usize]) -> Joints<'a> {
         Joints {
             rig,
             bones,
@@ -188,7 +188,7 @@ impl<'a> Joints<'a> {
     }
 
     /// The places, cm.
-    pub fn places(&mut self, frame: &[f64]) -> Vec<DVec3> {
+    pub(crate) fn places(&mut self, frame: &[f64]) -> Vec<DVec3> {
         self.rig.values(frame, &mut self.values);
         self.rig
             .skeleton

@@ -26,7 +26,7 @@ const TWIST_REST: f64 = 0.001;
 type Carried = (usize, DVec3);
 
 /// The targets that each bone carries, found once for a skeleton and its targets.
-pub struct InitialPose<'a> {
+pub(crate) struct InitialPose<'a> {
     skeleton: &'a Skeleton,
     /// Targets that turn with each bone.
     direct: Vec<Vec<Carried>>,
@@ -36,7 +36,7 @@ pub struct InitialPose<'a> {
 
 impl<'a> InitialPose<'a> {
     /// `joints[t]` is the bone whose end is target t.
-    pub fn new(skeleton: &'a Skeleton, joints: &[usize]) -> InitialPose<'a> {
+    pub(crate) fn new(skeleton: &'a Skeleton, joints: &[usize]) -> InitialPose<'a> {
         let bones = skeleton.bones();
         let rest: Vec<f64> = bones
             .iter()
@@ -84,7 +84,7 @@ impl<'a> InitialPose<'a> {
 
     /// Sets `q`, which holds the values of the frame before; bones without targets keep theirs.
     /// `targets`: (3 T), NaN is missing.
-    pub fn apply(&self, targets: &[f64], q: &mut [f64]) {
+    pub(crate) fn apply(&self, targets: &[f64], q: &mut [f64]) {
         let mut posture = Posture::default();
         for (i, bone) in self.skeleton.bones().iter().enumerate() {
             let (before, above) = match bone.parent {

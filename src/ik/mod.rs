@@ -1,14 +1,14 @@
 //! Inverse kinematics: a skeleton's degrees of freedom from the positions of its joints.
 
-pub mod bone_normalization;
+pub(crate) mod bone_normalization;
 mod channel_paths;
-pub mod correspondence;
-pub mod fit_quality;
-pub mod initial_pose;
+pub(crate) mod correspondence;
+pub(crate) mod fit_quality;
+pub(crate) mod initial_pose;
 mod missing_channels;
 mod rotation_paths;
-pub mod sequence;
-pub mod skeleton_estimation;
+pub(crate) mod sequence;
+pub(crate) mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;

@@ -20,7 +20,7 @@ use crate::pose::kinematics::{DofMotion, Posture};
 use glam::DVec3;
 
 /// The most values a skeleton may have: the normal equations are stored as a full matrix.
-pub const MAX_DOFS: usize = 1200;
+pub(crate) const MAX_DOFS: usize = 1200;
 
 /// Ends when a step lowers E by less than this share of it: noise leaves an E that no step removes.
 const RELATIVE_TOLERANCE: f64 = 1e-4;
@@ -145,12 +145,12 @@ impl<'a> IkSolver<'a> {
     }
 
     /// Sets the weight of each coordinate of the targets (3 per joint, 0 or more).
-    pub fn set_weights(&mut self, weights: &[f64]) {
+    pub(crate) fn set_weights(&mut self, weights: &[f64]) {
         self.weights.copy_from_slice(weights);
     }
 
     /// Carries values into the limits, if they are to be kept.
-    pub fn clamp(&self, q: &mut [f64]) {
+    pub(crate) fn clamp(&self, q: &mut [f64]) {
         for (q, &(low, high)) in q.iter_mut().zip(&self.limits) {
             *q = q.max(low).min(high);
         }
@@ -162,7 +162,7 @@ impl<'a> IkSolver<'a> {
     }
 
     /// Σ w |f − y|² over the targets that are there, for the values `q`.
-    pub fn misfit(&mut self, q: &[f64], targets: &[f64]) -> f64 {
+    pub(crate) fn misfit(&mut self, q: &[f64], targets: &[f64]) -> f64 {
         self.skeleton.posture_into(q, &mut self.posture);
         let mut sum = 0.0;
         let weights = self.weights.chunks_exact(3);

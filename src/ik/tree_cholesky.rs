@@ -9,7 +9,7 @@
 /// `h`: the lower triangle of a symmetric matrix (n, n), row after row, which is lost; `parents[i]
 /// < i` is the next column of row i that is not zero, from the diagonal downwards. `false` where H
 /// is not positive definite to rounding, or not finite; then `b` is lost.
-pub fn solve_tree(h: &mut [f64], parents: &[Option<usize>], b: &mut [f64]) -> bool {
+pub(crate) fn solve_tree(h: &mut [f64], parents: &[Option<usize>], b: &mut [f64]) -> bool {
     let n = parents.len();
     let above = |k: usize| std::iter::successors(parents[k], |&i| parents[i]);
     let mut path = Vec::with_capacity(n);

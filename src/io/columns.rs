@@ -29,7 +29,7 @@ pub struct Columns {
 
 impl Columns {
     /// What an array does not hold of a table, in a line; `None`: it holds all.
-    pub fn lost_in_array(&self) -> Option<String> {
+    pub(crate) fn lost_in_array(&self) -> Option<String> {
         let held: Vec<usize> = self
             .coordinates
             .iter()
@@ -60,7 +60,7 @@ impl Columns {
     ///
     /// # Errors
     /// [`Error::Data`]: two columns with one name, or no point.
-    pub fn from_header(header: &[String], planar: bool, place: &Place) -> Result<Columns> {
+    pub(crate) fn from_header(header: &[String], planar: bool, place: &Place) -> Result<Columns> {
         let mut index = HashMap::new();
         for (i, name) in header.iter().enumerate() {
             if index.insert(name.as_str(), i).is_some() {
@@ -125,7 +125,11 @@ impl Columns {
     /// # Errors
     /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's
     /// joints.
-    pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
+    pub(crate) fn for_array(
+        width: usize,
+        names: Option<&[String]>,
+        place: &Place,
+    ) -> Result<Columns> {
         let points = match names {
             Some([one]) if one == SMPL && width != 3 => smpl(width, place)?,
             Some(names) if 3 * names.len() == width => names.to_vec(),

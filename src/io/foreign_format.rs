@@ -1,7 +1,7 @@
 //! Files that no command reads: what each is, known by its first bytes, and the way that exists.
 
 /// The bytes that tell one: what follows a `<`, a `{` or an archive's first name.
-pub const BYTES: usize = 1 << 12;
+pub(crate) const BYTES: usize = 1 << 12;
 
 const BLENDER: &str = "open it in Blender and export BVH, which bvh2xyz reads";
 const UNPACK: &str = "unpack it first";
@@ -124,14 +124,14 @@ const ZIPPED: &[Beginning] = &[
 ];
 
 /// Whether more than the first bytes tell what a file is that begins so.
-pub fn needs_more(start: &[u8]) -> bool {
+pub(crate) fn needs_more(start: &[u8]) -> bool {
     let text = text_of(start);
     text.starts_with(b"<") || text.starts_with(b"{") || text.starts_with(b"PK\x03\x04")
 }
 
 /// What a file is that begins so (12 bytes, or [`BYTES`] where it [needs more](needs_more)), and
 /// what to do with it; `None` for one that a command may read.
-pub fn foreign(start: &[u8]) -> Option<String> {
+pub(crate) fn foreign(start: &[u8]) -> Option<String> {
     let text = text_of(start);
     let begins = |(beginning, ..): &&Beginning| starts(text, beginning);
     let of = |(_, what, way): &Beginning| format!("is {what}: {way}");

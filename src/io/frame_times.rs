@@ -12,7 +12,7 @@ const LATEST: f64 = 1e9;
 
 /// The cells of a column of times.
 #[derive(Debug, Default)]
-pub struct TimeCells {
+pub(crate) struct TimeCells {
     /// The frame, from 0, and the seconds of each cell that has some.
     seconds: Vec<(usize, f64)>,
     /// The most digits after the point.
@@ -21,7 +21,7 @@ pub struct TimeCells {
 
 /// What a column of times tells.
 #[derive(Debug, Default, PartialEq)]
-pub struct FrameTimes {
+pub(crate) struct FrameTimes {
     /// The times of all frames; `None`: they follow from the frames' numbers and the rate.
     pub times: Option<Vec<f64>>,
     /// The rate that the times tell, where it contradicts the stated one.
@@ -32,7 +32,7 @@ pub struct FrameTimes {
 
 impl TimeCells {
     /// Adds the cell of a frame; one that is no time is passed over.
-    pub fn push(&mut self, frame: usize, cell: &str) {
+    pub(crate) fn push(&mut self, frame: usize, cell: &str) {
         let cell = cell.trim();
         let Some(seconds) = cell.parse::<f64>().ok().filter(|t| t.is_finite()) else {
             return;
@@ -47,7 +47,7 @@ impl TimeCells {
     }
 
     /// Drops the cells of all but the first frames.
-    pub fn truncate(&mut self, frames: usize) {
+    pub(crate) fn truncate(&mut self, frames: usize) {
         self.seconds.retain(|(frame, _)| *frame < frames);
     }
 
@@ -59,7 +59,7 @@ impl TimeCells {
     }
 
     /// A note where the times contradict a rate that is taken all the same.
-    pub fn contradiction(&self, rate: Option<f64>) -> Option<String> {
+    pub(crate) fn contradiction(&self, rate: Option<f64>) -> Option<String> {
         let ((steps, own), rate) = (self.own_rate()?, rate?);
         (steps >= RATED_FRAMES && differ(own, rate)).then(|| {
             format!("says {rate} frames per second, but its times tell {own:.3}; {rate} is taken")
@@ -68,7 +68,7 @@ impl TimeCells {
 
     /// The times of so many frames. `number`: of the first frame, from 1; `rate`: as the file
     /// states it.
-    pub fn times(&self, frames: usize, number: u64, rate: Option<f64>) -> FrameTimes {
+    pub(crate) fn times(&self, frames: usize, number: u64, rate: Option<f64>) -> FrameTimes {
         let by_number = |note: Option<String>| FrameTimes {
             note,
             ..FrameTimes::default()

@@ -135,7 +135,7 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails.
-    pub fn look_ahead(&mut self) -> Result<()> {
+    pub(crate) fn look_ahead(&mut self) -> Result<()> {
         if is_told(&self.first) {
             return Ok(());
         }
@@ -152,7 +152,7 @@ impl Input {
     }
 
     /// Whether it is a text in UTF-16, which is read as UTF-8.
-    pub fn is_utf16(&self) -> bool {
+    pub(crate) fn is_utf16(&self) -> bool {
         self.is_utf16
     }
 

@@ -21,7 +21,7 @@ const MOST_ABSENT: usize = 16;
 
 /// What a file says beside its rows.
 #[derive(Debug, Default)]
-pub struct Stated {
+pub(crate) struct Stated {
     /// The points' labels; a row may have more points.
     pub labels: Vec<String>,
     /// The number of frames.
@@ -44,7 +44,7 @@ pub struct Stated {
 
 /// The rows that were read so far.
 #[derive(Debug, Default)]
-pub struct MarkerRows {
+pub(crate) struct MarkerRows {
     /// The coordinates of all frames, without the missing ones at a frame's end.
     values: Vec<f64>,
     /// The end of each frame in `values`.
@@ -69,7 +69,7 @@ impl MarkerRows {
     ///
     /// # Errors
     /// [`Error::Unfit`]: a number that cannot be read, frames that do not rise, or more than fit.
-    pub fn push<'a>(
+    pub(crate) fn push<'a>(
         &mut self,
         line: u64,
         frame: Option<&str>,
@@ -149,7 +149,7 @@ impl MarkerRows {
     ///
     /// # Errors
     /// [`Error::Data`]: no points, no frames, too many, or the file ends early.
-    pub fn take(
+    pub(crate) fn take(
         mut self,
         name: &str,
         mut stated: Stated,
@@ -312,7 +312,7 @@ fn coordinate(cell: &str) -> Result<f64> {
 
 /// Whether a cell says that there is no value. Programs built with Microsoft's older compilers
 /// print NaN as `-1.#IND`.
-pub fn is_missing(cell: &str) -> bool {
+pub(crate) fn is_missing(cell: &str) -> bool {
     let unsigned = cell.trim_start_matches(['+', '-']);
     let begins = |word: &str| {
         let start = unsigned.get(..word.len());

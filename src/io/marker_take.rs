@@ -56,7 +56,10 @@ pub struct CarriedColumns {
 
 impl CarriedColumns {
     /// Columns of these names, which a table holds beside `take`, `time` and the points.
-    pub fn new<'a>(names: impl IntoIterator<Item = &'a str>, points: &[String]) -> CarriedColumns {
+    pub(crate) fn new<'a>(
+        names: impl IntoIterator<Item = &'a str>,
+        points: &[String],
+    ) -> CarriedColumns {
         let own = |p: &String| ["x", "y", "z"].map(|axis| format!("{p}.{axis}"));
         let mut taken: Vec<String> = vec!["take".into(), "time".into()];
         taken.extend(points.iter().flat_map(own));
@@ -70,7 +73,7 @@ impl CarriedColumns {
     }
 
     /// Adds a row, which stands in line `line`.
-    pub fn push<'a>(&mut self, line: u64, cells: impl Iterator<Item = &'a str>) {
+    pub(crate) fn push<'a>(&mut self, line: u64, cells: impl Iterator<Item = &'a str>) {
         if self.names.is_empty() {
             return;
         }
@@ -94,7 +97,7 @@ pub struct CarriedRows<'a> {
 
 impl CarriedRows<'_> {
     /// The columns, behind all others.
-    pub fn columns(&self) -> Vec<AddedColumn> {
+    pub(crate) fn columns(&self) -> Vec<AddedColumn> {
         let names = self.columns.names.iter();
         names
             .map(|name| AddedColumn::new(name, After::All))
@@ -102,7 +105,7 @@ impl CarriedRows<'_> {
     }
 
     /// The cells of a frame.
-    pub fn cells(&self, frame: usize) -> Vec<String> {
+    pub(crate) fn cells(&self, frame: usize) -> Vec<String> {
         let row = self.rows.get(frame).copied().flatten();
         let row = row.and_then(|row| self.columns.rows.get(row));
         let text = |column: usize| {
@@ -147,23 +150,23 @@ impl Quantity {
 
 impl MarkerTake {
     /// What a point is.
-    pub fn quantity(&self, point: usize) -> Quantity {
+    pub(crate) fn quantity(&self, point: usize) -> Quantity {
         self.quantities.get(point).copied().unwrap_or_default()
     }
 
     /// The points that are positions.
-    pub fn positions(&self) -> Vec<usize> {
+    pub(crate) fn positions(&self) -> Vec<usize> {
         let is_position = |p: &usize| self.quantity(*p) == Quantity::Position;
         (0..self.points.len()).filter(is_position).collect()
     }
 
     /// The unit of length, where the file says one that is known.
-    pub fn unit(&self) -> Option<LengthUnit> {
+    pub(crate) fn unit(&self) -> Option<LengthUnit> {
         self.units.as_deref().and_then(LengthUnit::of_word)
     }
 
     /// The axis that points up, where the file says one.
-    pub fn up_axis(&self) -> Option<UpAxis> {
+    pub(crate) fn up_axis(&self) -> Option<UpAxis> {
         self.up.as_deref().and_then(UpAxis::of_word)
     }
 
@@ -171,7 +174,7 @@ impl MarkerTake {
     ///
     /// # Errors
     /// [`Error::Data`]: neither says one.
-    pub fn units_or(&self, unit: Option<LengthUnit>, up: Option<UpAxis>) -> Result<Units> {
+    pub(crate) fn units_or(&self, unit: Option<LengthUnit>, up: Option<UpAxis>) -> Result<Units> {
         let units = "units mm` (or cm, m, in)";
         Ok(Units {
             unit: (unit.or(self.unit()))
@@ -183,7 +186,7 @@ impl MarkerTake {
 
     /// The error of something that the file does not say, or says in words that are not known, and
     /// that no option gives.
-    pub fn asked_for(&self, what: &str, said: Option<&str>, option: &str) -> Error {
+    pub(crate) fn asked_for(&self, what: &str, said: Option<&str>, option: &str) -> Error {
         let what = match said {
             Some(said) => format!(
                 "says \"{said}\" of its {what}, which is not understood; give it with the option \
@@ -199,7 +202,7 @@ impl MarkerTake {
     ///
     /// # Errors
     /// [`Error::Data`]: a coordinate is too large.
-    pub fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {
+    pub(crate) fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {
         let mut xyz = self.xyz.clone();
         units.read_frames(&mut xyz);
         for (t, row) in xyz.rows().into_iter().enumerate() {
@@ -223,7 +226,7 @@ impl MarkerTake {
     }
 
     /// The columns that are carried along, frame by frame.
-    pub fn carried_rows(&self) -> CarriedRows<'_> {
+    pub(crate) fn carried_rows(&self) -> CarriedRows<'_> {
         let mut row = 0..self.carried.rows.len();
         let rows = match self.points.is_empty() {
             true => row.map(Some).collect(),
@@ -238,7 +241,7 @@ impl MarkerTake {
     }
 
     /// The take without its points that are no positions.
-    pub fn only_positions(&self) -> MarkerTake {
+    pub(crate) fn only_positions(&self) -> MarkerTake {
         let kept = self.positions();
         if kept.len() == self.points.len() {
             return self.clone();
@@ -255,7 +258,7 @@ impl MarkerTake {
 
 /// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is
 /// `point17` by its number. Control characters, which a terminal would obey, are dropped.
-pub fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+pub(crate) fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let mut taken = HashSet::new();
     // By label: the next number to try. A thousand equal labels must not try a thousand numbers
     // each.

@@ -74,7 +74,7 @@ impl MeshOutput {
     /// # Errors
     /// [`Error::Io`]: it cannot be made. [`Error::Usage`]: it holds meshes already, which would be
     /// mixed with the new ones.
-    pub fn prepare(&self) -> Result<()> {
+    pub(crate) fn prepare(&self) -> Result<()> {
         let MeshOutput::Folder(path, _) = self else {
             return Ok(());
         };
@@ -96,7 +96,7 @@ impl MeshOutput {
     ///
     /// # Errors
     /// [`Error::Io`]: a file cannot be written.
-    pub fn write_files(
+    pub(crate) fn write_files(
         &self,
         first: usize,
         most: usize,

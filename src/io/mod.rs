@@ -1,10 +1,10 @@
 //! Readers and writers, nothing else: they know `pose` and no flags.
 
 pub mod amc;
-pub mod asf;
+pub(crate) mod asf;
 mod block_reader;
 pub mod bvh;
-pub mod c3d;
+pub(crate) mod c3d;
 mod columns;
 pub mod csv;
 mod foreign_format;
@@ -13,15 +13,15 @@ pub mod glb;
 pub mod input;
 pub mod marker_csv;
 mod marker_rows;
-pub mod marker_take;
-pub mod mesh;
+pub(crate) mod marker_take;
+pub(crate) mod mesh;
 pub mod mesh_output;
 pub mod model;
 mod model_array;
 pub mod model_outputs;
 pub mod motion_file;
-pub mod motion_folder;
-pub mod motion_format;
+pub(crate) mod motion_folder;
+pub(crate) mod motion_format;
 mod new_take;
 pub mod npy;
 pub mod npz;
@@ -65,4 +65,3 @@ pub use skeleton_file::SkeletonFile;
 pub use table::{PosesBuilder, Table};
 pub use table_reader::RowReader;
 pub use table_writer::{TableFormat, TableWriter};
-pub use text_cells::TextCells;

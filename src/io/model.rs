@@ -18,14 +18,14 @@ use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 
-pub use super::model_array::{Matrix, QuantizedMatrix};
+pub(crate) use super::model_array::{Matrix, QuantizedMatrix};
 
 /// The format this version writes; it reads all up to it.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// The largest number of points of a model: memory and time of priors grow with its square or
 /// faster.
-pub const MAX_POINTS: usize = 2048;
+pub(crate) const MAX_POINTS: usize = 2048;
 
 /// Checks the number of points of a model; `source` is for the message.
 ///
@@ -170,7 +170,7 @@ impl Model {
     }
 
     /// The numbers of an array as f32; `None` where the model has no such array.
-    pub fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
+    pub(crate) fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
         self.arrays.get(name).map(Matrix::floats)
     }
 
@@ -178,7 +178,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Data`]: the model has no such array; `source` names the model.
-    pub fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
+    pub(crate) fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
         let missing = || {
             let place = Place::file(source).part(name);
             Error::data(place, "the model has no such array")
@@ -202,13 +202,14 @@ impl Model {
     /// Adds an array that is kept as 16-bit whole multiples of a step, and rounds it to them.
     ///
     /// The step is the smallest that holds the largest value. Every value must be finite.
-    pub fn insert_quantized(&mut self, name: &str, array: &Array2<f32>) {
+    pub(crate) fn insert_quantized(&mut self, name: &str, array: &Array2<f32>) {
         let packed = QuantizedMatrix::of(array);
         self.arrays.insert(name.into(), Matrix::Quantized(packed));
     }
 
     /// Takes an array out.
-    pub fn remove(&mut self, name: &str) {
+    #[cfg(test)]
+    pub(crate) fn remove(&mut self, name: &str) {
         self.arrays.remove(name);
     }
 

@@ -28,7 +28,7 @@ pub struct QuantizedMatrix {
 impl QuantizedMatrix {
     /// A matrix of `<i2` integers, row by row; `None` where there are none, or not as many as the
     /// shape says.
-    pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
+    pub(crate) fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
         let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
         (size > 0 && numbers.len() == size).then_some(QuantizedMatrix {
             numbers,
@@ -39,7 +39,7 @@ impl QuantizedMatrix {
 
     /// Rounds `array` to multiples of the smallest step that can hold the largest value. Every
     /// value must be finite.
-    pub fn of(array: &Array2<f32>) -> QuantizedMatrix {
+    pub(crate) fn of(array: &Array2<f32>) -> QuantizedMatrix {
         let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
         let numbers = array.iter().map(|v| (v / step).round() as i16);
@@ -51,7 +51,7 @@ impl QuantizedMatrix {
     }
 
     /// The integers as `<i2`, row by row.
-    pub fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.numbers
     }
 
@@ -71,7 +71,7 @@ impl Matrix {
     ///
     /// # Errors
     /// [`Error::Data`]: other numbers, more dimensions, or not as many bytes as the shape needs.
-    pub fn from_npy(file: &Bytes, place: &Place) -> Result<Matrix> {
+    pub(crate) fn from_npy(file: &Bytes, place: &Place) -> Result<Matrix> {
         let fail = |what: String| Error::data(place.clone(), what);
         let mut rest = &file[..];
         let header = npy::read_header(&mut rest, place)?;
@@ -126,7 +126,7 @@ impl Matrix {
     }
 
     /// (rows, columns).
-    pub fn dim(&self) -> (usize, usize) {
+    pub(crate) fn dim(&self) -> (usize, usize) {
         match self {
             Matrix::Floats(array) => array.dim(),
             Matrix::Quantized(packed) => packed.shape,
@@ -144,7 +144,7 @@ impl Matrix {
     }
 
     /// Appends the numbers of `rows` to `out`, row by row.
-    pub fn extend_with(&self, rows: std::ops::Range<usize>, out: &mut Vec<f32>) {
+    pub(crate) fn extend_with(&self, rows: std::ops::Range<usize>, out: &mut Vec<f32>) {
         for row in rows {
             match self {
                 Matrix::Floats(array) => out.extend(array.row(row)),

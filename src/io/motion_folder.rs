@@ -7,13 +7,13 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
-pub const EXTENSIONS: [&str; 10] = [
+pub(crate) const EXTENSIONS: [&str; 10] = [
     "c3d", "trc", "bvh", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
 ];
 
 /// What a folder has of files of motion.
 #[derive(Debug, Default)]
-pub struct MotionFolder {
+pub(crate) struct MotionFolder {
     /// The files and their paths within the folder, in the order of their names.
     pub files: Vec<(PathBuf, PathBuf)>,
     /// Folders that cannot be read, with their paths within the folder, whose own is the given
@@ -26,7 +26,7 @@ pub struct MotionFolder {
 impl MotionFolder {
     /// Searches a folder, but not what is in the folder `but` (without links); files that
     /// `is_wanted` refuses are left out, and hidden ones.
-    pub fn search(
+    pub(crate) fn search(
         folder: &Path,
         but: Option<&Path>,
         is_wanted: impl Fn(&Path) -> bool,
@@ -86,17 +86,17 @@ fn is_model(path: &Path) -> bool {
 }
 
 /// Whether a path is there and neither a file nor a folder.
-pub fn is_special(path: &Path) -> bool {
+pub(crate) fn is_special(path: &Path) -> bool {
     path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
 /// The last part of a path.
-pub fn name_of(path: &Path) -> PathBuf {
+pub(crate) fn name_of(path: &Path) -> PathBuf {
     PathBuf::from(path.file_name().unwrap_or_default())
 }
 
 /// The name of a file without the ending of a packed one.
-pub fn unpacked(path: &Path) -> PathBuf {
+pub(crate) fn unpacked(path: &Path) -> PathBuf {
     match path.extension() {
         Some(e) if e.eq_ignore_ascii_case("gz") || e.eq_ignore_ascii_case("zst") => {
             path.with_extension("")

@@ -83,7 +83,7 @@ impl MotionFormat {
 /// What a file that begins so is instead of a pose table, and what to do with it; `None` for what
 /// may be a table. The first lines of text tell more than its first bytes
 /// ([`look_ahead`](super::Input::look_ahead)).
-pub fn recognized(start: &[u8]) -> Option<&'static str> {
+pub(crate) fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
         MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
@@ -128,12 +128,12 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
 
 /// Whether a file that begins so is a C3D file: the second byte is the key of all, and what stands
 /// around it are numbers, never text alone.
-pub fn is_c3d(start: &[u8]) -> bool {
+pub(crate) fn is_c3d(start: &[u8]) -> bool {
     matches!(start, [_, 0x50, ..]) && is_binary(&start[..start.len().min(12)])
 }
 
 /// Whether these first bytes tell the format: no later ones would change it.
-pub fn is_told(start: &[u8]) -> bool {
+pub(crate) fn is_told(start: &[u8]) -> bool {
     let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
     match MotionFormat::of(start) {
         MotionFormat::Csv => is_binary(start) || of_lines(text) == Some(TextStart::PoseTable),

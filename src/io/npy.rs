@@ -61,7 +61,7 @@ impl NpyReader {
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three
     /// columns per point.
-    pub fn new(input: Input, options: &TableOptions) -> Result<NpyReader> {
+    pub(crate) fn new(input: Input, options: &TableOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);
         let mut reader = BufReader::with_capacity(BLOCK, input.into_reader());
@@ -112,7 +112,7 @@ impl NpyReader {
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: the array ends early or late, or a value is
     /// infinite or too large.
-    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+    pub(crate) fn read(&mut self, row: &mut Row) -> Result<bool> {
         let width = self.columns.width();
         *row = Row {
             xyz: std::mem::take(&mut row.xyz),
@@ -337,7 +337,7 @@ pub fn header_of(descr: &str, shape: &[usize]) -> Vec<u8> {
 ///
 /// # Errors
 /// [`Error::Data`]: another kind of array.
-pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
+pub(crate) fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     let mut rest = file;
     let header = read_header(&mut rest, place)?;
     if header.descr != "|u1" || header.shape[..] != [rest.len() as u64] {
@@ -352,7 +352,7 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
 ///
 /// # Errors
 /// [`Error::Unfit`]: no array of frames of such a size.
-pub fn with_values(
+pub(crate) fn with_values(
     file: &[u8],
     old: ArrayView2<'_, f64>,
     new: ArrayView2<'_, f64>,
@@ -387,7 +387,7 @@ pub fn with_values(
 }
 
 /// Appends numbers as `<f8`.
-pub fn push_values(out: &mut Vec<u8>, xyz: &[f64]) {
+pub(crate) fn push_values(out: &mut Vec<u8>, xyz: &[f64]) {
     let start = out.len();
     out.resize(start + 8 * xyz.len(), 0);
     let (places, _) = out[start..].as_chunks_mut::<8>();

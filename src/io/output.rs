@@ -90,7 +90,7 @@ impl Output {
     ///
     /// # Errors
     /// [`Error::Io`]: the folder does not exist or cannot be written to.
-    pub fn file(path: impl AsRef<Path>) -> Result<Output> {
+    pub(crate) fn file(path: impl AsRef<Path>) -> Result<Output> {
         let path = path.as_ref();
         let fail = |e| Error::io(path, e);
         let name = path.display().to_string();
@@ -107,7 +107,7 @@ impl Output {
     }
 
     /// Writes to a stream that is already open; `name` is for messages. The caller buffers it.
-    pub fn stream(name: impl Into<String>, stream: impl Write + Send + 'static) -> Output {
+    pub(crate) fn stream(name: impl Into<String>, stream: impl Write + Send + 'static) -> Output {
         Output {
             name: name.into(),
             target: Target::Stream(Box::new(stream)),
@@ -134,13 +134,13 @@ impl Output {
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
-    pub fn flush(&mut self) -> Result<()> {
+    pub(crate) fn flush(&mut self) -> Result<()> {
         let done = self.writer().flush();
         done.map_err(|e| Error::io(&self.name, e))
     }
 
     /// Whether [`Output::rewrite_start`] is possible: what was written to a pipe is gone.
-    pub fn can_rewrite(&self) -> bool {
+    pub(crate) fn can_rewrite(&self) -> bool {
         match &self.target {
             Target::File(file) => matches!(file, Packer::Plain(_)),
             Target::Stream(_) => false,
@@ -151,7 +151,7 @@ impl Output {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails, or the output is a stream.
-    pub fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
         let done = match &mut self.target {
             Target::File(Packer::Plain(file)) => file.rewind().and_then(|()| file.write_all(bytes)),
             _ => Err(io::ErrorKind::NotSeekable.into()),
@@ -172,7 +172,7 @@ impl Output {
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
-    pub fn complete(mut self) -> Result<CompleteOutput> {
+    pub(crate) fn complete(mut self) -> Result<CompleteOutput> {
         self.flush()?;
         let name = self.name;
         let Target::File(file) = self.target else {

@@ -10,14 +10,14 @@ use std::collections::HashMap;
 
 /// The most rows that titles have: scorer, individual, point, axis, and the unit or the name of the
 /// index.
-pub const MOST_ROWS: usize = 5;
+pub(crate) const MOST_ROWS: usize = 5;
 
 /// What stands between a name and an axis.
 const PARTING: [char; 5] = ['_', '.', ' ', ':', '-'];
 
 /// What the columns of a table of points are.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct PointTitles {
+pub(crate) struct PointTitles {
     /// How cells are parted.
     pub separator: Separator,
     /// How many rows are titles.
@@ -39,12 +39,12 @@ pub struct PointTitles {
 impl PointTitles {
     /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are
     /// no titles of points.
-    pub fn read(lines: &[&str]) -> Option<PointTitles> {
+    pub(crate) fn read(lines: &[&str]) -> Option<PointTitles> {
         PointTitles::of_lines(lines, Group::is_position)
     }
 
     /// Reads titles all of which are those of points, whatever their names are.
-    pub fn of_markers(lines: &[&str]) -> Option<PointTitles> {
+    pub(crate) fn of_markers(lines: &[&str]) -> Option<PointTitles> {
         PointTitles::of_lines(lines, |_| true)
     }
 
@@ -79,7 +79,7 @@ impl PointTitles {
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: there are several.
-    pub fn unit(&self) -> Result<Option<String>> {
+    pub(crate) fn unit(&self) -> Result<Option<String>> {
         match &self.units[..] {
             [one, other, ..] => Err(format!(
                 "has points in {} and in {}: convert them to one unit, or leave out those of the \
@@ -93,7 +93,7 @@ impl PointTitles {
     }
 
     /// What stays among the other columns though it has axes, a line each.
-    pub fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.quantities.is_empty() {
             notes.push(format!(

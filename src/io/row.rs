@@ -43,11 +43,11 @@ pub struct Cells {
 
 impl Cells {
     /// The number of cells.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.ends.len()
     }
     /// Whether there are no cells: they were not kept, or the row comes from an array.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.ends.is_empty()
     }
     /// The text of cell `at`; `None` behind the last.
@@ -67,17 +67,17 @@ impl Cells {
         self.plain.then_some(&self.text)
     }
     /// The size of the text in bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.text.len()
     }
     /// Removes all cells.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.text.clear();
         self.ends.clear();
         self.plain = false;
     }
     /// Becomes a copy of `other`, in the memory that is there.
-    pub fn copy_from(&mut self, other: &Cells) {
+    pub(crate) fn copy_from(&mut self, other: &Cells) {
         self.text.clone_from(&other.text);
         self.ends.clone_from(&other.ends);
         (self.line, self.plain) = (other.line, other.plain);

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 /// The cells of a row, with their quotes; there is at least one.
-pub fn cells_of(row: &[u8], separator: u8) -> impl Iterator<Item = &[u8]> {
+pub(crate) fn cells_of(row: &[u8], separator: u8) -> impl Iterator<Item = &[u8]> {
     let mut rest = Some(row);
     std::iter::from_fn(move || {
         let row = rest?;
@@ -23,7 +23,7 @@ pub fn cells_of(row: &[u8], separator: u8) -> impl Iterator<Item = &[u8]> {
 }
 
 /// The cells of a line of text, without blanks around them and without quotes.
-pub fn texts_of(line: &str, separator: u8) -> Vec<Cow<'_, str>> {
+pub(crate) fn texts_of(line: &str, separator: u8) -> Vec<Cow<'_, str>> {
     // The separator is ASCII: what stands between two is text.
     let text = |cell| unquoted(std::str::from_utf8(cell).unwrap_or_default().trim());
     cells_of(line.as_bytes(), separator).map(text).collect()

@@ -57,7 +57,7 @@ impl RowReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no table; the place has the line.
-    pub fn new(mut input: Input, options: &TableOptions) -> Result<RowReader> {
+    pub(crate) fn new(mut input: Input, options: &TableOptions) -> Result<RowReader> {
         match input.kind() {
             ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
             ContentKind::Text => {
@@ -85,7 +85,7 @@ impl RowReader {
         }
     }
     /// What the columns mean.
-    pub fn columns(&self) -> &Columns {
+    pub(crate) fn columns(&self) -> &Columns {
         match self {
             RowReader::Csv(r) => &r.columns,
             RowReader::Npy(r) => &r.columns,
@@ -97,7 +97,7 @@ impl RowReader {
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the
     /// column.
-    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+    pub(crate) fn read(&mut self, row: &mut Row) -> Result<bool> {
         match self {
             RowReader::Csv(r) => r.read(row),
             RowReader::Npy(r) => r.read(row),
@@ -105,7 +105,7 @@ impl RowReader {
         }
     }
     /// The name that messages use.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         match self {
             RowReader::Csv(r) => &r.name,
             RowReader::Npy(r) => &r.name,

@@ -90,7 +90,7 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`Error::Usage`]: added columns in an array. [`Error::Io`]: writing fails.
-    pub fn new(
+    pub(crate) fn new(
         output: Output,
         format: TableFormat,
         columns: &Columns,
@@ -110,7 +110,7 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`Error::Io`]: this row or one before it could not be written.
-    pub fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
+    pub(crate) fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
         self.batch.push(row, xyz, added, self.keeps_cells);
         if self.batch.bytes >= BATCH_BYTES {
             let batch = std::mem::take(&mut self.batch);
@@ -124,7 +124,7 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.complete()?.publish()
     }
 
@@ -132,7 +132,7 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn complete(mut self) -> Result<CompleteOutput> {
+    pub(crate) fn complete(mut self) -> Result<CompleteOutput> {
         match self.drain()? {
             Some(encoder) => encoder.complete(),
             None => Ok(CompleteOutput::default()),

@@ -5,14 +5,14 @@ use std::io::{BufRead, Read};
 
 /// The longest line a text format may have. (A BVH with all its frames on one line is read
 /// elsewhere.)
-pub const MAX_LINE_BYTES: usize = 1 << 20;
+pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// The byte ^Z, with which programs of DOS end a text.
 const DOS_END: u8 = 0x1a;
 
 /// The byte that ends the lines of a text: a line feed, but CR where there is no other in the first
 /// [`MAX_LINE_BYTES`].
-pub fn line_end(text: &[u8]) -> u8 {
+pub(crate) fn line_end(text: &[u8]) -> u8 {
     let start = &text[..text.len().min(MAX_LINE_BYTES + 1)];
     match !start.contains(&b'\n') && start.contains(&b'\r') {
         true => b'\r',
@@ -25,7 +25,7 @@ pub fn line_end(text: &[u8]) -> u8 {
 /// end.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
-pub struct Lines<R> {
+pub(crate) struct Lines<R> {
     reader: R,
     /// The name that messages use.
     pub name: String,
@@ -45,7 +45,7 @@ pub struct Lines<R> {
 
 impl<R: BufRead> Lines<R> {
     /// Lines of `reader`.
-    pub fn new(name: impl Into<String>, reader: R) -> Self {
+    pub(crate) fn new(name: impl Into<String>, reader: R) -> Self {
         Lines {
             reader,
             name: name.into(),
@@ -59,7 +59,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// Accepts lines that end in CR alone too. [`Lines::waiting`] is not for them.
-    pub fn any_end(mut self) -> Self {
+    pub(crate) fn any_end(mut self) -> Self {
         self.end = None;
         self
     }
@@ -68,7 +68,7 @@ impl<R: BufRead> Lines<R> {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: a line longer than [`MAX_LINE_BYTES`].
-    pub fn next_line(&mut self) -> Result<Option<&str>> {
+    pub(crate) fn next_line(&mut self) -> Result<Option<&str>> {
         let end = match self.end {
             Some(end) => end,
             None => {
@@ -123,7 +123,7 @@ impl<R: BufRead> Lines<R> {
     ///
     /// # Errors
     /// Fails as [`Lines::next_line`] does.
-    pub fn next_filled(&mut self, is_blank: impl Fn(char) -> bool) -> Result<Option<&str>> {
+    pub(crate) fn next_filled(&mut self, is_blank: impl Fn(char) -> bool) -> Result<Option<&str>> {
         while self.next_line()?.is_some() {
             if !self.text.chars().all(&is_blank) {
                 return Ok(Some(&self.text));
@@ -156,26 +156,26 @@ impl<R: BufRead> Lines<R> {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails.
-    pub fn waiting(&mut self) -> Result<&[u8]> {
+    pub(crate) fn waiting(&mut self) -> Result<&[u8]> {
         wait_for_data(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
         self.reader.fill_buf().map_err(|e| Error::io(&self.name, e))
     }
 
     /// Consumes `bytes` of the buffer, which are `lines` whole lines.
-    pub fn pass(&mut self, bytes: usize, lines: u64) {
+    pub(crate) fn pass(&mut self, bytes: usize, lines: u64) {
         self.reader.consume(bytes);
         self.number += lines;
     }
 
     /// The place of the line last read.
-    pub fn here(&self) -> Place {
+    pub(crate) fn here(&self) -> Place {
         Place::line(&self.name, self.number)
     }
 }
 
 /// Waits for the reader's buffer to hold something, unless it ended. (A call that was only
 /// interrupted is repeated.)
-pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
+pub(crate) fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
     loop {
         match reader.fill_buf() {
             Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
@@ -186,7 +186,7 @@ pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
 
 /// The finite number that `text` begins with, and its length in bytes. [`parse_number`] reads the
 /// same number.
-pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
+pub(crate) fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
     let (value, length) = fast_float2::parse_partial::<f64, _>(text).ok()?;
     value.is_finite().then_some((value, length))
 }
@@ -205,13 +205,13 @@ pub fn parse_number(text: &str) -> Result<f64> {
 
 /// No coordinate or length is further from zero, centimeters: a larger one is damage, and its
 /// square would not be finite much longer.
-pub const MAX_COORDINATE: f64 = 1e12;
+pub(crate) const MAX_COORDINATE: f64 = 1e12;
 
 /// A length in centimeters that is no damage, or what is wrong with it.
 ///
 /// # Errors
 /// [`Error::Unfit`]: the length is beyond [`MAX_COORDINATE`].
-pub fn check_length(centimeters: f64) -> Result<f64> {
+pub(crate) fn check_length(centimeters: f64) -> Result<f64> {
     if centimeters.abs() <= MAX_COORDINATE {
         Ok(centimeters)
     } else {
@@ -279,7 +279,7 @@ fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) 
 }
 
 /// A standard deviation with five significant figures: more is noise of the conversion.
-pub fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let rounded = format!("{value:.4e}").parse().unwrap_or(value);
     let mut text = Vec::new();
     push_f64(&mut text, rounded);

@@ -29,7 +29,7 @@ pub enum Separator {
 
 impl Separator {
     /// The byte between cells, where it is one.
-    pub fn byte(self) -> Option<u8> {
+    pub(crate) fn byte(self) -> Option<u8> {
         match self {
             Separator::Tab => Some(b'\t'),
             Separator::Comma => Some(b','),
@@ -39,7 +39,7 @@ impl Separator {
     }
 
     /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
-    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+    pub(crate) fn of_row(self, row: &[u8]) -> Option<u8> {
         let Separator::TabOrBlanks { whole } = self else {
             return self.byte();
         };
@@ -72,7 +72,7 @@ pub struct TextCells {
 impl TextCells {
     /// Sets the cells of the points, which were counted among those of the points, to those of the
     /// rows.
-    pub fn move_points(&mut self, cell: impl Fn(usize) -> usize) {
+    pub(crate) fn move_points(&mut self, cell: impl Fn(usize) -> usize) {
         let cells = self.points.iter_mut().flatten();
         cells.for_each(|c| *c = cell(*c));
     }
@@ -80,7 +80,7 @@ impl TextCells {
     /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new`
     /// (frames, 3 P; both in the file's unit and axes). Every other byte stays; a missing value
     /// takes no measured one away.
-    pub fn with_points(
+    pub(crate) fn with_points(
         &self,
         original: &[u8],
         old: ArrayView2<'_, f64>,

@@ -3,13 +3,13 @@
 use super::point_titles::{MOST_ROWS, PointTitles};
 
 /// The most lines of an OpenSim header.
-pub const MOST_HEADER_LINES: usize = 1000;
+pub(crate) const MOST_HEADER_LINES: usize = 1000;
 /// The bytes in which the titles of a table must end.
 const MOST_LINE_BYTES: usize = 1 << 18;
 
 /// Which table of text it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TextStart {
+pub(crate) enum TextStart {
     /// OpenSim's .mot or .sto: a header that ends in `endheader`.
     OpenSim,
     /// Sections of Vicon Nexus.
@@ -22,7 +22,7 @@ pub enum TextStart {
 
 /// Which table a file is that begins with this text, whose last line may be cut: what its first
 /// whole lines tell, so that no later ones change it, nor bytes behind them that are no text.
-pub fn of_lines(start: &[u8]) -> Option<TextStart> {
+pub(crate) fn of_lines(start: &[u8]) -> Option<TextStart> {
     let start = &start[..start.len().min(MOST_LINE_BYTES)];
     let breaks = (0..start.len()).filter(|&i| matches!(start[i], b'\n' | b'\r'));
     let (mut rows, mut from) = (Vec::new(), 0);
@@ -61,12 +61,12 @@ fn of_rows(rows: &[&str]) -> Option<TextStart> {
 }
 
 /// Whether a file that begins so is no text.
-pub fn is_binary(start: &[u8]) -> bool {
+pub(crate) fn is_binary(start: &[u8]) -> bool {
     start.iter().any(|b| *b < 9)
 }
 
 /// What is wrong with a text that begins so, where its titles are longer than is read of them.
-pub fn too_long(start: &[u8]) -> Option<String> {
+pub(crate) fn too_long(start: &[u8]) -> Option<String> {
     let start = start.get(..MOST_LINE_BYTES)?;
     let lines = start.iter().filter(|b| matches!(b, b'\n' | b'\r')).count();
     (lines < MOST_ROWS).then(|| {
@@ -78,10 +78,10 @@ pub fn too_long(start: &[u8]) -> Option<String> {
 }
 
 /// What an empty row of a spreadsheet consists of.
-pub const BLANK: [char; 5] = [',', ';', '\t', ' ', '"'];
+pub(crate) const BLANK: [char; 5] = [',', ';', '\t', ' ', '"'];
 
 /// Whether a line is the title of a section of Vicon Nexus.
-pub fn is_section(line: &str) -> bool {
+pub(crate) fn is_section(line: &str) -> bool {
     let title = line.trim_matches(BLANK);
     SECTIONS.iter().any(|s| title.eq_ignore_ascii_case(s))
 }
@@ -103,7 +103,7 @@ const SECTIONS: [&str; 12] = [
 ];
 
 /// The rate of a section: the line below its title, such as `100` or `100,Hz`.
-pub fn section_rate(line: &str) -> Option<f64> {
+pub(crate) fn section_rate(line: &str) -> Option<f64> {
     let mut cells = line.split([',', ';', '\t']).map(|c| c.trim_matches(BLANK));
     let rate = cells.next()?.parse::<f64>().ok()?;
     let is_unit = |c: &str| c.is_empty() || c.eq_ignore_ascii_case("hz");

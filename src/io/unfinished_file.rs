@@ -86,7 +86,7 @@ impl TemporaryFile {
 }
 
 /// The file that will be at a path. Dropped, it leaves nothing behind.
-pub struct UnfinishedFile {
+pub(crate) struct UnfinishedFile {
     file: Unfinished,
     path: PathBuf,
 }
@@ -99,7 +99,7 @@ enum Unfinished {
 }
 
 /// A file that is written whole, and not yet at its path. Dropped, it leaves nothing behind.
-pub struct WholeFile {
+pub(crate) struct WholeFile {
     file: Whole,
     path: PathBuf,
 }
@@ -113,7 +113,7 @@ enum Whole {
 impl UnfinishedFile {
     /// Starts a file in the folder of `path`, with the mode that the file there has, or that a new
     /// one gets.
-    pub fn create(path: PathBuf) -> io::Result<UnfinishedFile> {
+    pub(crate) fn create(path: PathBuf) -> io::Result<UnfinishedFile> {
         let (mode, old) = (mode(&path), fs::metadata(&path).ok());
         let mut file = UnfinishedFile::start(path, mode)?;
         if let Some(old) = old {
@@ -143,7 +143,7 @@ impl UnfinishedFile {
     }
 
     /// Waits until all that was written is on the disk. A file that has a name is closed.
-    pub fn complete(mut self) -> io::Result<WholeFile> {
+    pub(crate) fn complete(mut self) -> io::Result<WholeFile> {
         self.file().sync_all()?;
         let file = match self.file {
             #[cfg(target_os = "linux")]
@@ -173,7 +173,7 @@ impl Seek for UnfinishedFile {
 
 impl WholeFile {
     /// Puts the file at its path, in place of what is there.
-    pub fn publish(self) -> io::Result<()> {
+    pub(crate) fn publish(self) -> io::Result<()> {
         let path = self.path;
         match self.file {
             #[cfg(target_os = "linux")]

@@ -29,7 +29,7 @@ impl UnitWriter {
     ///
     /// # Errors
     /// Those of [`TableWriter::new`].
-    pub fn new(
+    pub(crate) fn new(
         output: Output,
         format: TableFormat,
         [read, written]: [Units; 2],
@@ -93,7 +93,7 @@ impl UnitWriter {
     ///
     /// # Errors
     /// Those of [`UnitWriter::write`].
-    pub fn write_table(
+    pub(crate) fn write_table(
         mut self,
         table: &Table,
         xyz: ArrayView2<'_, f64>,

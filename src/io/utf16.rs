@@ -5,7 +5,7 @@ use std::io::{self, BufReader, Read};
 
 /// The byte order of a text in UTF-16.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Utf16 {
+pub(crate) enum Utf16 {
     /// The low byte first.
     Little,
     /// The high byte first.
@@ -15,7 +15,7 @@ pub enum Utf16 {
 impl Utf16 {
     /// Whether a file that begins so is a text in UTF-16: by its mark, or since every other byte is
     /// zero and the others are ASCII's.
-    pub fn of(start: &[u8]) -> Option<Utf16> {
+    pub(crate) fn of(start: &[u8]) -> Option<Utf16> {
         let is_text = |of: usize| {
             let text = |b: &u8| b.is_ascii_graphic() || b.is_ascii_whitespace();
             let pairs = start.chunks_exact(2);
@@ -34,7 +34,7 @@ impl Utf16 {
 }
 
 /// A stream of UTF-16, without its mark, as UTF-8.
-pub struct Decoded<R> {
+pub(crate) struct Decoded<R> {
     units: Units<R>,
     /// A unit that was read ahead.
     next: Option<u16>,
@@ -64,7 +64,7 @@ impl<R: Read> Units<R> {
 
 impl<R: Read> Decoded<R> {
     /// Decodes a stream.
-    pub fn new(stream: R, order: Utf16) -> Decoded<R> {
+    pub(crate) fn new(stream: R, order: Utf16) -> Decoded<R> {
         let reader = BufReader::with_capacity(1 << 16, stream);
         Decoded {
             units: Units { reader, order },

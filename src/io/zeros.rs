@@ -14,7 +14,7 @@ pub fn count_zeros(xyz: ArrayView2<'_, f64>) -> usize {
 }
 
 /// Makes positions of (frames, 3 P) at 0 0 0 missing ones.
-pub fn empty_zeros(xyz: &mut Array2<f64>) {
+pub(crate) fn empty_zeros(xyz: &mut Array2<f64>) {
     for mut row in xyz.rows_mut() {
         for p in 0..row.len() / 3 {
             let mut point = row.slice_mut(s![3 * p..3 * p + 3]);

@@ -78,7 +78,7 @@ impl<'a> Blend<'a> {
 
     /// The weight of clip b, `offset` frames from the transition: 0 before the cross-fade, 1 after
     /// it.
-    pub fn weight(&self, offset: isize) -> f64 {
+    pub(crate) fn weight(&self, offset: isize) -> f64 {
         let half = self.half as f64;
         let u = ((offset as f64 + half) / (2.0 * half)).clamp(0.0, 1.0);
         u * u * (3.0 - 2.0 * u)
@@ -87,7 +87,7 @@ impl<'a> Blend<'a> {
     /// A point of the blend, `offset` frames from the transition, cm. At weight 0 it is that of
     /// clip a, at weight 1 that of the moved clip b, exactly; between them it is missing where
     /// either clip lacks it.
-    pub fn point(&self, offset: isize, point: usize) -> DVec3 {
+    pub(crate) fn point(&self, offset: isize, point: usize) -> DVec3 {
         let of = |clip: usize| {
             let frame = self.frames[clip] as isize + offset;
             self.clips[clip].point(frame, point)
@@ -101,7 +101,7 @@ impl<'a> Blend<'a> {
     }
 
     /// A joint of the blend, like [`Blend::point`]. Both clips have the same points.
-    pub fn joint(&self, offset: isize, joint: usize) -> DVec3 {
+    pub(crate) fn joint(&self, offset: isize, joint: usize) -> DVec3 {
         let points = self.clips[0].joints.of(joint).iter();
         let sum: DVec3 = points.clone().map(|p| self.point(offset, *p)).sum();
         sum / points.len() as f64

@@ -21,18 +21,18 @@ use super::joint_map::{PARENTS, joint};
 use glam::DVec3;
 
 /// By how much of its length a bone may leave its range.
-pub const BONE_SLACK: f64 = 0.05;
+pub(crate) const BONE_SLACK: f64 = 0.05;
 /// The speed below which a low foot is planted, cm/s. In walks of CMU ankles stay below it a third
 /// of the time, and swing with some 400.
-pub const PLANTED_SPEED: f64 = 20.0;
+pub(crate) const PLANTED_SPEED: f64 = 20.0;
 /// The height above the clip's lowest up to which a slow foot is planted, cm: an ankle rises by
 /// some 8 while the toes stay.
-pub const PLANTED_HEIGHT: f64 = 10.0;
+pub(crate) const PLANTED_HEIGHT: f64 = 10.0;
 /// The speed that a planted foot may have in the blend, cm/s: half as much again, since the feet of
 /// clips that begin or end to stand have it too.
-pub const SLIDING: f64 = 30.0;
+pub(crate) const SLIDING: f64 = 30.0;
 /// The time between the frames of which speeds and accelerations are taken, seconds.
-pub const STEP_SECONDS: f64 = 1.0 / 30.0;
+pub(crate) const STEP_SECONDS: f64 = 1.0 / 30.0;
 
 /// What rounding may add to a share: a clip that goes over into its own moved copy is as good as
 /// the clip.

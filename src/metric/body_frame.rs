@@ -73,7 +73,7 @@ impl BodyFramePoses {
     }
 
     /// The run of consecutive frames that frame `t` is in.
-    pub fn run_of(&self, t: usize) -> Range<usize> {
+    pub(crate) fn run_of(&self, t: usize) -> Range<usize> {
         let run = self.runs.iter().find(|run| run.contains(&t));
         run.cloned().unwrap_or(t..t + 1)
     }
@@ -124,12 +124,12 @@ pub(super) mod tests {
     use ndarray::Array2;
 
     /// The map of tables whose points have the joints' own names.
-    pub fn own_names() -> JointMap {
+    pub(crate) fn own_names() -> JointMap {
         JointMap::new(JOINTS.map(|j| (j.to_string(), j.to_string())).into()).unwrap()
     }
 
     /// A take of one pose, cm.
-    pub fn take_of(frames: &[[DVec3; 16]]) -> Poses {
+    pub(crate) fn take_of(frames: &[[DVec3; 16]]) -> Poses {
         Poses {
             points: JOINTS.map(String::from).into(),
             xyz: Array2::from_shape_fn((frames.len(), 48), |(t, c)| frames[t][c / 3][c % 3]),
@@ -139,7 +139,7 @@ pub(super) mod tests {
     }
 
     /// A person who stands upright and looks along z, cm: 160 from ankle to head.
-    pub fn standing() -> [DVec3; 16] {
+    pub(crate) fn standing() -> [DVec3; 16] {
         let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         [
             p(0.0, 90.0),

@@ -35,7 +35,7 @@ impl Clip {
     }
 
     /// A point in a frame, cm; NaN where it is missing, or the clip has no such frame.
-    pub fn point(&self, frame: isize, point: usize) -> DVec3 {
+    pub(crate) fn point(&self, frame: isize, point: usize) -> DVec3 {
         match usize::try_from(frame) {
             Ok(t) if t < self.poses.frames() => {
                 let at = |axis| self.poses.xyz[[t, 3 * point + axis]];
@@ -46,7 +46,7 @@ impl Clip {
     }
 
     /// A joint in a frame, like [`Clip::point`].
-    pub fn joint(&self, frame: isize, joint: usize) -> DVec3 {
+    pub(crate) fn joint(&self, frame: isize, joint: usize) -> DVec3 {
         match usize::try_from(frame) {
             Ok(t) if t < self.poses.frames() => self.joints.at(&self.poses.xyz, t, joint),
             _ => DVec3::NAN,
@@ -76,7 +76,7 @@ impl Clip {
     }
 
     /// Seconds from frame `from` to frame `to`: by the times, else by the rate.
-    pub fn seconds(&self, from: usize, to: usize) -> f64 {
+    pub(crate) fn seconds(&self, from: usize, to: usize) -> f64 {
         match &self.poses.time {
             Some(time) => time[to] - time[from],
             None => (to as f64 - from as f64) / self.rate,
@@ -93,7 +93,7 @@ pub(super) mod tests {
 
     /// A person who walks along a circle and waves, `rate` frames a second; `late` seconds later
     /// than another.
-    pub fn stroll(frames: usize, rate: f64, late: f64) -> Clip {
+    pub(crate) fn stroll(frames: usize, rate: f64, late: f64) -> Clip {
         let pose = |t: usize| {
             let s = t as f64 / rate - late;
             let turn = DQuat::from_rotation_y(0.5 * s);

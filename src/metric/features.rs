@@ -71,7 +71,7 @@ impl PoseFeatures {
 
     /// The features of some frames (frames, features); NaN where a joint is missing, or a rate that
     /// is needed.
-    pub fn describe(self, poses: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
+    pub(crate) fn describe(self, poses: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
         let width = self.feature_names().len();
         let gpd = self.gpd();
         let rows = parallel::map_chunks(frames.len(), CHUNK, |range| {

@@ -11,7 +11,7 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 
 /// The kind of a model file that holds a metric.
-pub const KIND: &str = "metric";
+pub(crate) const KIND: &str = "metric";
 
 impl PoseMetric {
     /// The metric as a model, without a history yet.

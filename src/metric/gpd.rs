@@ -220,7 +220,7 @@ impl Gpd {
     }
 
     /// The family of each feature.
-    pub fn feature_families(&self) -> Vec<Family> {
+    pub(crate) fn feature_families(&self) -> Vec<Family> {
         let of = |f: &Family| vec![*f; self.features(*f).len()];
         self.families.iter().flat_map(of).collect()
     }

@@ -8,7 +8,7 @@ use ndarray::Array2;
 use std::collections::BTreeMap;
 
 /// The joints, in the order in which arrays hold them.
-pub const JOINTS: [&str; 16] = [
+pub(crate) const JOINTS: [&str; 16] = [
     "Hip",
     "Chest",
     "Neck",
@@ -27,7 +27,7 @@ pub const JOINTS: [&str; 16] = [
     "RFoot",
 ];
 /// The parent of each joint; the hip's is itself.
-pub const PARENTS: [usize; 16] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14];
+pub(crate) const PARENTS: [usize; 16] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14];
 /// The points of the CMU skeleton. Each is the end of the bone of its name; a foot is the ankle.
 const CMU: [&str; 16] = [
     "root",
@@ -49,24 +49,24 @@ const CMU: [&str; 16] = [
 ];
 
 /// Indices of joints in [`JOINTS`].
-pub mod joint {
+pub(crate) mod joint {
     #![allow(missing_docs)]
-    pub const HIP: usize = 0;
-    pub const CHEST: usize = 1;
-    pub const NECK: usize = 2;
-    pub const HEAD: usize = 3;
-    pub const LSHOULDER: usize = 4;
-    pub const LELBOW: usize = 5;
-    pub const LHAND: usize = 6;
-    pub const RSHOULDER: usize = 7;
-    pub const RELBOW: usize = 8;
-    pub const RHAND: usize = 9;
-    pub const LHIP: usize = 10;
-    pub const LKNEE: usize = 11;
-    pub const LFOOT: usize = 12;
-    pub const RHIP: usize = 13;
-    pub const RKNEE: usize = 14;
-    pub const RFOOT: usize = 15;
+    pub(crate) const HIP: usize = 0;
+    pub(crate) const CHEST: usize = 1;
+    pub(crate) const NECK: usize = 2;
+    pub(crate) const HEAD: usize = 3;
+    pub(crate) const LSHOULDER: usize = 4;
+    pub(crate) const LELBOW: usize = 5;
+    pub(crate) const LHAND: usize = 6;
+    pub(crate) const RSHOULDER: usize = 7;
+    pub(crate) const RELBOW: usize = 8;
+    pub(crate) const RHAND: usize = 9;
+    pub(crate) const LHIP: usize = 10;
+    pub(crate) const LKNEE: usize = 11;
+    pub(crate) const LFOOT: usize = 12;
+    pub(crate) const RHIP: usize = 13;
+    pub(crate) const RKNEE: usize = 14;
+    pub(crate) const RFOOT: usize = 15;
 }
 
 /// The name of the point that is each joint.
@@ -105,7 +105,7 @@ impl JointMap {
     }
 
     /// The points, in the order of [`JOINTS`].
-    pub fn points(&self) -> &[String] {
+    pub(crate) fn points(&self) -> &[String] {
         &self.0
     }
 
@@ -138,7 +138,7 @@ impl JointMap {
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: joints whose points are not there, or those of two people.
-    pub fn find(&self, points: &[String]) -> Result<JointColumns> {
+    pub(crate) fn find(&self, points: &[String]) -> Result<JointColumns> {
         let singles = self.0.iter().flat_map(|name| name.split(['|', '+']));
         let finder = NameFinder::new(points, singles);
         if finder.is_ambiguous() {
@@ -171,7 +171,7 @@ pub struct JointColumns([Vec<usize>; 16]);
 
 impl JointColumns {
     /// Where a joint is in a frame of points `xyz` (frames, 3 J); NaN where it is missing.
-    pub fn at(&self, xyz: &Array2<f64>, frame: usize, joint: usize) -> DVec3 {
+    pub(crate) fn at(&self, xyz: &Array2<f64>, frame: usize, joint: usize) -> DVec3 {
         let columns = &self.0[joint];
         let at = |&p: &usize| DVec3::from_array([0, 1, 2].map(|c| xyz[[frame, 3 * p + c]]));
         match columns[..] {
@@ -181,7 +181,7 @@ impl JointColumns {
     }
 
     /// The points of a joint.
-    pub fn of(&self, joint: usize) -> &[usize] {
+    pub(crate) fn of(&self, joint: usize) -> &[usize] {
         &self.0[joint]
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct Links {
 
 impl Links {
     /// The links of the alike pairs among `pairs`; takes have `frames` at `rates`.
-    pub fn new(pairs: &[LabeledPair], frames: &[usize], rates: &[f64], reach: f64) -> Links {
+    pub(crate) fn new(pairs: &[LabeledPair], frames: &[usize], rates: &[f64], reach: f64) -> Links {
         let around = |label: FrameRef, other: FrameRef| {
             let reach = (reach * rates[label.take]).round() as usize;
             // Within one take the moments stay apart, or each pose would be its own nearest.
@@ -62,7 +62,7 @@ impl Links {
     }
 
     /// The frames of all links, in order, thinned to the rate at which they are searched.
-    pub fn frames(&self) -> Vec<FrameRef> {
+    pub(crate) fn frames(&self) -> Vec<FrameRef> {
         let frames = self.links.iter().flat_map(|[own, _]| self.thinned(own, 1));
         frames.collect::<BTreeSet<_>>().into_iter().collect()
     }
@@ -81,7 +81,7 @@ impl Links {
 
     /// Pairs of rows of `x`, the poses of [`Links::frames`], that are to be near. Poses that are
     /// not finite are left out.
-    pub fn pair(&self, frames: &[FrameRef], x: ArrayView2<'_, f64>) -> Vec<[usize; 2]> {
+    pub(crate) fn pair(&self, frames: &[FrameRef], x: ArrayView2<'_, f64>) -> Vec<[usize; 2]> {
         let row = |frame: FrameRef| frames.binary_search(&frame).ok();
         let mut linked: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
         for [own, other] in &self.links {

@@ -14,18 +14,18 @@
 
 #[cfg(feature = "published")]
 pub mod baselines;
-pub mod blend;
+pub(crate) mod blend;
 pub mod blend_test;
-pub mod body_frame;
+pub(crate) mod body_frame;
 #[cfg(feature = "published")]
 mod boost;
 pub mod clip;
-pub mod features;
-pub mod file;
-pub mod gpd;
-pub mod joint_map;
+pub(crate) mod features;
+pub(crate) mod file;
+pub(crate) mod gpd;
+pub(crate) mod joint_map;
 #[cfg(feature = "published")]
-pub mod learners;
+pub(crate) mod learners;
 mod local_pairs;
 #[cfg(feature = "published")]
 mod motion_matching;
@@ -34,12 +34,12 @@ mod orientation;
 pub mod pair_proposal;
 pub mod pairs;
 pub mod pose_metric;
-pub mod rdsr;
+pub(crate) mod rdsr;
 mod reduction;
 pub mod scaling;
 pub mod sparse_graph;
 mod stopwatch;
-pub mod trace_ratio;
+pub(crate) mod trace_ratio;
 pub mod train;
 pub mod transition;
 #[cfg(feature = "published")]

@@ -20,7 +20,7 @@ pub struct LabeledPair {
 
 /// The position of a pair that is labeled both ways, in any order of its ends; `None` where labels
 /// agree.
-pub fn contradiction(pairs: &[LabeledPair]) -> Option<usize> {
+pub(crate) fn contradiction(pairs: &[LabeledPair]) -> Option<usize> {
     let mut seen = std::collections::HashMap::new();
     pairs.iter().position(|pair| {
         let [a, b] = pair.ends;

@@ -78,7 +78,7 @@ impl PoseMetric {
     }
 
     /// Some frames of a take, like [`PoseMetric::embed`].
-    pub fn embed_frames(&self, take: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
+    pub(crate) fn embed_frames(&self, take: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
         let windows: Vec<Vec<usize>> = (frames.iter())
             .map(|t| window_frames(take, *t, self.window))
             .collect();

@@ -52,7 +52,7 @@ pub struct RdsrSettings {
 
 /// What was learned.
 #[derive(Debug, Clone)]
-pub struct Rdsr {
+pub(crate) struct Rdsr {
     /// W (d, rank).
     pub w: Array2<f64>,
     /// The largest violation of optimality of the sparse graph; `None` without unlabeled poses.
@@ -66,7 +66,11 @@ pub struct Rdsr {
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: numbers are not finite, or the poses do not vary.
-pub fn learn(x: ArrayView2<'_, f64>, alike: &Array2<f64>, settings: &RdsrSettings) -> Result<Rdsr> {
+pub(crate) fn learn(
+    x: ArrayView2<'_, f64>,
+    alike: &Array2<f64>,
+    settings: &RdsrSettings,
+) -> Result<Rdsr> {
     let d = alike.nrows();
     let rank = settings.rank.min(d);
     let failed = || "the poses do not vary, or are not finite".to_string();

@@ -48,7 +48,11 @@ pub struct Scaling {
 
 impl Scaling {
     /// Learns the scaling from poses (m, features), all finite.
-    pub fn fit(rule: ScalingRule, features: PoseFeatures, poses: ArrayView2<'_, f32>) -> Scaling {
+    pub(crate) fn fit(
+        rule: ScalingRule,
+        features: PoseFeatures,
+        poses: ArrayView2<'_, f32>,
+    ) -> Scaling {
         let width = poses.ncols();
         let moments: Vec<(f64, f64)> = (poses.axis_iter(Axis(1)))
             .map(|column| mean_and_variance(column.iter().map(|v| f64::from(*v))))
@@ -77,7 +81,7 @@ impl Scaling {
     }
 
     /// Scales poses (m, features) in place.
-    pub fn apply(&self, poses: &mut Array2<f32>) {
+    pub(crate) fn apply(&self, poses: &mut Array2<f32>) {
         for mut pose in poses.rows_mut() {
             for ((v, shift), scale) in pose.iter_mut().zip(&self.shift).zip(&self.scale) {
                 *v = (*v - shift) * scale;

@@ -20,7 +20,7 @@ impl Default for Stopwatch {
 
 impl Stopwatch {
     /// Ends a step.
-    pub fn lap(&mut self, name: &'static str) {
+    pub(crate) fn lap(&mut self, name: &'static str) {
         self.laps.push((name, self.last.elapsed().as_secs_f64()));
         self.last = Instant::now();
     }

@@ -15,7 +15,7 @@ use ndarray::{Array2, s};
 
 /// The optimum.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TraceRatio {
+pub(crate) struct TraceRatio {
     /// The ratio.
     pub ratio: f64,
     /// W (d, r).
@@ -31,7 +31,7 @@ const STEPS: usize = 200;
 
 /// Maximizes the ratio. The rank is at most d. `None` when a matrix is not finite, B has no
 /// positive trace, or LAPACK gives up.
-pub fn maximize(a: &Array2<f64>, b: &Array2<f64>, rank: usize) -> Option<TraceRatio> {
+pub(crate) fn maximize(a: &Array2<f64>, b: &Array2<f64>, rank: usize) -> Option<TraceRatio> {
     let rank = rank.min(a.nrows());
     let trace = |m: &Array2<f64>| m.diag().sum();
     let mut before = trace(a) / trace(b);

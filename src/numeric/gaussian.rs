@@ -9,12 +9,12 @@ use ndarray::{Array2, ArrayView2};
 
 /// The smallest noise variance that a solve uses, cm²: 0.1 mm. No capture is better, and solves
 /// stay well conditioned.
-pub const EXACT_VARIANCE: f64 = 1e-4;
+pub(crate) const EXACT_VARIANCE: f64 = 1e-4;
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the
 /// variances that are left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ConditionalGaussian {
+pub(crate) struct ConditionalGaussian {
     observed: Vec<usize>,
     /// The gain's transpose by rows: one row of D numbers for each observed coordinate.
     gain: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct ConditionalGaussian {
 
 impl ConditionalGaussian {
     /// Conditions `covariance` (D, D) on the coordinates whose `noise` variance is finite.
-    pub fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> ConditionalGaussian {
+    pub(crate) fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> ConditionalGaussian {
         let d = noise.len();
         let observed = seen(noise);
         let n = observed.len();
@@ -73,7 +73,7 @@ impl ConditionalGaussian {
 
     /// The covariance that is left, (D, D): `prior` (the S that was conditioned) less what was
     /// learned.
-    pub fn covariance(&self, prior: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn covariance(&self, prior: ArrayView2<'_, f64>) -> Array2<f64> {
         let d = self.variance.len();
         let mut out = prior.to_owned();
         for row in self.whitened.chunks_exact(d) {
@@ -89,7 +89,7 @@ impl ConditionalGaussian {
     }
 
     /// The log density of the residuals `r` (D; read where observed): log N(r_o; 0, S_oo + R).
-    pub fn log_density(&self, r: &[f64]) -> f64 {
+    pub(crate) fn log_density(&self, r: &[f64]) -> f64 {
         let n = self.observed.len();
         let mut white = vec![0.0; n];
         let mut log = -0.5 * n as f64 * (2.0 * std::f64::consts::PI).ln();
@@ -103,7 +103,7 @@ impl ConditionalGaussian {
     }
 
     /// The mean of all D coordinates given the residuals `r` (D; read where observed).
-    pub fn mean(&self, r: &[f64]) -> Vec<f64> {
+    pub(crate) fn mean(&self, r: &[f64]) -> Vec<f64> {
         let d = self.variance.len();
         let mut out = vec![0.0; d];
         for (row, &o) in self.gain.chunks_exact(d).zip(&self.observed) {
@@ -134,7 +134,7 @@ fn factor(covariance: ArrayView2<'_, f64>, noise: &[f64], observed: &[usize]) ->
 
 /// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT_VARIANCE`]:
 /// what [`ConditionalGaussian`] says, for one solve in place of many.
-pub fn most_probable(
+pub(crate) fn most_probable(
     mut mean: Vec<f64>,
     covariance: ArrayView2<'_, f64>,
     y: &[f64],

@@ -8,11 +8,11 @@ const REMEMBERED: usize = 8;
 const SHORTENED: usize = 25;
 
 /// A function of some numbers: its value and its gradient.
-pub type Objective<'a> = dyn FnMut(&[f64]) -> (f64, Vec<f64>) + 'a;
+pub(crate) type Objective<'a> = dyn FnMut(&[f64]) -> (f64, Vec<f64>) + 'a;
 
 /// The least value that was found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Minimum {
+pub(crate) struct Minimum {
     /// The value.
     pub value: f64,
     /// Where it is.
@@ -25,7 +25,7 @@ pub struct Minimum {
 ///
 /// Stops after `steps` steps, or once a step falls by at most `tolerance` (1 + |value|). The
 /// function may be infinite, but not at the start.
-pub fn minimize(
+pub(crate) fn minimize(
     mut x: Vec<f64>,
     steps: usize,
     tolerance: f64,

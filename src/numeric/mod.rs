@@ -1,15 +1,15 @@
 //! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS, Gaussians,
 //! SIMD, deterministic parallelism.
 
-pub mod butterworth;
-pub mod gaussian;
-pub mod lbfgs;
-pub mod linalg;
-pub mod nnls;
+pub(crate) mod butterworth;
+pub(crate) mod gaussian;
+pub(crate) mod lbfgs;
+pub(crate) mod linalg;
+pub(crate) mod nnls;
 pub mod parallel;
-pub mod pchip;
-pub mod product;
-pub mod simd;
-pub mod small_linalg;
-pub mod sparse_cholesky;
-pub mod statistics;
+pub(crate) mod pchip;
+pub(crate) mod product;
+pub(crate) mod simd;
+pub(crate) mod small_linalg;
+pub(crate) mod sparse_cholesky;
+pub(crate) mod statistics;

@@ -20,7 +20,7 @@ const ROUNDS: usize = 1000;
 /// and b (k).
 ///
 /// `None`: G is not positive definite, a value is not finite, or no minimum was found.
-pub fn nonnegative_least_squares(g: &Array2<f64>, b: &Array1<f64>) -> Option<Array1<f64>> {
+pub(crate) fn nonnegative_least_squares(g: &Array2<f64>, b: &Array1<f64>) -> Option<Array1<f64>> {
     let mut w = Array1::zeros(b.len());
     for _ in 0..ROUNDS {
         let mut gradient = g.dot(&w) - b;

@@ -33,7 +33,7 @@ where
 
 /// Applies `work` to each item on rayon's threads, the results in the order of the items; `scratch`
 /// makes what one thread works with, which must not change an result.
-pub fn map_each<T, D, R>(
+pub(crate) fn map_each<T, D, R>(
     items: Vec<T>,
     scratch: impl Fn() -> D + Sync + Send,
     work: impl Fn(&mut D, T) -> R + Sync + Send,
@@ -51,7 +51,7 @@ where
 
 /// [`map_chunks`] where `scratch` makes what one thread works with. One serves one chunk after
 /// another: it must not change an result, but room that is large is made once a thread.
-pub fn map_chunks_with<T, D>(
+pub(crate) fn map_chunks_with<T, D>(
     len: usize,
     chunk: usize,
     scratch: impl Fn() -> D + Sync,
@@ -68,7 +68,7 @@ where
 }
 
 /// What threads work with, one each at a time, kept for those that come after.
-pub struct ScratchPool<D>(Mutex<Vec<D>>);
+pub(crate) struct ScratchPool<D>(Mutex<Vec<D>>);
 
 impl<D> Default for ScratchPool<D> {
     fn default() -> Self {
@@ -78,7 +78,7 @@ impl<D> Default for ScratchPool<D> {
 
 impl<D> ScratchPool<D> {
     /// Works with what is free, or with something new.
-    pub fn with<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
+    pub(crate) fn with<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
         let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let before = free().pop();
         let mut scratch = before.unwrap_or_else(new);
@@ -96,7 +96,7 @@ thread_local! {
 /// Does `work` on this thread alone: chunks and items that are met in it are not shared with
 /// others. So its time is its own; a thread that waits for others takes up what has nothing to do
 /// with it.
-pub fn single_threaded<R>(work: impl FnOnce() -> R) -> R {
+pub(crate) fn single_threaded<R>(work: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {

@@ -3,7 +3,7 @@
 
 /// The interpolant through the points (`x`, `y`), x rising, at each of `at`. Outside it goes on as
 /// the first or last piece; one point alone gives a constant.
-pub fn pchip(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
+pub(crate) fn pchip(x: &[f64], y: &[f64], at: &[f64]) -> Vec<f64> {
     let n = x.len();
     if n < 2 {
         return vec![y.first().copied().unwrap_or(f64::NAN); at.len()];

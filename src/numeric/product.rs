@@ -7,7 +7,7 @@ use ndarray::{Array2, ArrayView2, Axis, LinalgScalar, concatenate, s};
 const ROWS: usize = 256;
 
 /// `a` (n, k) times `b` (k, m).
-pub fn product<T: LinalgScalar + Send + Sync>(
+pub(crate) fn product<T: LinalgScalar + Send + Sync>(
     a: ArrayView2<'_, T>,
     b: ArrayView2<'_, T>,
 ) -> Array2<T> {
@@ -21,12 +21,13 @@ pub fn product<T: LinalgScalar + Send + Sync>(
 }
 
 /// `a`ᵀ `b` (k, m) of `a` (n, k) and `b` (n, m).
-pub fn transposed_product(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> Array2<f64> {
+#[cfg(feature = "published")]
+pub(crate) fn transposed_product(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> Array2<f64> {
     product(a.t(), b)
 }
 
 /// `a`ᵀ `a` (k, k) of `a` (n, k).
-pub fn gram(a: ArrayView2<'_, f64>) -> Array2<f64> {
+pub(crate) fn gram(a: ArrayView2<'_, f64>) -> Array2<f64> {
     product(a.t(), a)
 }
 

@@ -9,15 +9,15 @@ use pulp::WithSimd;
 use std::sync::OnceLock;
 
 /// Numbers that are summed side by side.
-pub const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// The length of a row that holds `n` numbers.
-pub fn padded(n: usize) -> usize {
+pub(crate) fn padded(n: usize) -> usize {
     n.next_multiple_of(LANES)
 }
 
 /// A matrix in single precision by rows, each padded.
-pub fn rows(all: &Array2<f64>) -> Vec<f32> {
+pub(crate) fn rows(all: &Array2<f64>) -> Vec<f32> {
     let stride = padded(all.ncols());
     let mut out = Vec::with_capacity(all.nrows() * stride);
     for (i, row) in all.rows().into_iter().enumerate() {
@@ -30,12 +30,12 @@ pub fn rows(all: &Array2<f64>) -> Vec<f32> {
 /// Runs `f`, into which all is inlined, with the widest vectors that serve [`LANES`] numbers side
 /// by side.
 #[inline]
-pub fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
+pub(crate) fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
     of_eight().dispatch(f)
 }
 
 /// Runs a job on the widest vectors there are.
-pub fn dispatch_widest<J: WithSimd>(job: J) -> J::Output {
+pub(crate) fn dispatch_widest<J: WithSimd>(job: J) -> J::Output {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(pulp::Arch::new).dispatch(job)
 }
@@ -61,7 +61,7 @@ fn exp(x: f64) -> f64 {
 }
 
 /// Adds height e^(−rate x) of each to `out`.
-pub fn add_decays(heights: &[f64], rates: &[f64], x: &[f64], out: &mut [f64]) {
+pub(crate) fn add_decays(heights: &[f64], rates: &[f64], x: &[f64], out: &mut [f64]) {
     // Each by itself: the same on the widest vectors.
     dispatch_widest(
         #[inline(always)]
@@ -103,7 +103,7 @@ fn dot_here(a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// Σ aᵢ bᵢ.
-pub fn dot(a: &[f32], b: &[f32]) -> f32 {
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     dispatch8(
         #[inline(always)]
         || dot_here(a, b),
@@ -125,7 +125,7 @@ fn weighted_here(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// Σ sᵢ aᵢ bᵢ for each row s of `scales`, into `out`.
-pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
+pub(crate) fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
     dispatch8(
         #[inline(always)]
         || {
@@ -138,7 +138,7 @@ pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
 
 /// Σ s z z, Σ s v z and Σ s v v for each row s of `scales`, into `out`; the last two only of the
 /// rows that `both` says.
-pub fn weighted_forms(
+pub(crate) fn weighted_forms(
     scales: &[f32],
     z: &[f32],
     v: &[f32],
@@ -178,7 +178,7 @@ pub fn weighted_forms(
 
 /// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as
 /// far as `x` goes.
-pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
+pub(crate) fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     dispatch8(
         #[inline(always)]
         || {
@@ -191,7 +191,7 @@ pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
 
 /// Σ wₖ aₖ bₖ of rows with each other: the lower triangle, (n, n) by rows. Rows are `stride` apart
 /// and read as far as the weights (padded) go.
-pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
+pub(crate) fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     /// Rows that share what is read of another.
     const AT_ONCE: usize = 4;
     let (n, w) = (rows.len() / stride.max(1), weights.len());
@@ -228,7 +228,7 @@ pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut
 }
 
 /// L⁻¹ of `rows`, in place; L is a lower triangle, (n, n) by rows.
-pub fn forward(factor: &[f64], rows: &mut [f64], stride: usize) {
+pub(crate) fn forward(factor: &[f64], rows: &mut [f64], stride: usize) {
     let n = rows.len() / stride.max(1);
     dispatch8(
         #[inline(always)]
@@ -251,7 +251,7 @@ pub fn forward(factor: &[f64], rows: &mut [f64], stride: usize) {
 const TILE: usize = 4;
 
 /// `out` = Σᵢ wᵢ rowᵢ; rows are `stride` apart and read as far as `out` goes.
-pub fn combine(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
+pub(crate) fn combine(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     combine_each(rows.chunks_exact(stride).zip(weights), out);
 }
 
@@ -291,7 +291,7 @@ fn combine_each<'a>(rows: impl Iterator<Item = (&'a [f32], &'a f32)> + Clone, ou
 }
 
 /// Σ w (y − row)² of each row.
-pub fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
+pub(crate) fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
     out.clear();
     out.reserve(rows.len() / y.len().max(1));
     dispatch8(

@@ -5,7 +5,7 @@ use crate::numeric::simd::dispatch8;
 
 /// Σ aᵢ bᵢ, in four strands that go side by side.
 #[inline(always)]
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let (fours, rest) = a.as_chunks::<4>();
     let (others, left) = b.as_chunks::<4>();
@@ -20,13 +20,13 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// `to` += `scale` `from`. Inlined, so that it is as wide as the code around it.
 #[inline(always)]
-pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
+pub(crate) fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
 
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a
 /// small one: the direction is then known exactly, as a duplicate of others.
-pub fn factorize(a: &mut [f64], n: usize) {
+pub(crate) fn factorize(a: &mut [f64], n: usize) {
     dispatch8(
         #[inline(always)]
         || {
@@ -46,7 +46,7 @@ pub fn factorize(a: &mut [f64], n: usize) {
 }
 
 /// z ← L⁻¹ z, with L as [`factorize`] leaves it.
-pub fn forward(a: &[f64], n: usize, z: &mut [f64]) {
+pub(crate) fn forward(a: &[f64], n: usize, z: &mut [f64]) {
     dispatch8(
         #[inline(always)]
         || {
@@ -59,7 +59,7 @@ pub fn forward(a: &[f64], n: usize, z: &mut [f64]) {
 }
 
 /// z ← L⁻ᵀ z.
-pub fn backward(a: &[f64], n: usize, z: &mut [f64]) {
+pub(crate) fn backward(a: &[f64], n: usize, z: &mut [f64]) {
     for i in (0..n).rev() {
         let (before, rest) = z.split_at_mut(i);
         rest[0] /= a[i * n + i];
@@ -68,7 +68,7 @@ pub fn backward(a: &[f64], n: usize, z: &mut [f64]) {
 }
 
 /// log Σ exp.
-pub fn log_sum(logs: &[f64]) -> f64 {
+pub(crate) fn log_sum(logs: &[f64]) -> f64 {
     let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY {
         return top;
@@ -78,7 +78,7 @@ pub fn log_sum(logs: &[f64]) -> f64 {
 
 /// Σ log of numbers above 0, by products of as many as fit a number: logarithms cost more than
 /// products.
-pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(crate) fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut sum, mut product) = (0.0, 1.0);
     for value in values {
         let next = product * value;
@@ -94,7 +94,7 @@ pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
 
 /// log Σ exp of what comes one by one.
 #[derive(Debug, Clone, Copy)]
-pub struct LogSum {
+pub(crate) struct LogSum {
     top: f64,
     /// Σ exp(log − top).
     sum: f64,
@@ -115,7 +115,7 @@ const LOST: f64 = 40.0;
 
 impl LogSum {
     /// Counts one more.
-    pub fn add(&mut self, log: f64) {
+    pub(crate) fn add(&mut self, log: f64) {
         let less = log - self.top;
         if less > 0.0 {
             self.sum = self.sum * (-less).exp() + 1.0;
@@ -126,7 +126,7 @@ impl LogSum {
     }
 
     /// Of those counted so far: −∞ of none.
-    pub fn log(&self) -> f64 {
+    pub(crate) fn log(&self) -> f64 {
         self.top + self.sum.ln()
     }
 }

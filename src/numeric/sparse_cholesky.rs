@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// The factor of a symmetric positive definite matrix (n, n).
 #[derive(Debug, Clone)]
-pub struct SparseCholesky {
+pub(crate) struct SparseCholesky {
     factor: Llt<u32, f64>,
     n: usize,
 }
@@ -16,7 +16,7 @@ pub struct SparseCholesky {
 impl SparseCholesky {
     /// Factors the matrix of `entries` (row, column, value) of its lower triangle; entries of one
     /// place are added. `None` when it is not positive definite, or an entry lies outside.
-    pub fn new(n: usize, entries: &[(usize, usize, f64)]) -> Option<SparseCholesky> {
+    pub(crate) fn new(n: usize, entries: &[(usize, usize, f64)]) -> Option<SparseCholesky> {
         let inside = |k: usize| u32::try_from(k).ok().filter(|_| k < n);
         let triplets: Option<Vec<Triplet<u32, u32, f64>>> = (entries.iter())
             .map(|(row, column, value)| {
@@ -29,13 +29,8 @@ impl SparseCholesky {
         Some(SparseCholesky { factor, n })
     }
 
-    /// The rows of the matrix.
-    pub fn size(&self) -> usize {
-        self.n
-    }
-
     /// Solves A x = b for b (n, m).
-    pub fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
         let right = faer::Mat::from_fn(self.n, b.ncols(), |i, j| b[[i, j]]);
         let x = self.factor.solve(&right);
         Array2::from_shape_fn((self.n, b.ncols()), |(i, j)| x[(i, j)])

@@ -3,23 +3,23 @@
 use rand::Rng;
 
 /// Draws of a bootstrap.
-pub const DRAWS: usize = 1000;
+pub(crate) const DRAWS: usize = 1000;
 
 /// The middle of the sorted values, of an even number the upper of both in the middle; `None` for
 /// none.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// The value below which a share of the values lies, that of the nearest rank; `None` for none.
-pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     let at = (share * values.len().checked_sub(1)? as f64).round() as usize;
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
 /// The least and the largest value; +∞ and −∞ for none.
-pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let none = (f64::INFINITY, f64::NEG_INFINITY);
     values
         .into_iter()
@@ -27,18 +27,18 @@ pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
 }
 
 /// The largest value less the least; −∞ for none.
-pub fn span(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> f64 {
     let (low, high) = range(values);
     high - low
 }
 
 /// The 2.5% and 97.5% quantiles of the values; NaN for none.
-pub fn interval_95(values: &[f64]) -> [f64; 2] {
+pub(crate) fn interval_95(values: &[f64]) -> [f64; 2] {
     [0.025, 0.975].map(|share| quantile(values.to_vec(), share).unwrap_or(f64::NAN))
 }
 
 /// The 95% interval of `statistic` over [`DRAWS`] bootstrap draws of `n` units with replacement.
-pub fn bootstrap_interval(
+pub(crate) fn bootstrap_interval(
     n: usize,
     random: &mut impl Rng,
     statistic: impl Fn(&mut dyn Iterator<Item = usize>) -> f64,

@@ -31,7 +31,7 @@ impl Body {
     ///
     /// At most 2,000 frames are looked at, evenly spread, so that the cost does not grow with the
     /// take.
-    pub fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> Body {
+    pub(crate) fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> Body {
         let step = xyz.nrows().div_ceil(2000).max(1);
         let lengths = parents
             .iter()
@@ -58,7 +58,7 @@ impl Body {
     }
 
     /// The points in an order in which parents come first.
-    pub fn order(&self) -> Vec<usize> {
+    pub(crate) fn order(&self) -> Vec<usize> {
         let mut order = Vec::with_capacity(self.parents.len());
         let mut done = vec![false; self.parents.len()];
         // At most as many rounds as the deepest chain; a cycle (never built here) would end them
@@ -79,7 +79,7 @@ impl Body {
 
     /// Ratio of each bone's length in `other` to its length here. Bones that either body does not
     /// know take the median of the known ratios, or 1 when there is none.
-    pub fn ratios_to(&self, other: &Body) -> Vec<f64> {
+    pub(crate) fn ratios_to(&self, other: &Body) -> Vec<f64> {
         let ratio = |k: usize| other.lengths[k] / self.lengths[k];
         let known = |r: &f64| r.is_finite() && *r > 0.0;
         let all = (0..self.lengths.len()).map(ratio).filter(known);
@@ -92,7 +92,7 @@ impl Body {
 
     /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and
     /// keeps its direction. Roots stay. Linear in the pose.
-    pub fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
+    pub(crate) fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
         for &k in order {
             for c in 0..3 {
                 out[3 * k + c] = match self.parents[k] {
@@ -107,7 +107,7 @@ impl Body {
 /// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with
 /// CMU's names (bone ends) and `noise` of this standard deviation on each coordinate, cm; `None`
 /// where a foot, a hip and the head are not all among them, or no frame shows a bone of each.
-pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>, noise: f64) -> Option<f64> {
+pub(crate) fn stature(names: &[String], xyz: ArrayView2<'_, f64>, noise: f64) -> Option<f64> {
     let find = |name: &str| names.iter().position(|n| n == name);
     let head = find(CMU[14])?;
     find(CMU[1]).or(find(CMU[5])).or(find(CMU[0]))?;

@@ -39,7 +39,7 @@ impl BonePoints {
     /// Tells from names and lengths, for CMU's names: starts, if there are points NAME_end, or if
     /// points whose bones start together are at one place. Of other names nothing is known, and
     /// they count as ends. `xyz`: (frames, 3 J), NaN missing.
-    pub fn of(names: &[String], xyz: ArrayView2<'_, f64>) -> BonePoints {
+    pub(crate) fn of(names: &[String], xyz: ArrayView2<'_, f64>) -> BonePoints {
         let is_end = |n: &String| n.strip_suffix("_end").is_some_and(is_bone);
         if names.iter().any(is_end) || siblings_are_together(names, xyz) {
             BonePoints::Starts
@@ -49,7 +49,7 @@ impl BonePoints {
     }
 
     /// The bones at whose ends the points of a table stand.
-    pub fn bone_ends(self, points: &[String]) -> Cow<'_, [String]> {
+    pub(crate) fn bone_ends(self, points: &[String]) -> Cow<'_, [String]> {
         match self {
             BonePoints::Starts => Cow::Owned(bone_ends_of_starts(points)),
             BonePoints::Ends => Cow::Borrowed(points),
@@ -61,7 +61,7 @@ impl BonePoints {
 /// NAME_end the bone NAME. The root stands for itself. Of several points at one place the first has
 /// the name; the others, and what CMU does not know, are named as nothing is, so that they match no
 /// joint.
-pub fn bone_ends_of_starts(names: &[String]) -> Vec<String> {
+pub(crate) fn bone_ends_of_starts(names: &[String]) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(names.len());
     for name in names {
         let bone = match name.strip_suffix("_end").filter(|n| is_bone(n)) {

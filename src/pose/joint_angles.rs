@@ -16,7 +16,7 @@ pub struct JointAngles {
 
 impl JointAngles {
     /// Reverses the order of the product.
-    pub fn reverse(&mut self) {
+    pub(crate) fn reverse(&mut self) {
         self.axes.reverse();
         self.angles.invert_axis(ndarray::Axis(1));
     }

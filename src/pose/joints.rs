@@ -32,7 +32,7 @@ pub const CMU: [&str; 23] = [
 ];
 
 /// The parent of each joint of [`CMU`]; the root is its own.
-pub const CMU_PARENT: [usize; 23] = [
+pub(crate) const CMU_PARENT: [usize; 23] = [
     0, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 12, 13, 11, 15, 16, 17, 11, 19, 20, 21,
 ];
 
@@ -48,7 +48,7 @@ pub const PAPER_SIX: [&str; 6] = [
 
 /// The indices of the six joints of the paper's completion test; `None` unless all six are among
 /// the points.
-pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
+pub(crate) fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
     let found = PAPER_SIX.map(|name| points.iter().position(|p| p == name));
     found
         .iter()
@@ -58,7 +58,7 @@ pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
 
 /// How a body divides into parts.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BodyParts {
+pub(crate) struct BodyParts {
     /// The coordinates of each part; the first is the whole body.
     pub parts: Vec<Vec<usize>>,
     /// Sets of parts that cover every coordinate once.
@@ -73,7 +73,7 @@ const LIMBS: [&str; 4] = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle"];
 ///
 /// Points that CMU's skeleton does not have make a single part, the whole; so do points that leave
 /// a part empty.
-pub fn body_parts(points: &[String]) -> BodyParts {
+pub(crate) fn body_parts(points: &[String]) -> BodyParts {
     // 0 the trunk, 1 to 4 the limbs.
     let limb_of = |name: &String| {
         let mut at = CMU.iter().position(|c| c == name)?;
@@ -124,7 +124,7 @@ pub fn body_parts(points: &[String]) -> BodyParts {
 }
 
 /// Which points are among [`PAPER_SIX`].
-pub fn few_observed(points: &[String]) -> Vec<bool> {
+pub(crate) fn few_observed(points: &[String]) -> Vec<bool> {
     let known = |name: &String| PAPER_SIX.contains(&name.as_str());
     points.iter().map(known).collect()
 }
@@ -139,7 +139,7 @@ pub fn cmu_names() -> Vec<String> {
 /// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is
 /// `root`. `None` for the root, for names CMU does not know and for those with no ancestor in the
 /// list.
-pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
+pub(crate) fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
     names
         .iter()
         .map(|name| {

@@ -32,7 +32,7 @@ pub enum Space {
 
 impl Skeleton {
     /// Sets the root's values so that the posture stands in `space`.
-    pub fn move_root_to(&self, q: &mut [f64], space: Space) {
+    pub(crate) fn move_root_to(&self, q: &mut [f64], space: Space) {
         for (dof, value) in self.bones()[0].dofs.iter().zip(q) {
             if space == Space::Body || (space == Space::Root && !dof.channel.is_angle()) {
                 *value = -dof.offset;
@@ -48,13 +48,13 @@ impl Skeleton {
     }
 
     /// [`Skeleton::posture`] into an old posture, without allocating.
-    pub fn posture_into(&self, q: &[f64], out: &mut Posture) {
+    pub(crate) fn posture_into(&self, q: &[f64], out: &mut Posture) {
         self.posture_where(|_| true, q, out);
     }
 
     /// [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents,
     /// too (see [`Skeleton::ancestors`]); the others stand at the origin.
-    pub fn posture_of_bones(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
+    pub(crate) fn posture_of_bones(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
         self.posture_where(|i| wanted[i], q, out);
     }
 
@@ -103,7 +103,7 @@ impl Skeleton {
     }
 
     /// How each value moves what it moves, at the posture of the values `q`.
-    pub fn dof_motions(&self, q: &[f64], posture: &Posture, out: &mut Vec<DofMotion>) {
+    pub(crate) fn dof_motions(&self, q: &[f64], posture: &Posture, out: &mut Vec<DofMotion>) {
         out.clear();
         for (i, bone) in self.bones().iter().enumerate() {
             let before = (bone.parent).map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
@@ -135,7 +135,7 @@ impl Skeleton {
 
 /// How a value moves the ends of its own bone and of those below it.
 #[derive(Debug, Clone, Copy)]
-pub enum DofMotion {
+pub(crate) enum DofMotion {
     /// A turn about an axis of unit length through a point, radians.
     Turn {
         /// The axis.
@@ -149,7 +149,7 @@ pub enum DofMotion {
 
 impl DofMotion {
     /// The derivative of the place of what is at `place` by the value: a column of the Jacobian.
-    pub fn derivative(&self, place: DVec3) -> DVec3 {
+    pub(crate) fn derivative(&self, place: DVec3) -> DVec3 {
         match *self {
             DofMotion::Turn { axis, about } => axis.cross(place - about),
             DofMotion::Slide(along) => along,

@@ -1,28 +1,28 @@
 //! The spine: points, skeletons, poses, rotations, kinematics. No I/O, no flags.
 
-pub mod body;
-pub mod bone_points;
-pub mod joint_angles;
+pub(crate) mod body;
+pub(crate) mod bone_points;
+pub(crate) mod joint_angles;
 pub mod joints;
 pub mod kinematics;
-pub mod name_map;
-pub mod observation;
+pub(crate) mod name_map;
+pub(crate) mod observation;
 pub mod one_take;
-pub mod placement;
-pub mod poses;
+pub(crate) mod placement;
+pub(crate) mod poses;
 pub mod rotation;
 pub mod similarity;
-pub mod skeleton;
+pub(crate) mod skeleton;
 mod smpl_joints;
-pub mod status;
-pub mod stray;
-pub mod transform;
-pub mod trimming;
+pub(crate) mod status;
+pub(crate) mod stray;
+pub(crate) mod transform;
+pub(crate) mod trimming;
 pub mod units;
 
 pub use body::Body;
-pub use bone_points::BonePoints;
-pub use joint_angles::JointAngles;
+pub(crate) use bone_points::BonePoints;
+pub(crate) use joint_angles::JointAngles;
 pub use kinematics::Space;
 pub use name_map::{NameFinder, NameMap, PointNaming};
 pub use observation::Observation;

@@ -24,7 +24,7 @@ static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
 
 /// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
 /// other places.
-pub const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
+pub(crate) const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
 
 /// The points that a map must find to be taken without being named: hips, knees, ankles, shoulders,
 /// elbows and wrists.
@@ -70,7 +70,7 @@ impl NameMap {
     /// The shipped map that fits the `points` best: by the share of its names that are there, then
     /// by their number, then by its own name. It has hips, knees, ankles, shoulders, elbows and
     /// wrists; `None` also where two people have them.
-    pub fn fitting(points: &[String]) -> Option<&'static NameMap> {
+    pub(crate) fn fitting(points: &[String]) -> Option<&'static NameMap> {
         let fits = SHIPPED.iter().filter_map(|map| {
             let columns = map.columns(points);
             let is_one = !map.finder(points).is_ambiguous();
@@ -82,14 +82,14 @@ impl NameMap {
 
     /// The shipped map of which the `points` have most, as [`NameMap::fitting`] ranks them, and how
     /// many names; `None` where they have none.
-    pub fn nearest(points: &[String]) -> Option<(&'static NameMap, usize)> {
+    pub(crate) fn nearest(points: &[String]) -> Option<(&'static NameMap, usize)> {
         let found = |map: &'static NameMap| (map, map.columns(points).len());
         let map = best(SHIPPED.iter().map(found).filter(|(_, found)| *found > 0))?;
         Some(found(map))
     }
 
     /// Says what may help points that no model knows: the nearest shipped map, and the flag.
-    pub fn advice(points: &[String]) -> String {
+    pub(crate) fn advice(points: &[String]) -> String {
         let shipped: Vec<&str> = SHIPPED.iter().map(|map| map.name.as_str()).collect();
         let flag = "say which are which with the option `map NAME|FILE.toml`";
         match NameMap::nearest(points) {
@@ -113,7 +113,7 @@ impl NameMap {
     }
 
     /// The column of each point of the model among the `points`.
-    pub fn columns(&self, points: &[String]) -> BTreeMap<&str, usize> {
+    pub(crate) fn columns(&self, points: &[String]) -> BTreeMap<&str, usize> {
         let finder = self.finder(points);
         let joints = self.joints.iter();
         joints
@@ -126,7 +126,7 @@ impl NameMap {
     }
 
     /// The names of the map that are not among the `points`.
-    pub fn missing(&self, points: &[String]) -> Vec<&str> {
+    pub(crate) fn missing(&self, points: &[String]) -> Vec<&str> {
         let finder = self.finder(points);
         let names = self.joints.values();
         names
@@ -137,7 +137,7 @@ impl NameMap {
 
     /// The names by which the model knows the `points`; those that the map does not name are named
     /// as nothing is.
-    pub fn model_names(&self, points: &[String]) -> Vec<String> {
+    pub(crate) fn model_names(&self, points: &[String]) -> Vec<String> {
         let columns = self.columns(points);
         let name = |(p, point): (usize, &String)| {
             let mut columns = columns.iter();
@@ -178,7 +178,10 @@ pub struct NameFinder<'p> {
 
 impl<'p> NameFinder<'p> {
     /// A finder of `names`, each of which may be several with `|` between them.
-    pub fn new<'n>(points: &'p [String], names: impl Iterator<Item = &'n str>) -> NameFinder<'p> {
+    pub(crate) fn new<'n>(
+        points: &'p [String],
+        names: impl Iterator<Item = &'n str>,
+    ) -> NameFinder<'p> {
         let folded: Vec<String> = points.iter().map(|p| fold(p)).collect();
         // By prefix, the names that are there, and where the first stands.
         let mut prefixes: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
@@ -210,13 +213,13 @@ impl<'p> NameFinder<'p> {
     }
 
     /// Whether the names stand there twice, or half of them: for two people.
-    pub fn is_ambiguous(&self) -> bool {
+    pub(crate) fn is_ambiguous(&self) -> bool {
         let [most, next] = self.found;
         next > 1 && 2 * next >= most
     }
 
     /// The point of a name, or of the first of several that is there.
-    pub fn find(&self, name: &str) -> Option<usize> {
+    pub(crate) fn find(&self, name: &str) -> Option<usize> {
         let literal = self.points.iter().position(|p| p == name);
         let literal = literal.filter(|_| self.prefix.is_empty());
         literal.or_else(|| name.split('|').find_map(|name| self.find_one(name)))
@@ -261,7 +264,7 @@ impl PointNaming {
     /// The naming of `points` (frames, 3 J; cm) for a model that knows the names `known`: that of
     /// the shipped map that fits, if it names more of them than the model knows by their own
     /// names.
-    pub fn of(points: &[String], xyz: ArrayView2<'_, f64>, known: &[String]) -> PointNaming {
+    pub(crate) fn of(points: &[String], xyz: ArrayView2<'_, f64>, known: &[String]) -> PointNaming {
         let bones = BonePoints::of(points, xyz);
         let is_known = |name: &String| known.contains(name);
         let own = bones
@@ -278,7 +281,7 @@ impl PointNaming {
     }
 
     /// The names by which a model of bone ends knows the points.
-    pub fn model_names<'p>(&self, points: &'p [String]) -> Cow<'p, [String]> {
+    pub(crate) fn model_names<'p>(&self, points: &'p [String]) -> Cow<'p, [String]> {
         match self {
             PointNaming::Bones(bones) => bones.bone_ends(points),
             PointNaming::Map(map) => Cow::Owned(map.model_names(points)),

@@ -56,14 +56,14 @@ impl<'a> Observation<'a> {
     }
 
     /// The number of coordinates, 3 J.
-    pub fn dimension(&self) -> usize {
+    pub(crate) fn dimension(&self) -> usize {
         self.values.len()
     }
 
     /// The points of which all three coordinates are observed: the index, the position (cm), and
     /// the precision of a coordinate (1/cm²) if the model leaves `residual_variance` (3 J, cm²)
     /// unexplained.
-    pub fn points(
+    pub(crate) fn points(
         &self,
         residual_variance: &'a [f64],
     ) -> impl Iterator<Item = (usize, DVec3, f64)> + Clone + 'a {
@@ -79,12 +79,12 @@ impl<'a> Observation<'a> {
     }
 
     /// Whether one or two coordinates of some point are observed: the paper's 2-D input.
-    pub fn is_partial(&self) -> bool {
+    pub(crate) fn is_partial(&self) -> bool {
         (0..self.dimension() / 3).any(|p| self.is_point_partial(p))
     }
 
     /// The variances (3 J) if `points` were missing.
-    pub fn variance_without(&self, points: &[usize]) -> Vec<f64> {
+    pub(crate) fn variance_without(&self, points: &[usize]) -> Vec<f64> {
         let mut variance = self.variance.to_vec();
         for p in points {
             variance[3 * p..3 * p + 3].fill(f64::INFINITY);
@@ -94,7 +94,7 @@ impl<'a> Observation<'a> {
 
     /// The partly observed points, if enough points are whole to place the pose by them: at least
     /// six, and no fewer than the partial ones. Empty otherwise, as for a picture.
-    pub fn removable_partial_points(&self) -> Vec<usize> {
+    pub(crate) fn removable_partial_points(&self) -> Vec<usize> {
         let points = 0..self.dimension() / 3;
         let whole = points.clone().filter(|&p| self.count(p) == 3).count();
         let partial: Vec<usize> = points.filter(|&p| self.is_point_partial(p)).collect();
@@ -107,7 +107,7 @@ impl<'a> Observation<'a> {
 
     /// The variances (3 J), each replaced by the mean of its point's three. A rotation mixes the
     /// coordinates of a point.
-    pub fn pointwise_variance(&self) -> Vec<f64> {
+    pub(crate) fn pointwise_variance(&self) -> Vec<f64> {
         self.variance
             .chunks_exact(3)
             .flat_map(|n| [n.iter().sum::<f64>() / 3.0; 3])

@@ -49,12 +49,12 @@ impl Anchor {
     }
 
     /// An anchor of all points, by a mean pose (3 J, cm).
-    pub fn mean(pose: &[f64]) -> Anchor {
+    pub(crate) fn mean(pose: &[f64]) -> Anchor {
         Anchor::of_points(pose, &(0..pose.len() / 3).collect::<Vec<_>>())
     }
 
     /// An anchor of some points of a mean pose (3 J, cm).
-    pub fn of_points(pose: &[f64], points: &[usize]) -> Anchor {
+    pub(crate) fn of_points(pose: &[f64], points: &[usize]) -> Anchor {
         let at = |&i: &usize| (i, DVec3::from_slice(&pose[3 * i..3 * i + 3]), 1.0);
         Anchor {
             root: None,
@@ -63,13 +63,13 @@ impl Anchor {
     }
 
     /// The anchor without points that turn against the others.
-    pub fn rigid_only(mut self) -> Anchor {
+    pub(crate) fn rigid_only(mut self) -> Anchor {
         self.points.retain(|(.., weight)| *weight >= 1.0);
         self
     }
 
     /// The points that place a pose.
-    pub fn points(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn points(&self) -> impl Iterator<Item = usize> {
         self.points.iter().map(|p| p.0)
     }
 
@@ -78,7 +78,7 @@ impl Anchor {
     ///
     /// `None` when the points that the pose shows do not determine it. A pose in place already gets
     /// the identity.
-    pub fn place(&self, pose: &[f64]) -> Option<Similarity> {
+    pub(crate) fn place(&self, pose: &[f64]) -> Option<Similarity> {
         let fitted = self.fit(pose)?;
         let is_at_origin = self.root.is_some() && fitted.shift.length() <= 1e-6;
         let is_in_place =
@@ -92,7 +92,7 @@ impl Anchor {
 
     /// Places a pose like [`Anchor::place`], but fits one that is in place too: frames of a take
     /// that turns through there stay continuous.
-    pub fn fit(&self, pose: &[f64]) -> Option<Similarity> {
+    pub(crate) fn fit(&self, pose: &[f64]) -> Option<Similarity> {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
         let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());
         let Some(root) = self.root.map(at).filter(|r| r.is_finite()) else {

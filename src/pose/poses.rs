@@ -19,7 +19,9 @@ pub struct Poses {
 
 impl Poses {
     /// Poses without points: only the times and the takes of frames.
-    pub fn without_points(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
+    pub(crate) fn without_points(
+        frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>,
+    ) -> Poses {
         let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
         Poses {
             time: time.into_iter().collect(),
@@ -57,14 +59,14 @@ impl Poses {
     }
 
     /// [`Poses::rate`] of some frames, such as those of one take.
-    pub fn rate_within(&self, frames: Range<usize>) -> Option<f64> {
+    pub(crate) fn rate_within(&self, frames: Range<usize>) -> Option<f64> {
         let time = self.time.as_deref()?.get(frames.clone())?;
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
     /// The runs of consecutive frames, each with the frames per second of its take; `rates` are
     /// those of the takes.
-    pub fn timed_runs(&self, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {
+    pub(crate) fn timed_runs(&self, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {
         let takes = self.takes();
         let timed = |run: Range<usize>| {
             let take = takes.partition_point(|take| take.end <= run.start);
@@ -76,7 +78,7 @@ impl Poses {
     /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The
     /// rounded times of a short take determine its rate badly: a take gets the rate of a longer
     /// take if its times are consistent with that rate. So many rates are compared at most: 64.
-    pub fn rates(&self) -> Vec<Option<f64>> {
+    pub(crate) fn rates(&self) -> Vec<Option<f64>> {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
         longest.sort_by_key(|&take| std::cmp::Reverse(takes[take].len()));
@@ -97,7 +99,7 @@ impl Poses {
 
     /// Whether the times of some frames are consistent with `rate` frames a second, given their
     /// rounding. True without times.
-    pub fn is_consistent_with_rate(&self, frames: Range<usize>, rate: f64) -> bool {
+    pub(crate) fn is_consistent_with_rate(&self, frames: Range<usize>, rate: f64) -> bool {
         let time = self.time.as_deref().and_then(|t| t.get(frames.clone()));
         time.is_none_or(|time| allows(time, |i| self.same_take(frames.start + i), rate))
     }
@@ -215,7 +217,7 @@ const CLOSE: f64 = 1e-4;
 const MOST_UNSURE: f64 = 5e-3;
 
 /// The nearest whole rate, or NTSC rate (n/1.001), when it is within 1e-4 of it.
-pub fn round_rate(rate: f64) -> f64 {
+pub(crate) fn round_rate(rate: f64) -> f64 {
     near_rate(rate, CLOSE)
 }
 

@@ -17,15 +17,15 @@ pub enum Axis {
 
 impl Axis {
     /// 0, 1 or 2.
-    pub fn index(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         self as usize
     }
     /// The unit vector along the axis.
-    pub fn unit(self) -> DVec3 {
+    pub(crate) fn unit(self) -> DVec3 {
         DVec3::AXES[self.index()]
     }
     /// `x`, `y` or `z` in either case.
-    pub fn parse(letter: char) -> Option<Axis> {
+    pub(crate) fn parse(letter: char) -> Option<Axis> {
         match letter.to_ascii_lowercase() {
             'x' => Some(Axis::X),
             'y' => Some(Axis::Y),
@@ -34,7 +34,7 @@ impl Axis {
         }
     }
     /// The rotation about this axis.
-    pub fn rotation(self, angle: f64) -> DMat3 {
+    pub(crate) fn rotation(self, angle: f64) -> DMat3 {
         match self {
             Axis::X => DMat3::from_rotation_x(angle),
             Axis::Y => DMat3::from_rotation_y(angle),
@@ -55,7 +55,7 @@ pub fn parse_order(text: &str) -> Option<[Axis; 3]> {
 }
 
 /// The rotation that turns about the first axis first: `R = R_last … R_first` (the ASF convention).
-pub fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
+pub(crate) fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
     order
         .iter()
         .zip(angles)
@@ -69,7 +69,7 @@ pub fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
 /// smallest largest step from `near` is taken, so that following a motion never jumps by more than
 /// half a turn. At the poles (`b` a quarter turn) only `a + c` or `a - c` is determined: `c` keeps
 /// its value from `near`.
-pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
+pub(crate) fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
     let [i, j, k] = order.map(Axis::index);
     // +1 for an even order (xyz, yzx, zxy), -1 for an odd one.
     let e = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
@@ -110,13 +110,13 @@ pub fn is_rotation(matrix: DMat3, tolerance: f64) -> bool {
 }
 
 /// `angle` plus whole turns, as close to `near` as it gets.
-pub fn nearest_equivalent_angle(angle: f64, near: f64) -> f64 {
+pub(crate) fn nearest_equivalent_angle(angle: f64, near: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     angle + ((near - angle) / turn).round() * turn
 }
 
 /// The matrix `[v]x` with `[v]x u = v × u`.
-pub fn cross_matrix(v: DVec3) -> DMat3 {
+pub(crate) fn cross_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(
         DVec3::new(0.0, v.z, -v.y),
         DVec3::new(-v.z, 0.0, v.x),
@@ -125,7 +125,7 @@ pub fn cross_matrix(v: DVec3) -> DMat3 {
 }
 
 /// The rotation by the vector `v`: about its direction, by its length.
-pub fn from_rotation_vector(v: DVec3) -> DMat3 {
+pub(crate) fn from_rotation_vector(v: DVec3) -> DMat3 {
     let angle = v.length();
     if angle < 1e-12 {
         return DMat3::IDENTITY + cross_matrix(v);
@@ -138,7 +138,7 @@ pub fn from_rotation_vector(v: DVec3) -> DMat3 {
 ///
 /// The angle is found by its sine and cosine both, the axis near π from the symmetric part: an arc
 /// cosine loses half of the digits at both ends.
-pub fn rotation_vector(r: &DMat3) -> DVec3 {
+pub(crate) fn rotation_vector(r: &DMat3) -> DVec3 {
     let skew = DVec3::new(
         r.y_axis.z - r.z_axis.y,
         r.z_axis.x - r.x_axis.z,
@@ -163,7 +163,7 @@ pub fn rotation_vector(r: &DMat3) -> DVec3 {
 /// How the rotation vector v of a rotation changes when the rotation is turned further by a small
 /// vector d in its own frame: log(exp(v) exp(d)) ≈ v + J d (the inverse of the right Jacobian).
 /// Finite up to and at a length of π.
-pub fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
+pub(crate) fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
     let angle = v.length();
     let square = match angle < 1e-4 {
         true => 1.0 / 12.0,
@@ -191,7 +191,7 @@ pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
 ///
 /// `None` when a vector has no direction. Opposite directions turn about an axis chosen from `from`
 /// alone.
-pub fn shortest_arc(from: DVec3, to: DVec3) -> Option<DMat3> {
+pub(crate) fn shortest_arc(from: DVec3, to: DVec3) -> Option<DMat3> {
     let (f, t) = (from.try_normalize()?, to.try_normalize()?);
     let axis = f.cross(t);
     let (sin, cos) = (axis.length(), f.dot(t));
@@ -208,12 +208,12 @@ pub fn shortest_arc(from: DVec3, to: DVec3) -> Option<DMat3> {
 }
 
 /// R = Rz Ry Rx.
-pub fn rotation_zyx(tau: DVec3) -> DMat3 {
+pub(crate) fn rotation_zyx(tau: DVec3) -> DMat3 {
     DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
 }
 
 /// dR/dτx = Rz Ry Rx \[ex\]×, dR/dτy = Rz Ry \[ey\]× Rx, dR/dτz = \[ez\]× R.
-pub fn rotation_zyx_derivatives(tau: DVec3) -> [DMat3; 3] {
+pub(crate) fn rotation_zyx_derivatives(tau: DVec3) -> [DMat3; 3] {
     let (x, y, z) = (
         DMat3::from_rotation_x(tau.x),
         DMat3::from_rotation_y(tau.y),
@@ -227,7 +227,7 @@ pub fn rotation_zyx_derivatives(tau: DVec3) -> [DMat3; 3] {
 }
 
 /// The angles τ with R(τ) R_start = R.
-pub fn angles_zyx_between(start: &DMat3, now: &DMat3) -> DVec3 {
+pub(crate) fn angles_zyx_between(start: &DMat3, now: &DMat3) -> DVec3 {
     let relative = *now * start.transpose();
     let order = parse_order("zyx").unwrap_or([Axis::Z; 3]);
     let [z, y, x] = decompose(&relative, order, [0.0; 3]);

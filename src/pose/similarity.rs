@@ -28,11 +28,11 @@ impl Similarity {
     };
 
     /// Where `x` is carried.
-    pub fn apply(&self, x: DVec3) -> DVec3 {
+    pub(crate) fn apply(&self, x: DVec3) -> DVec3 {
         self.rotation * x * self.scale + self.shift
     }
     /// Where `y` came from.
-    pub fn undo(&self, y: DVec3) -> DVec3 {
+    pub(crate) fn undo(&self, y: DVec3) -> DVec3 {
         self.rotation.transpose() * (y - self.shift) / self.scale
     }
     /// Applies the similarity to a pose of 3 J numbers (missing values stay missing).
@@ -123,7 +123,7 @@ pub fn fit_similarity(
 
 /// The rotation R that maximizes `trace(R M)` for `M = Σ w a bᵀ`, that maximum, and whether R is
 /// unique.
-pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
+pub(crate) fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
     // S_ab = Σ w a b in Horn's notation; glam is column-major, so col(b)[a] = S_ab.
     let s = |a: usize, b: usize| m.col(b)[a];
     let (xx, yy, zz) = (s(0, 0), s(1, 1), s(2, 2));
@@ -164,7 +164,7 @@ pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
 }
 
 /// Eigenvalues and unit eigenvectors of a small symmetric matrix, by Jacobi's rotations.
-pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+pub(crate) fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut v = [[0.0; N]; N];
     for (i, row) in v.iter_mut().enumerate() {
         row[i] = 1.0;

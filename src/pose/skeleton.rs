@@ -17,7 +17,7 @@ pub enum Channel {
 
 impl Channel {
     /// `tx ty tz rx ry rz l` in either case.
-    pub fn parse(text: &str) -> Option<Channel> {
+    pub(crate) fn parse(text: &str) -> Option<Channel> {
         let mut letters = text.chars();
         let (kind, axis) = (letters.next()?, letters.next());
         match (kind.to_ascii_lowercase(), axis, letters.next()) {
@@ -28,7 +28,7 @@ impl Channel {
         }
     }
     /// Whether the channel is an angle.
-    pub fn is_angle(self) -> bool {
+    pub(crate) fn is_angle(self) -> bool {
         matches!(self, Channel::Rotate(_))
     }
 }
@@ -46,7 +46,7 @@ pub struct Dof {
 
 impl Dof {
     /// A degree of freedom without limits and offset.
-    pub fn free(channel: Channel) -> Dof {
+    pub(crate) fn free(channel: Channel) -> Dof {
         Dof {
             channel,
             limits: None,
@@ -112,7 +112,7 @@ impl Skeleton {
     ///
     /// # Errors
     /// [`Error::Usage`]: the bones are no such tree.
-    pub fn new(bones: Vec<Bone>) -> Result<Skeleton> {
+    pub(crate) fn new(bones: Vec<Bone>) -> Result<Skeleton> {
         let fail = |what: String| Err(Error::usage(format!("not a skeleton: {what}")));
         for (i, bone) in bones.iter().enumerate() {
             match bone.parent {
@@ -150,7 +150,7 @@ impl Skeleton {
         &self.rest
     }
     /// Whether each bone is an ancestor of a joint of `joints`, or that joint itself.
-    pub fn ancestors(&self, joints: &[usize]) -> Vec<bool> {
+    pub(crate) fn ancestors(&self, joints: &[usize]) -> Vec<bool> {
         let mut above = vec![false; self.bones.len()];
         for &joint in joints {
             above[joint] = true;
@@ -172,7 +172,7 @@ impl Skeleton {
     }
 
     /// For each of some bones, the one of them that is nearest above it.
-    pub fn nearest_above(&self, bones: &[usize]) -> Vec<Option<usize>> {
+    pub(crate) fn nearest_above(&self, bones: &[usize]) -> Vec<Option<usize>> {
         let parent = |bone: &usize| self.bones()[*bone].parent;
         let above = |bone: &usize| std::iter::successors(parent(bone), |b| parent(b));
         let nearest = |bone: &usize| above(bone).find_map(|b| bones.iter().position(|&o| o == b));
@@ -184,7 +184,7 @@ impl Skeleton {
         self.bones.iter().position(|b| b.name == name)
     }
     /// The limits of every value, infinite where there are none.
-    pub fn limits(&self) -> Vec<(f64, f64)> {
+    pub(crate) fn limits(&self) -> Vec<(f64, f64)> {
         let open = (f64::NEG_INFINITY, f64::INFINITY);
         self.bones
             .iter()
@@ -194,7 +194,7 @@ impl Skeleton {
     }
     /// Values of the same posture as `q`, with whole turns added so that each angle is as close to
     /// that of `near` as it gets.
-    pub fn nearest_equivalent(&self, q: &[f64], near: &[f64]) -> Vec<f64> {
+    pub(crate) fn nearest_equivalent(&self, q: &[f64], near: &[f64]) -> Vec<f64> {
         let dofs = self.bones.iter().flat_map(|b| &b.dofs);
         (q.iter().zip(near).zip(dofs))
             .map(|((&q, &near), dof)| match dof.channel.is_angle() {

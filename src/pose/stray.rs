@@ -22,7 +22,7 @@ const MOST_STRAY: usize = 50;
 
 /// A point that stands apart from all others.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointApart {
+pub(crate) struct PointApart {
     /// The point.
     pub point: usize,
     /// How far it is from the middle of all points, in the median over the frames, cm.
@@ -34,7 +34,7 @@ pub struct PointApart {
 /// The points of frames x 3 J numbers, cm, that are farther than `reach` (cm) from the middle of
 /// all, and much farther than all others are; none where fewer than seven others stand together.
 /// The middle of a frame is the median of each coordinate.
-pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
+pub(crate) fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
     let places = places(xyz);
     let mut far: Vec<(f64, usize)> = (places.iter().enumerate())
         .filter_map(|(p, place)| Some((place.as_ref()?.1, p)))

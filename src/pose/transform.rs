@@ -22,7 +22,7 @@ pub enum PoseTransform {
 
 impl PoseTransform {
     /// The transform from one body to another.
-    pub fn reshape(from: &Body, to: &Body) -> PoseTransform {
+    pub(crate) fn reshape(from: &Body, to: &Body) -> PoseTransform {
         PoseTransform::Reshape {
             order: from.order(),
             ratios: from.ratios_to(to),
@@ -31,7 +31,7 @@ impl PoseTransform {
     }
 
     /// Whether the transform changes nothing.
-    pub fn is_identity(&self) -> bool {
+    pub(crate) fn is_identity(&self) -> bool {
         match self {
             PoseTransform::Reshape { ratios, .. } => ratios.iter().all(|r| *r == 1.0),
             PoseTransform::Rotate(r) => *r == DMat3::IDENTITY,
@@ -39,7 +39,7 @@ impl PoseTransform {
     }
 
     /// The inverse transform.
-    pub fn inverse(&self) -> PoseTransform {
+    pub(crate) fn inverse(&self) -> PoseTransform {
         match self {
             PoseTransform::Reshape {
                 body,
@@ -55,7 +55,7 @@ impl PoseTransform {
     }
 
     /// Transforms a pose (3 J) into `out` (3 J).
-    pub fn apply(&self, pose: &[f64], out: &mut [f64]) {
+    pub(crate) fn apply(&self, pose: &[f64], out: &mut [f64]) {
         match self {
             PoseTransform::Reshape {
                 body,
@@ -71,7 +71,7 @@ impl PoseTransform {
     }
 
     /// Transforms each row of (poses, 3 J).
-    pub fn apply_rows(&self, poses: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn apply_rows(&self, poses: ArrayView2<'_, f64>) -> Array2<f64> {
         let mut out = Array2::zeros(poses.dim());
         let mut pose = vec![0.0; poses.ncols()];
         let mut mapped = pose.clone();
@@ -84,7 +84,7 @@ impl PoseTransform {
     }
 
     /// Transforms a covariance (3 J, 3 J): `T Σ Tᵀ`.
-    pub fn apply_covariance(&self, covariance: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn apply_covariance(&self, covariance: ArrayView2<'_, f64>) -> Array2<f64> {
         let half = self.apply_rows(covariance);
         self.apply_rows(half.t()).reversed_axes()
     }

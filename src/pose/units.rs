@@ -41,7 +41,7 @@ impl LengthUnit {
     }
 
     /// The unit of a word in a file, such as `mm` or `Millimeters`.
-    pub fn of_word(word: &str) -> Option<LengthUnit> {
+    pub(crate) fn of_word(word: &str) -> Option<LengthUnit> {
         let word = word.trim().to_ascii_lowercase().replace("tre", "ter");
         Some(match word.as_str() {
             "mm" | "millimeters" | "millimeter" => LengthUnit::Mm,
@@ -88,7 +88,7 @@ names!(UpAxis {
 
 impl UpAxis {
     /// The axis of a word in a file, such as `+Z`; an axis that points down is none.
-    pub fn of_word(word: &str) -> Option<UpAxis> {
+    pub(crate) fn of_word(word: &str) -> Option<UpAxis> {
         Some(match word.trim().to_ascii_lowercase().as_str() {
             "+x" | "x" => UpAxis::X,
             "+y" | "y" => UpAxis::Y,
@@ -105,7 +105,7 @@ impl UpAxis {
     }
 
     /// Turns a point of the file into one with y up (right-handed both).
-    pub fn to_y(self, p: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn to_y(self, p: [f64; 3]) -> [f64; 3] {
         match self {
             UpAxis::X => [-p[1], p[0], p[2]],
             UpAxis::Y => p,
@@ -114,7 +114,7 @@ impl UpAxis {
     }
 
     /// Turns a point with y up into one of the file.
-    pub fn from_y(self, p: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn from_y(self, p: [f64; 3]) -> [f64; 3] {
         match self {
             UpAxis::X => [p[1], -p[0], p[2]],
             UpAxis::Y => p,
@@ -140,7 +140,7 @@ impl Units {
     };
 
     /// Converts the points of a frame to centimeters, y up.
-    pub fn read(self, xyz: &mut [f64]) {
+    pub(crate) fn read(self, xyz: &mut [f64]) {
         if self != Units::CM_Y {
             let scale = self.unit.centimeters();
             for p in xyz.chunks_exact_mut(3) {
@@ -150,12 +150,12 @@ impl Units {
     }
 
     /// Converts all frames (frames, 3 P) to centimeters, y up.
-    pub fn read_frames(self, xyz: &mut Array2<f64>) {
+    pub(crate) fn read_frames(self, xyz: &mut Array2<f64>) {
         Units::convert(xyz, |row| self.read(row));
     }
 
     /// Converts all frames (frames, 3 P) from centimeters, y up.
-    pub fn write_frames(self, xyz: &mut Array2<f64>) {
+    pub(crate) fn write_frames(self, xyz: &mut Array2<f64>) {
         Units::convert(xyz, |row| self.write(row));
     }
 
@@ -168,7 +168,7 @@ impl Units {
     }
 
     /// Converts the points of a frame from centimeters, y up.
-    pub fn write(self, xyz: &mut [f64]) {
+    pub(crate) fn write(self, xyz: &mut [f64]) {
         if self != Units::CM_Y {
             for p in xyz.chunks_exact_mut(3) {
                 let own = self.up.from_y([p[0], p[1], p[2]]);
@@ -178,7 +178,7 @@ impl Units {
     }
 
     /// A length of so many centimeters.
-    pub fn length(self, cm: f64) -> f64 {
+    pub(crate) fn length(self, cm: f64) -> f64 {
         cm / self.unit.centimeters()
     }
 }

@@ -5,14 +5,14 @@
 //! noise, outliers and gaps are all variances, so denoising and completing are the same question.
 
 mod builtin;
-pub mod exemplar;
+pub(crate) mod exemplar;
 mod model_arrays;
 pub mod multiscale;
 mod noise_cache;
 pub mod provenance;
 #[cfg(feature = "published")]
 pub mod published;
-pub mod registry;
+pub(crate) mod registry;
 mod representative_poses;
 pub mod rigid_pairs;
 pub mod sparse_coding;
@@ -31,7 +31,7 @@ pub use sparse_coding::SparseCodingPrior;
 pub use training_set::{HoldBack, TrainOptions, TrainingSet};
 pub use tuning::Task;
 
-pub use crate::numeric::gaussian::EXACT_VARIANCE;
+pub(crate) use crate::numeric::gaussian::EXACT_VARIANCE;
 
 /// Observations of a batch that one thread answers at a time.
 const CHUNK: usize = 32;
@@ -80,7 +80,7 @@ pub struct Posterior {
 
 impl Posterior {
     /// A posterior with its full covariance (3 J, 3 J).
-    pub fn full(mean: Vec<f64>, covariance: Array2<f64>, log_evidence: f64) -> Posterior {
+    pub(crate) fn full(mean: Vec<f64>, covariance: Array2<f64>, log_evidence: f64) -> Posterior {
         Posterior {
             mean,
             variance: covariance.diag().to_vec(),
@@ -200,7 +200,7 @@ pub trait Prior: Send + Sync {
 
 /// Computes the posteriors of observations in the rows of `values` (n, 3 J) and `variance` (n, 3
 /// J).
-pub fn posterior_rows<P: Prior + ?Sized>(
+pub(crate) fn posterior_rows<P: Prior + ?Sized>(
     prior: &P,
     values: ArrayView2<'_, f64>,
     variance: ArrayView2<'_, f64>,

@@ -5,13 +5,13 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Values by the bits of the variances. Clones share one cache.
-pub struct NoiseCache<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
+pub(crate) struct NoiseCache<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
 
 impl<T> NoiseCache<T> {
     /// The value of this noise pattern, made now unless it is cached. A full cache (`most`
     /// patterns) is emptied first. Callers share one value, so lazily computed parts of it are
     /// computed once.
-    pub fn get(&self, noise: &[f64], most: usize, make: impl FnOnce() -> T) -> Arc<T> {
+    pub(crate) fn get(&self, noise: &[f64], most: usize, make: impl FnOnce() -> T) -> Arc<T> {
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
         let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = lock().get(&key) {

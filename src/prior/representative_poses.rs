@@ -5,7 +5,7 @@ use crate::cluster;
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Number of representative poses of a model.
-pub const TYPICAL: usize = 32;
+pub(crate) const TYPICAL: usize = 32;
 /// Largest number of poses they are chosen from, evenly spaced.
 const TYPICAL_FROM: usize = 20_000;
 
@@ -13,7 +13,7 @@ const TYPICAL_FROM: usize = 20_000;
 ///
 /// # Errors
 /// Data: no poses.
-pub fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+pub(crate) fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
     let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
     let poses = xyz.select(Axis(0), &some);

@@ -50,7 +50,7 @@ pub struct RigidPairs {
 impl RigidPairs {
     /// Learns them from poses (m, 3 J) of some takes. None where nothing is rigid, or where takes
     /// are single frames.
-    pub fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidPairs {
+    pub(crate) fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidPairs {
         let points = xyz.ncols() / 3;
         let sampled: Vec<Vec<usize>> = sample(takes);
         if !(2..=MOST.2).contains(&points) || sampled.is_empty() {
@@ -91,7 +91,7 @@ impl RigidPairs {
 
     /// What parts agree on that were learned from other poses of the same points, `weights` being
     /// their numbers of poses: the pairs that are rigid in all of them, and the bodies of each.
-    pub fn joined(parts: &[RigidPairs], weights: &[f64]) -> RigidPairs {
+    pub(crate) fn joined(parts: &[RigidPairs], weights: &[f64]) -> RigidPairs {
         let at = |part: &RigidPairs, ends| part.pairs.iter().position(|p| p.ends == ends);
         let mut found: Vec<(Pair, Vec<f64>)> = Vec::new();
         for pair in parts.first().map_or(&[][..], |first| &first.pairs) {
@@ -118,13 +118,13 @@ impl RigidPairs {
     }
 
     /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
     /// The pairs of a body that is the model's carried by a map: each length as much longer as in
     /// `to` (t, 3 J), which are the poses `from` carried by it.
-    pub fn mapped(&self, from: ArrayView2<'_, f64>, to: ArrayView2<'_, f64>) -> RigidPairs {
+    pub(crate) fn mapped(&self, from: ArrayView2<'_, f64>, to: ArrayView2<'_, f64>) -> RigidPairs {
         let mut out = self.clone();
         let rows = from.nrows().min(to.nrows());
         for (k, pair) in self.pairs.iter().enumerate() {
@@ -151,7 +151,7 @@ impl RigidPairs {
     /// Stores them as the arrays `rigid` (n, 4: both points, standard deviation, whether still) and
     /// `rigid_lengths` (bodies, 1 + n: the body's share first). Nothing is stored where nothing
     /// is rigid.
-    pub fn write(&self, model: &mut Model) {
+    pub(crate) fn write(&self, model: &mut Model) {
         if self.is_empty() {
             return;
         }

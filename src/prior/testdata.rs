@@ -5,7 +5,7 @@ use crate::pose::Observation;
 use ndarray::{Array2, ArrayView2};
 
 /// Short calls of a prior.
-pub trait PriorExt {
+pub(crate) trait PriorExt {
     /// The posterior with its covariance.
     fn full(&self, values: &[f64], variance: &[f64]) -> Posterior;
     /// The posteriors of observations in rows (n, 3 J), with their covariances.
@@ -39,7 +39,7 @@ impl<P: Prior + ?Sized> PriorExt for P {
 
 /// Nearly normal numbers: sums of twelve uniform ones (Park and Miller 1988, their "minimal
 /// standard").
-pub fn normal(n: usize, d: usize, seed: u64) -> Array2<f64> {
+pub(crate) fn normal(n: usize, d: usize, seed: u64) -> Array2<f64> {
     let mut x = seed;
     let mut uniform = || {
         x = x * 16807 % 2_147_483_647;
@@ -49,21 +49,21 @@ pub fn normal(n: usize, d: usize, seed: u64) -> Array2<f64> {
 }
 
 /// L (2, 9) of [`factors`].
-pub fn loading() -> Array2<f64> {
+pub(crate) fn loading() -> Array2<f64> {
     Array2::from_shape_fn((2, 9), |(k, c)| {
         4.0 * (1.0 + 8.0 * k as f64 + c as f64).sin()
     })
 }
 
 /// 600 poses of one analyzer of two factors, with a noise of deviation 0.5 + 0.1 c in coordinate c.
-pub fn factors() -> Array2<f32> {
+pub(crate) fn factors() -> Array2<f32> {
     let noise = normal(600, 9, 2);
     let own = Array2::from_shape_fn((600, 9), |(i, c)| noise[[i, c]] * (0.5 + 0.1 * c as f64));
     (normal(600, 2, 1).dot(&loading()) + own).mapv(|v| v as f32)
 }
 
 /// 900 poses of three overlapping Gaussians in turn, each wider than the one before.
-pub fn blobs() -> Array2<f32> {
+pub(crate) fn blobs() -> Array2<f32> {
     let mut x = normal(900, 6, 3);
     for (i, mut row) in x.rows_mut().into_iter().enumerate() {
         let j = (i % 3) as f64;

@@ -16,7 +16,7 @@ const JUDGED_FRAMES: usize = 50;
 const JUDGED_NOISE: f64 = 0.3;
 
 /// A model's prior and rigid distances, carried to the body of one take.
-pub struct AdaptedPrior<'a> {
+pub(crate) struct AdaptedPrior<'a> {
     /// The model, and the points of the table that are its own.
     pub mapping: &'a PointMapping<'a>,
     /// `None`: the body is the model's own, or the model does not say what its own is.
@@ -29,7 +29,7 @@ impl<'a> AdaptedPrior<'a> {
     /// The prior for the body that `frames` (m, 3 J, in the model's order; cm) of one take show;
     /// `noise` is the standard deviation of a coordinate, cm. The rigid distances are still those
     /// of the model's own body.
-    pub fn new(
+    pub(crate) fn new(
         mapping: &'a PointMapping<'a>,
         frames: ArrayView2<'_, f64>,
         noise: f64,
@@ -44,7 +44,7 @@ impl<'a> AdaptedPrior<'a> {
 
     /// Rigid distances of the body too, as uncertain as lengths are that were measured in `frames`
     /// with `noise` (standard deviation of a coordinate, cm).
-    pub fn with_lengths_from(
+    pub(crate) fn with_lengths_from(
         mut self,
         frames: ArrayView2<'_, f64>,
         noise: f64,
@@ -68,14 +68,14 @@ impl<'a> AdaptedPrior<'a> {
     }
 
     /// Whether the body is the model's own.
-    pub fn is_own_body(&self) -> bool {
+    pub(crate) fn is_own_body(&self) -> bool {
         self.prior.is_none()
     }
 
     /// The training poses as the body would take them, in the order of the `points` points of the
     /// table (n, 3 J), cm; points that the model does not know are NaN. `None` where the model
     /// keeps none, or not in the pelvis's frame.
-    pub fn training_poses(&self, points: usize) -> Option<Array2<f64>> {
+    pub(crate) fn training_poses(&self, points: usize) -> Option<Array2<f64>> {
         let estimator = self.estimator();
         estimator.anchor.filter(|a| a.root.is_some())?;
         let poses = estimator.prior.training_poses()?;
@@ -85,7 +85,7 @@ impl<'a> AdaptedPrior<'a> {
     /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;
     /// cm) are unlike all training poses. Under more than a little `noise` (standard deviation of
     /// a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
-    pub fn knows(&self, take: ArrayView2<'_, f64>, noise: f64) -> bool {
+    pub(crate) fn knows(&self, take: ArrayView2<'_, f64>, noise: f64) -> bool {
         if noise > JUDGED_NOISE {
             return true;
         }
@@ -102,7 +102,7 @@ impl<'a> AdaptedPrior<'a> {
     }
 
     /// Estimates frames with the prior alone, no rigid distance kept.
-    pub fn estimator(&self) -> FrameEstimator<'_> {
+    pub(crate) fn estimator(&self) -> FrameEstimator<'_> {
         let own = self.mapping.model.estimator();
         FrameEstimator {
             prior: self.prior.as_deref().unwrap_or(own.prior),
@@ -111,7 +111,7 @@ impl<'a> AdaptedPrior<'a> {
     }
 
     /// Estimates frames with the prior and the rigid distances.
-    pub fn rigid_estimator(&self) -> FrameEstimator<'_> {
+    pub(crate) fn rigid_estimator(&self) -> FrameEstimator<'_> {
         self.estimator().with_rigid_model(&self.rigid)
     }
 }

@@ -33,10 +33,10 @@ const SPREAD: f64 = 4.0;
 /// The noise variance that motion without any reads as, cm².
 const MOTION_VARIANCE: f64 = 2e-4;
 /// The least noise variance that a path is smoothed by, cm².
-pub const LEAST_VARIANCE: f64 = 1e-8;
+pub(crate) const LEAST_VARIANCE: f64 = 1e-8;
 
 /// The paths of a take, smoothed point by point, in the table's order of points.
-pub struct SmoothedTake {
+pub(crate) struct SmoothedTake {
     /// (frames, 3 J), cm; NaN where a point is missing.
     pub mean: Array2<f64>,
     /// (frames, 3 J), cm².
@@ -48,7 +48,7 @@ pub struct SmoothedTake {
 impl SmoothedTake {
     /// Smooths the paths of a take, of which `seen` (frames, 3 J; cm) are no outliers; `noise` is
     /// the standard deviation of a coordinate, cm, if known.
-    pub fn new(
+    pub(crate) fn new(
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         seen: Array2<f64>,
@@ -90,7 +90,7 @@ impl SmoothedTake {
     }
 
     /// Standard deviation of the noise that smoothing leaves, cm.
-    pub fn noise_left(&self) -> f64 {
+    pub(crate) fn noise_left(&self) -> f64 {
         let known = self
             .mean
             .iter()
@@ -102,14 +102,14 @@ impl SmoothedTake {
 }
 
 /// The three coordinates of a point of `xyz` (frames, 3 J), one after the other.
-pub fn path_of(xyz: ArrayView2<'_, f64>, point: usize) -> [Vec<f64>; 3] {
+pub(crate) fn path_of(xyz: ArrayView2<'_, f64>, point: usize) -> [Vec<f64>; 3] {
     [0, 1, 2].map(|axis| xyz.column(3 * point + axis).to_vec())
 }
 
 /// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; noise
 /// variance `r`, cm²; `step` seconds per frame. A run in which the point is never seen stays
 /// missing.
-pub fn smooth_path(
+pub(crate) fn smooth_path(
     path: &[Vec<f64>; 3],
     runs: &[Range<usize>],
     r: f64,

@@ -16,7 +16,12 @@ const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
 ///
 /// # Errors
 /// [`Error::Data`], naming the remedy.
-pub fn check_body_size(poses: &Poses, points: &[String], name: &str, remedy: &str) -> Result<()> {
+pub(crate) fn check_body_size(
+    poses: &Poses,
+    points: &[String],
+    name: &str,
+    remedy: &str,
+) -> Result<()> {
     for take in poses.takes() {
         let mut xyz = poses.xyz.slice(s![take, ..]).to_owned();
         // A stray point makes no body larger.

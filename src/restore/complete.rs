@@ -36,7 +36,7 @@ impl Complete {
     ///
     /// # Errors
     /// [`Error::Usage`] if a point to observe is not among `points`.
-    pub fn check(&self, points: &[String]) -> Result<()> {
+    pub(crate) fn check(&self, points: &[String]) -> Result<()> {
         match self.observe.iter().flatten().find(|n| !points.contains(n)) {
             Some(name) => Err(Error::usage(format!(
                 "observe {name}: the table has no point of this name"

@@ -25,7 +25,7 @@ const BACK_FRAMES: usize = 3;
 
 /// The runs of a take (frames, 3 J; cm, NaN missing) divided where the body jumps. `rate`: frames a
 /// second.
-pub fn split_at_cuts(
+pub(crate) fn split_at_cuts(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,

@@ -46,7 +46,7 @@ pub struct FrameEstimator<'a> {
 
 impl<'a> FrameEstimator<'a> {
     /// Keeps the rigid distances of `rigid`, unless it has none.
-    pub fn with_rigid_model(mut self, rigid: &'a RigidModel) -> Self {
+    pub(crate) fn with_rigid_model(mut self, rigid: &'a RigidModel) -> Self {
         self.rigid = (!rigid.is_empty()).then_some(rigid);
         self
     }
@@ -56,7 +56,7 @@ impl<'a> FrameEstimator<'a> {
     ///
     /// `None` when too little is seen: no coordinate at all; in world space fewer than three
     /// points, or all on a line.
-    pub fn estimate(&self, y: &[f64], noise: &[f64]) -> Option<FrameEstimate> {
+    pub(crate) fn estimate(&self, y: &[f64], noise: &[f64]) -> Option<FrameEstimate> {
         let seen = observation(y, noise);
         if self.anchor.is_some() && seen.is_partial() {
             let known = self.placement_by_whole_points(seen);
@@ -74,7 +74,7 @@ impl<'a> FrameEstimator<'a> {
     /// Estimates one frame as [`FrameEstimator::estimate`] does, its placement found from that of
     /// the
     /// solution `before`; for a pose that is edited, whose frames follow one another closely.
-    pub fn follow(
+    pub(crate) fn follow(
         &self,
         y: &[f64],
         noise: &[f64],
@@ -152,7 +152,7 @@ impl<'a> FrameEstimator<'a> {
     ///
     /// Distances need no placement: points that they make suspect are left out where the pose is
     /// placed.
-    pub fn estimate_with_outliers(
+    pub(crate) fn estimate_with_outliers(
         &self,
         y: &[f64],
         variance: f64,
@@ -192,7 +192,7 @@ impl<'a> FrameEstimator<'a> {
 
     /// Novelty of a complete pose (3 J, world space) at a placement, nats; see [`Prior::novelty`].
     /// NaN where the prior has no threshold.
-    pub fn novelty(&self, pose: &[f64], placement: &Similarity) -> f64 {
+    pub(crate) fn novelty(&self, pose: &[f64], placement: &Similarity) -> f64 {
         // Training poses were placed by their pelvis; an estimate from few points may be placed
         // otherwise.
         let anchor = self.anchor.filter(|a| a.root.is_some());
@@ -231,7 +231,7 @@ fn placed(posterior: Posterior, placement: Similarity) -> FrameEstimate {
 
 /// Standard deviation of a coordinate of each point (J): the root of the mean of its three
 /// variances.
-pub fn point_sd(variance: &[f64]) -> Vec<f64> {
+pub(crate) fn point_sd(variance: &[f64]) -> Vec<f64> {
     variance
         .chunks_exact(3)
         .map(|v| (v.iter().sum::<f64>() / 3.0).sqrt())
@@ -239,6 +239,6 @@ pub fn point_sd(variance: &[f64]) -> Vec<f64> {
 }
 
 /// The distance between a point's positions in two poses, cm.
-pub fn displacement(a: &[f64], b: &[f64], point: usize) -> f64 {
+pub(crate) fn displacement(a: &[f64], b: &[f64], point: usize) -> f64 {
     (DVec3::from_slice(&a[3 * point..]) - DVec3::from_slice(&b[3 * point..])).length()
 }

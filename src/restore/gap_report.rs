@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// One gap.
 #[derive(Debug, Serialize)]
-pub struct GapLine<'a> {
+pub(crate) struct GapLine<'a> {
     /// The take, if the table names its takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     take: Option<&'a str>,
@@ -42,7 +42,7 @@ pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
 }
 
 /// The gaps of a restoration.
-pub fn gap_lines<'a>(restored: &Restoration<'a>) -> Vec<GapLine<'a>> {
+pub(crate) fn gap_lines<'a>(restored: &Restoration<'a>) -> Vec<GapLine<'a>> {
     let takes = restored.source().poses.takes();
     let gaps = restored.gaps();
     gaps.iter().map(|g| line(restored, &takes, g)).collect()
@@ -71,7 +71,7 @@ fn line<'a>(
 
 /// The gaps of a point of a take, summed up.
 #[derive(Debug, Serialize)]
-pub struct PointGapLine<'a> {
+pub(crate) struct PointGapLine<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     take: Option<&'a str>,
     point: &'a str,
@@ -88,7 +88,7 @@ pub struct PointGapLine<'a> {
 }
 
 /// The gaps point by point, those with most frames first.
-pub fn by_point<'a>(lines: &[GapLine<'a>]) -> Vec<PointGapLine<'a>> {
+pub(crate) fn by_point<'a>(lines: &[GapLine<'a>]) -> Vec<PointGapLine<'a>> {
     let mut all: BTreeMap<(Option<&str>, &str), PointGapLine<'a>> = BTreeMap::new();
     for line in lines {
         let sum = (all.entry((line.take, line.point))).or_insert_with(|| PointGapLine {

@@ -13,7 +13,7 @@
 
 /// A smoothed series, with a value at every frame, measured or not.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Smoothed {
+pub(crate) struct Smoothed {
     /// Means.
     pub mean: Vec<f64>,
     /// Variances.
@@ -22,7 +22,7 @@ pub struct Smoothed {
 
 /// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²;
 /// `step` seconds per frame; density `q` of white acceleration, cm²/s³.
-pub fn smooth(series: &[f64], r: f64, step: f64, q: f64) -> Smoothed {
+pub(crate) fn smooth(series: &[f64], r: f64, step: f64, q: f64) -> Smoothed {
     backward(&filter(series, r, step, q), step, q)
 }
 

@@ -16,7 +16,7 @@ const MEASURES_LENGTHS: f64 = 0.3;
 const SHARE_LEFT: f64 = 0.02;
 
 /// The model's estimates of the smoothed frames of a take, in the table's order of points.
-pub struct ModelEstimates {
+pub(crate) struct ModelEstimates {
     /// (frames, 3 J), cm; NaN where the model says nothing.
     pub mean: Array2<f64>,
     /// (frames x J), cm.
@@ -29,7 +29,7 @@ pub struct ModelEstimates {
 
 impl ModelEstimates {
     /// Estimates each frame, moves its points by the person's own offsets, and smooths over time.
-    pub fn new(
+    pub(crate) fn new(
         adapted: &AdaptedPrior<'_>,
         smoothed: &SmoothedTake,
         take: &Take<'_>,

@@ -10,18 +10,18 @@ use std::ops::Range;
 
 /// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
 /// everything is noise unless the distances say otherwise.
-pub const NEARLY_CLEAN: f64 = 1.0;
+pub(crate) const NEARLY_CLEAN: f64 = 1.0;
 /// Frames that the model measures the noise of where motion says nothing.
 const SAMPLED_FRAMES: usize = 20;
 
 /// Whether a frame with this noise floor is searched for outliers.
-pub fn is_worth_searching(floor: &NoiseFloor) -> bool {
+pub(crate) fn is_worth_searching(floor: &NoiseFloor) -> bool {
     floor.sd <= NEARLY_CLEAN || floor.outlier_evidence > 0.0
 }
 
 /// Rounds a standard deviation (cm) to an eighth of an octave. An estimate from one frame is no
 /// better than that, and frames of the same noise share what a prior computes for it.
-pub fn rounded(sd: f64) -> f64 {
+pub(crate) fn rounded(sd: f64) -> f64 {
     if sd * sd > EXACT_VARIANCE {
         ((sd.log2() * 8.0).round() / 8.0).exp2()
     } else {
@@ -31,7 +31,7 @@ pub fn rounded(sd: f64) -> f64 {
 
 /// Noise variances (3 J, cm²) of coordinates measured with standard deviation `sd` (cm; 0: exact);
 /// infinite where a coordinate is missing or its point `hidden`.
-pub fn variances(y: &[f64], sd: f64, hidden: &[usize]) -> Vec<f64> {
+pub(crate) fn variances(y: &[f64], sd: f64, hidden: &[usize]) -> Vec<f64> {
     let variance = |(i, v): (usize, &f64)| match v.is_finite() && !hidden.contains(&(i / 3)) {
         true => (sd * sd).max(EXACT_VARIANCE),
         false => f64::INFINITY,
@@ -42,7 +42,7 @@ pub fn variances(y: &[f64], sd: f64, hidden: &[usize]) -> Vec<f64> {
 /// Standard deviation of a coordinate (cm) in one frame: what the model leaves of most points
 /// beyond what it leaves of clean ones. The quarter of the points that fits worst is left out, as
 /// these may be outliers.
-pub fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
+pub(crate) fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
     // A first guess of 1 cm, so that the estimate does not follow the noise.
     let Some(found) = estimator.estimate(y, &variances(y, 1.0, &[])) else {
         return 0.0;
@@ -69,14 +69,14 @@ pub fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
 /// noise has √20 times its own. The lower quartile of their sizes is robust: spikes in a fifth of
 /// the frames, each of which spoils four differences, do not count. `None` with fewer than eight
 /// differences.
-pub fn noise_of(series: &[f64]) -> Option<f64> {
+pub(crate) fn noise_of(series: &[f64]) -> Option<f64> {
     let squares = series.windows(4).map(|w| third_difference(w).powi(2));
     // The lower quartile of χ² with one degree of freedom is 0.1015.
     of_squares(squares.collect(), 0.1015)
 }
 
 /// [`noise_of`] for the three coordinates of a path together, whichever way the axes point.
-pub fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
+pub(crate) fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
     let square = |t: usize| {
         path.iter()
             .map(|s| third_difference(&s[t..t + 4]).powi(2))
@@ -105,7 +105,7 @@ fn of_squares(mut squares: Vec<f64>, quartile: f64) -> Option<f64> {
 
 /// Standard deviation of a coordinate of each point (J) by third differences over time, cm
 /// ([`noise_of`]). `None` for a point that is never seen long enough.
-pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
+pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
     let of_column = |i: usize| {
         // Runs are joined by a missing value, which no difference crosses.
         let series: Vec<f64> = runs
@@ -124,7 +124,7 @@ pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<
 /// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences
 /// over time ([`noise_of`]). A point that is never seen long enough takes the median of the others;
 /// where there is none, `model` measures some frames, given beside it in its own order of points.
-pub fn by_point(
+pub(crate) fn by_point(
     model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],

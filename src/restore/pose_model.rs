@@ -79,14 +79,14 @@ impl PoseModel {
     ///
     /// # Errors
     /// As [`RigidModel::read`].
-    pub fn with_rigid_distances(mut self, model: &Model, source: &str) -> Result<PoseModel> {
+    pub(crate) fn with_rigid_distances(mut self, model: &Model, source: &str) -> Result<PoseModel> {
         self.rigid = RigidModel::read(model, source)?;
         self.unknown_body = self.rigid.for_unknown_body();
         Ok(self)
     }
 
     /// Where its points stand on their bones.
-    pub fn bone_points(&self) -> BonePoints {
+    pub(crate) fn bone_points(&self) -> BonePoints {
         BonePoints::of(&self.points, self.prior.representative_poses())
     }
 
@@ -101,7 +101,7 @@ impl PoseModel {
 
     /// The rigid distances to judge one frame by before its body is measured, and the frame's noise
     /// floor by them.
-    pub fn noise_floor(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
+    pub(crate) fn noise_floor(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
         // In world space the body may be anyone's; body space holds the training bodies.
         let own = self.body.is_none().then_some(&self.rigid);
         let mut all = own.into_iter().chain([&self.unknown_body]);
@@ -111,7 +111,11 @@ impl PoseModel {
     /// The prior for the body that `frames` (m, 3 J; cm) show; `noise` is the standard deviation of
     /// a coordinate, cm. `None`: the body is the model's own, or the model does not say what its
     /// own is.
-    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
+    pub(crate) fn prior_for(
+        &self,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> Option<Box<dyn Prior>> {
         let transform = map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let is_same = match &transform {
             PoseTransform::Reshape { ratios, .. } => {
@@ -123,7 +127,7 @@ impl PoseModel {
     }
 
     /// Estimates frames of the model's own body with the prior alone, no rigid distance kept.
-    pub fn estimator(&self) -> FrameEstimator<'_> {
+    pub(crate) fn estimator(&self) -> FrameEstimator<'_> {
         FrameEstimator {
             prior: &*self.prior,
             anchor: self.anchor.as_ref(),
@@ -174,7 +178,7 @@ fn map_to(
 /// Standard deviation (cm) of a length measured in `frames` with `noise` (standard deviation of a
 /// coordinate, cm). A length that was never seen differs as between people, less what the other
 /// bones say.
-pub fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
+pub(crate) fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
     if frames == 0 {
         return 0.3 * PEOPLE_DIFFER * length;
     }

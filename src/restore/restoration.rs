@@ -37,7 +37,7 @@ pub struct RestorationCounts {
 
 impl RestorationCounts {
     /// Adds other counts.
-    pub fn add(&mut self, other: &RestorationCounts) {
+    pub(crate) fn add(&mut self, other: &RestorationCounts) {
         self.frames += other.frames;
         self.too_little += other.too_little;
         self.novel += other.novel;
@@ -52,7 +52,7 @@ impl RestorationCounts {
 
     /// Standard deviation of the noise that was assumed, cm: the mean over the frames; 0 if none
     /// was.
-    pub fn mean_noise(&self) -> f64 {
+    pub(crate) fn mean_noise(&self) -> f64 {
         self.noise / self.frames.max(1) as f64
     }
 }
@@ -85,7 +85,7 @@ pub struct Restoration<'t> {
 
 impl<'t> Restoration<'t> {
     /// A table that is left as it is, or of which no frame is restored yet.
-    pub fn unchanged(source: &'t Table) -> Restoration<'t> {
+    pub(crate) fn unchanged(source: &'t Table) -> Restoration<'t> {
         let mut frames = TakeResult::captured(source.poses.xyz.view());
         frames.states.iter_mut().for_each(|s| s.sd = f64::NAN);
         Restoration {
@@ -136,7 +136,11 @@ impl<'t> Restoration<'t> {
     ///
     /// # Errors
     /// Fails as [`Poses::low_pass`] does.
-    pub fn low_passed(mut self, cutoff: f64, fps: Option<f64>) -> Result<(Restoration<'t>, usize)> {
+    pub(crate) fn low_passed(
+        mut self,
+        cutoff: f64,
+        fps: Option<f64>,
+    ) -> Result<(Restoration<'t>, usize)> {
         let source = &self.source.poses;
         let mut poses = Poses {
             points: source.points.clone(),
@@ -163,23 +167,23 @@ impl<'t> Restoration<'t> {
 
     /// Status and standard deviation of a point of the table. A point that the model does not know
     /// is observed, or unknown where missing.
-    pub fn status(&self, frame: usize, point: usize) -> Status {
+    pub(crate) fn status(&self, frame: usize, point: usize) -> Status {
         self.frames.state(frame, point).status
     }
 
     /// Standard deviation of a coordinate of a point, cm; NaN where unknown.
-    pub fn sd(&self, frame: usize, point: usize) -> f64 {
+    pub(crate) fn sd(&self, frame: usize, point: usize) -> f64 {
         self.frames.state(frame, point).sd
     }
 
     /// How a missing point was filled; `None` where it was not, or the frame was restored by
     /// itself.
-    pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
+    pub(crate) fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
         self.frames.state(frame, point).method
     }
 
     /// The gaps of the table that was restored, in the order of their first frames.
-    pub fn gaps(&self) -> Vec<RestoredGap> {
+    pub(crate) fn gaps(&self) -> Vec<RestoredGap> {
         let mut gaps = find_gaps(self.source.poses.xyz.view(), &self.source.poses.runs());
         gaps.sort_by_key(|g| (g.frames.start, g.point));
         gaps.iter().map(|gap| self.restored_gap(gap)).collect()
@@ -215,7 +219,7 @@ impl<'t> Restoration<'t> {
     }
 
     /// The table that was restored.
-    pub fn source(&self) -> &'t Table {
+    pub(crate) fn source(&self) -> &'t Table {
         self.source
     }
 
@@ -236,7 +240,7 @@ impl<'t> Restoration<'t> {
     }
 
     /// Counts of a restoration.
-    pub fn counts(&self) -> &RestorationCounts {
+    pub(crate) fn counts(&self) -> &RestorationCounts {
         &self.counts
     }
 }

@@ -46,7 +46,7 @@ pub struct Restorer<'m> {
 
 impl<'m> Restorer<'m> {
     /// Restores poses that stand anywhere in the world.
-    pub fn new(model: &'m Model) -> Restorer<'m> {
+    pub(crate) fn new(model: &'m Model) -> Restorer<'m> {
         Restorer::with(Some(model))
     }
 
@@ -74,7 +74,7 @@ impl<'m> Restorer<'m> {
     }
 
     /// Names the model in errors.
-    pub fn named(mut self, name: impl Into<String>) -> Restorer<'m> {
+    pub(crate) fn named(mut self, name: impl Into<String>) -> Restorer<'m> {
         self.name = name.into();
         self
     }
@@ -87,7 +87,7 @@ impl<'m> Restorer<'m> {
     }
 
     /// Says how the points of the tables are named; without it, [`PointNaming::of`] finds out.
-    pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
+    pub(crate) fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);
         self
     }
@@ -108,7 +108,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::complete`].
-    pub fn complete_with<'t>(
+    pub(crate) fn complete_with<'t>(
         &self,
         table: &'t Table,
         options: &Complete,
@@ -129,7 +129,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::complete`].
-    pub fn clean<'t>(&self, table: &'t Table, options: &Clean) -> Result<Restoration<'t>> {
+    pub(crate) fn clean<'t>(&self, table: &'t Table, options: &Clean) -> Result<Restoration<'t>> {
         let rate = rate(table, options.fps, false)?;
         if rate.is_none() && options.max_gap.is_some() {
             return Err(no_rate(table));
@@ -143,7 +143,11 @@ impl<'m> Restorer<'m> {
     /// # Errors
     /// [`Error::Data`] if the model cannot be opened, the table has none of its points, or `fps`
     /// contradicts the table's times.
-    pub fn denoise<'t>(&self, table: &'t Table, options: &Denoise) -> Result<Restoration<'t>> {
+    pub(crate) fn denoise<'t>(
+        &self,
+        table: &'t Table,
+        options: &Denoise,
+    ) -> Result<Restoration<'t>> {
         self.denoise_with(table, options, &|_| {})
     }
 
@@ -152,7 +156,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::denoise`].
-    pub fn denoise_with<'t>(
+    pub(crate) fn denoise_with<'t>(
         &self,
         table: &'t Table,
         options: &Denoise,

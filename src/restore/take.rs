@@ -8,11 +8,11 @@ use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// Frames of one parallel task.
-pub const FRAMES_PER_TASK: usize = 8;
+pub(crate) const FRAMES_PER_TASK: usize = 8;
 
 /// One take of a table.
 #[derive(Debug, Clone, Copy)]
-pub struct Take<'a> {
+pub(crate) struct Take<'a> {
     /// The names of the points (J).
     pub names: &'a [String],
     /// (frames, 3 J), cm; NaN missing.
@@ -40,7 +40,7 @@ pub trait Method {
 }
 
 /// The points of a table that are those of a model.
-pub struct PointMapping<'a> {
+pub(crate) struct PointMapping<'a> {
     /// The model.
     pub model: &'a PoseModel,
     /// The table's point that is each of the model's.
@@ -56,7 +56,7 @@ impl<'a> PointMapping<'a> {
     ///
     /// # Errors
     /// [`Error::Data`] if the table has none of the model's points.
-    pub fn new(
+    pub(crate) fn new(
         model: &'a PoseModel,
         source: &str,
         names: &[String],
@@ -84,18 +84,18 @@ impl<'a> PointMapping<'a> {
     }
 
     /// The model's points that the table has: of the model, of the table.
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let pairs = self.points.iter().enumerate();
         pairs.filter_map(|(p, in_table)| Some((p, (*in_table)?)))
     }
 
     /// The model's point that is `point` of the table.
-    pub fn in_model(&self, point: usize) -> Option<usize> {
+    pub(crate) fn in_model(&self, point: usize) -> Option<usize> {
         self.points.iter().position(|i| *i == Some(point))
     }
 
     /// Points of the model, frame by frame, as points of the table.
-    pub fn points_of_table(&self, points: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    pub(crate) fn points_of_table(&self, points: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let of_frame =
             |points: &Vec<usize>| points.iter().filter_map(|p| self.points[*p]).collect();
         points.iter().map(of_frame).collect()
@@ -103,7 +103,7 @@ impl<'a> PointMapping<'a> {
 
     /// Frames in the model's order of points, restored, as frames of the table; `xyz` is what the
     /// table holds.
-    pub fn scatter(&self, xyz: ArrayView2<'_, f64>, restored: &TakeResult) -> TakeResult {
+    pub(crate) fn scatter(&self, xyz: ArrayView2<'_, f64>, restored: &TakeResult) -> TakeResult {
         let mut out = TakeResult::captured(xyz);
         out.too_little = restored.too_little;
         out.noise = restored.noise;
@@ -130,7 +130,7 @@ impl<'a> PointMapping<'a> {
     }
 
     /// Rows of the table in the model's order of points; points that the table lacks are missing.
-    pub fn gather(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn gather(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
         let moves = self.pairs().map(|(p, in_table)| (in_table, p));
         moved(rows, self.points.len(), moves)
     }
@@ -152,7 +152,7 @@ fn moved(
 
 /// What became of a point in a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct PointState {
+pub(crate) struct PointState {
     /// Its status.
     pub status: Status,
     /// Standard deviation of a coordinate, cm; NaN where unknown.
@@ -163,7 +163,7 @@ pub struct PointState {
 
 /// The frames of a take, or of a table, restored.
 #[derive(Debug, Clone, Default)]
-pub struct TakeResult {
+pub(crate) struct TakeResult {
     /// (frames, 3 J), cm.
     pub xyz: Array2<f64>,
     /// (frames x J).
@@ -181,7 +181,7 @@ pub struct TakeResult {
 
 impl TakeResult {
     /// Frames as they were captured.
-    pub fn of(xyz: Array2<f64>) -> TakeResult {
+    pub(crate) fn of(xyz: Array2<f64>) -> TakeResult {
         let captured = PointState {
             status: Status::Observed,
             sd: EXACT_VARIANCE.sqrt(),
@@ -196,7 +196,7 @@ impl TakeResult {
     }
 
     /// Frames as they were captured, their missing points unknown.
-    pub fn captured(xyz: ArrayView2<'_, f64>) -> TakeResult {
+    pub(crate) fn captured(xyz: ArrayView2<'_, f64>) -> TakeResult {
         let mut out = TakeResult::of(xyz.to_owned());
         for t in 0..xyz.nrows() {
             for p in 0..out.points() {
@@ -209,18 +209,18 @@ impl TakeResult {
     }
 
     /// The number of points of a frame.
-    pub fn points(&self) -> usize {
+    pub(crate) fn points(&self) -> usize {
         self.xyz.ncols() / 3
     }
 
     /// What became of a point.
-    pub fn state(&self, frame: usize, point: usize) -> &PointState {
+    pub(crate) fn state(&self, frame: usize, point: usize) -> &PointState {
         &self.states[frame * self.points() + point]
     }
 
     /// Sets the status of a point that is not filled in time, and the standard deviation of its
     /// coordinates, cm.
-    pub fn set(&mut self, frame: usize, point: usize, status: Status, sd: f64) {
+    pub(crate) fn set(&mut self, frame: usize, point: usize, status: Status, sd: f64) {
         let at = frame * self.points() + point;
         self.states[at] = PointState {
             status,
@@ -230,7 +230,7 @@ impl TakeResult {
     }
 
     /// Whether any point of a frame was filled or replaced.
-    pub fn is_any_filled(&self, frame: usize) -> bool {
+    pub(crate) fn is_any_filled(&self, frame: usize) -> bool {
         let is_filled = |p: usize| {
             let status = self.state(frame, p).status;
             matches!(status, Status::Inferred | Status::Rejected)

@@ -98,7 +98,7 @@ impl Figure {
     ///
     /// # Errors
     /// As [`Rig::with_joints`].
-    pub fn rig(&self, model_points: &[String]) -> Result<Rig> {
+    pub(crate) fn rig(&self, model_points: &[String]) -> Result<Rig> {
         match &self.kind {
             FigureKind::Measured(skeleton) | FigureKind::Asf(Asf { skeleton, .. }) => {
                 let bones = skeleton.bones().iter().enumerate();
@@ -128,7 +128,7 @@ impl Figure {
     }
 
     /// The formats that it can be written in.
-    pub fn formats(&self) -> Vec<&'static str> {
+    pub(crate) fn formats(&self) -> Vec<&'static str> {
         match self.kind {
             FigureKind::Asf(_) => vec!["bvh", "amc", "csv", "json"],
             _ => vec!["bvh", "csv", "json"],
@@ -139,7 +139,12 @@ impl Figure {
     ///
     /// # Errors
     /// [`Error::Usage`]: there is no such format for this figure.
-    pub fn export(&self, session: &Session, motion: &Motion, format: &str) -> Result<Vec<u8>> {
+    pub(crate) fn export(
+        &self,
+        session: &Session,
+        motion: &Motion,
+        format: &str,
+    ) -> Result<Vec<u8>> {
         let frame_time = 1.0 / motion.rate;
         match (format, &self.kind) {
             ("csv", _) => Ok(to_csv(session, motion)),

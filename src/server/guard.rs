@@ -30,7 +30,7 @@ const HEADERS: [(HeaderName, &str); 6] = [
 ];
 
 /// Checks requests, and marks responses.
-pub struct Guard {
+pub(crate) struct Guard {
     /// The values of Host that are this server: another name that leads here is an attack by DNS
     /// rebinding.
     hosts: Vec<String>,
@@ -45,7 +45,7 @@ impl Guard {
     ///
     /// # Panics
     /// If the policy does not begin with `default-src 'none'` or cannot be a header.
-    pub fn new(port: u16, policy: &str) -> Result<Guard> {
+    pub(crate) fn new(port: u16, policy: &str) -> Result<Guard> {
         assert!(policy.starts_with("default-src 'none'"), "{policy}");
         let mut bits = [0; 16];
         let filled = OsRng.try_fill_bytes(&mut bits);
@@ -63,12 +63,12 @@ impl Guard {
     }
 
     /// The address of the page. The token is in the fragment, which a browser never sends.
-    pub fn address(&self) -> String {
+    pub(crate) fn address(&self) -> String {
         format!("http://{}/#token={}", self.hosts[0], self.token)
     }
 
     /// Whether a request may go on.
-    pub fn check(
+    pub(crate) fn check(
         &self,
         method: &Method,
         uri: &Uri,
@@ -103,7 +103,7 @@ impl Guard {
     }
 
     /// Adds the headers that every response has.
-    pub fn mark(&self, headers: &mut HeaderMap) {
+    pub(crate) fn mark(&self, headers: &mut HeaderMap) {
         headers.insert(header::CONTENT_SECURITY_POLICY, self.policy.clone());
         headers.extend(HEADERS.map(|(name, value)| (name, HeaderValue::from_static(value))));
     }

@@ -44,7 +44,7 @@ pub enum Route {
 
 impl Route {
     /// All routes, with their paths in the address.
-    pub const ALL: [(Route, &'static str); 8] = [
+    pub(crate) const ALL: [(Route, &'static str); 8] = [
         (Route::State, "/state"),
         (Route::Solve, "/solve"),
         (Route::Act, "/act"),
@@ -76,7 +76,7 @@ pub struct Reply {
 
 impl Reply {
     /// An answer in JSON.
-    pub fn json(body: Vec<u8>) -> Reply {
+    pub(crate) fn json(body: Vec<u8>) -> Reply {
         Reply {
             content_type: "application/json",
             body,
@@ -95,7 +95,7 @@ pub struct Refusal {
 
 impl Refusal {
     /// A refusal with a status and a sentence.
-    pub fn new(status: u16, sentence: impl Into<String>) -> Refusal {
+    pub(crate) fn new(status: u16, sentence: impl Into<String>) -> Refusal {
         Refusal {
             status,
             sentence: sentence.into(),
@@ -113,7 +113,7 @@ struct Job {
 
 /// The requests that wait, in the order of their arrival.
 #[derive(Default)]
-pub struct Queue {
+pub(crate) struct Queue {
     waiting: Mutex<Waiting>,
     changed: Condvar,
 }
@@ -126,7 +126,7 @@ struct Waiting {
 
 impl Queue {
     /// Waits for the answer to a request.
-    pub async fn send(&self, request: Request) -> Handled {
+    pub(crate) async fn send(&self, request: Request) -> Handled {
         let answer = self.push(request);
         let stopped = |_| Err(Refusal::new(503, "the program is ending"));
         answer.await.unwrap_or_else(stopped)
@@ -169,7 +169,7 @@ impl Queue {
     }
 
     /// Takes no more requests; those that wait are still handled.
-    pub fn close(&self) {
+    pub(crate) fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_one();
     }
@@ -180,7 +180,7 @@ impl Queue {
 }
 
 /// The thread of a handler that is ready.
-pub struct HandlerThread {
+pub(crate) struct HandlerThread {
     thread: JoinHandle<Result<()>>,
     /// Resolves when the thread has nothing more to do.
     ended: oneshot::Receiver<()>,
@@ -191,7 +191,7 @@ const STACK: usize = 8 << 20;
 
 impl HandlerThread {
     /// Starts the thread and waits until `make` has built the handler there.
-    pub fn start<A: Handler>(
+    pub(crate) fn start<A: Handler>(
         queue: Arc<Queue>,
         make: impl FnOnce() -> Result<A> + Send + 'static,
     ) -> Result<HandlerThread> {
@@ -221,7 +221,7 @@ impl HandlerThread {
     }
 
     /// Waits until the queue, which has to be closed, is empty and the handler has finished.
-    pub async fn ended(mut self) -> Result<()> {
+    pub(crate) async fn ended(mut self) -> Result<()> {
         // The other end is dropped, never used.
         let _ = (&mut self.ended).await;
         self.join()

@@ -14,7 +14,7 @@ const SLOWEST: u64 = 1 << 14;
 
 /// A connection whose writing fails when what waits to be written has not left in time:
 /// [`PATIENCE`], and as long as a slow line takes for what was written meanwhile.
-pub struct Impatient<T> {
+pub(crate) struct Impatient<T> {
     inner: T,
     /// Since when the client has not read all: when that is too long, and how much was written
     /// meanwhile.
@@ -28,7 +28,7 @@ struct Stall {
 }
 
 impl<T> Impatient<T> {
-    pub fn new(inner: T) -> Impatient<T> {
+    pub(crate) fn new(inner: T) -> Impatient<T> {
         Impatient {
             inner,
             stalled: None,

@@ -7,12 +7,12 @@
 pub mod editor;
 pub mod figure;
 mod guard;
-pub mod handler;
+pub(crate) mod handler;
 mod impatient;
 pub mod page;
 mod session_file;
 
-pub use handler::{Handler, Refusal, Reply, Request, Route};
+pub(crate) use handler::{Handler, Refusal, Reply, Request, Route};
 
 use crate::edit::LARGEST_SESSION;
 use crate::{Error, Place, Result};

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// The lock is on a file beside it, `.NAME.lock`, because the file itself is a new one whenever it
 /// is saved. The system lets the lock go when the program ends, however that happens.
 #[derive(Debug)]
-pub struct SessionPath {
+pub(crate) struct SessionPath {
     path: PathBuf,
     lock_path: PathBuf,
     lock: File,
@@ -59,7 +59,7 @@ impl SessionPath {
     }
 
     /// The name of the file without its folder.
-    pub fn name(&self) -> Option<String> {
+    pub(crate) fn name(&self) -> Option<String> {
         Some(self.path.file_name()?.to_string_lossy().into_owned())
     }
 
@@ -67,7 +67,7 @@ impl SessionPath {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn read(&self) -> Result<Option<Vec<u8>>> {
+    pub(crate) fn read(&self) -> Result<Option<Vec<u8>>> {
         match fs::read(&self.path) {
             Ok(json) => Ok(Some(json)),
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
@@ -79,12 +79,12 @@ impl SessionPath {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, json: &str) -> Result<()> {
+    pub(crate) fn write(&self, json: &str) -> Result<()> {
         write_file(&self.path, json.as_bytes())
     }
 
     /// An error of what it keeps, with its name.
-    pub fn refused(&self, error: &Error) -> Error {
+    pub(crate) fn refused(&self, error: &Error) -> Error {
         Error::data(
             Place::file(self.path.display().to_string()),
             error.to_string(),

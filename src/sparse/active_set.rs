@@ -52,7 +52,7 @@ pub(super) struct ActiveSet {
 
 impl ActiveSet {
     /// An active set of up to `capacity` atoms of `d` coordinates.
-    pub fn new(capacity: usize, d: usize) -> Self {
+    pub(crate) fn new(capacity: usize, d: usize) -> Self {
         ActiveSet {
             d,
             capacity,
@@ -75,7 +75,7 @@ impl ActiveSet {
     /// # Errors
     /// [`crate::Error::Unfit`]: an observed number or a weight is not finite, or a weight is
     /// negative.
-    pub fn start<T, W>(
+    pub(crate) fn start<T, W>(
         &mut self,
         pose: ArrayView1<T>,
         weights: Option<ArrayView1<W>>,
@@ -143,7 +143,7 @@ impl ActiveSet {
 
     /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is
     /// observed.
-    pub fn push(&mut self, index: u32, atom: &[f32]) -> bool {
+    pub(crate) fn push(&mut self, index: u32, atom: &[f32]) -> bool {
         let (stride, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
         if k == cap {
             return false;
@@ -172,28 +172,28 @@ impl ActiveSet {
     }
 
     /// The residual of the weighted, unit-norm signal (D).
-    pub fn residual(&self) -> &[f64] {
+    pub(crate) fn residual(&self) -> &[f64] {
         &self.residual[..self.d]
     }
 
     /// |residual|^2, from 1 downwards.
-    pub fn left(&self) -> f64 {
+    pub(crate) fn left(&self) -> f64 {
         self.left
     }
 
     /// The direction q_i (D) of the i-th atom taken.
-    pub fn direction(&self, i: usize) -> &[f64] {
+    pub(crate) fn direction(&self, i: usize) -> &[f64] {
         &self.q[i * self.residual.len()..][..self.d]
     }
 
     /// The newest direction q_k (D) and the signal's part along it.
-    pub fn newest(&self) -> (&[f64], f64) {
+    pub(crate) fn newest(&self) -> (&[f64], f64) {
         let (stride, k) = (self.residual.len(), self.support.len() - 1);
         (&self.q[k * stride..][..self.d], self.z[k])
     }
 
     /// The newest direction as a combination of the chosen atoms, in their order: R w = e_k.
-    pub fn newest_weights(&self, w: &mut Vec<f64>) {
+    pub(crate) fn newest_weights(&self, w: &mut Vec<f64>) {
         let (k, cap) = (self.support.len(), self.capacity);
         w.clear();
         w.resize(k, 0.0);
@@ -204,7 +204,7 @@ impl ActiveSet {
     }
 
     /// The coefficients of the chosen atoms, in their order: back substitution in R x = z.
-    pub fn coefficients(&self, x: &mut [f64]) {
+    pub(crate) fn coefficients(&self, x: &mut [f64]) {
         let (k, cap) = (self.support.len(), self.capacity);
         let scale = self.energy.sqrt();
         for i in (0..k).rev() {
@@ -215,7 +215,7 @@ impl ActiveSet {
     }
 
     /// sum_i w_i (y_i - (Ax)_i)^2.
-    pub fn squared_residual(&self) -> f64 {
+    pub(crate) fn squared_residual(&self) -> f64 {
         self.left * self.energy * self.heaviest
     }
 }

@@ -17,7 +17,7 @@ pub(super) struct AtomUsage {
 }
 
 impl AtomUsage {
-    pub fn of(support: &Array2<u32>, n: usize) -> Self {
+    pub(crate) fn of(support: &Array2<u32>, n: usize) -> Self {
         let mut start = vec![0usize; n + 1];
         for &atom in support.iter().filter(|&&a| a != UNUSED) {
             start[atom as usize + 1] += 1;
@@ -34,7 +34,7 @@ impl AtomUsage {
         AtomUsage { start, places }
     }
 
-    pub fn of_atom(&self, j: usize) -> &[(u32, u32)] {
+    pub(crate) fn of_atom(&self, j: usize) -> &[(u32, u32)] {
         &self.places[self.start[j]..self.start[j + 1]]
     }
 }

@@ -23,7 +23,7 @@ impl SparseCode {
     ///
     /// # Panics
     /// If the code is of another, larger dictionary.
-    pub fn decode(&self, dictionary: &Dictionary) -> Array1<f64> {
+    pub(crate) fn decode(&self, dictionary: &Dictionary) -> Array1<f64> {
         dictionary.combine(&self.atoms, &self.coefficients)
     }
 }

@@ -23,7 +23,7 @@ impl Dictionary {
     ///
     /// # Errors
     /// Dictionaries of different widths.
-    pub fn nearest(&self, others: &Dictionary) -> Result<Vec<f32>> {
+    pub(crate) fn nearest(&self, others: &Dictionary) -> Result<Vec<f32>> {
         if self.width() != others.width() {
             let widths = (self.width(), others.width());
             return Err(Error::usage(format!(
@@ -44,7 +44,7 @@ impl Dictionary {
 
     /// The atoms that are exact copies, up to sign, of one before them, each with the first of its
     /// kind. O(n D).
-    pub fn copies(&self) -> Vec<(usize, usize)> {
+    pub(crate) fn copies(&self) -> Vec<(usize, usize)> {
         let mut first = HashMap::new();
         let mut copies = Vec::new();
         for (i, atom) in self.atoms().outer_iter().enumerate() {

@@ -73,7 +73,7 @@ impl GrowthSearch {
     ///
     /// # Errors
     /// [`Error::Usage`] if a parameter is out of its range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         self.omp.check()?;
         let least = |what, value: f64, least: f64, open: bool| {
             let good = value.is_finite() && (value > least || (value == least && !open));

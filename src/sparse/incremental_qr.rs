@@ -24,7 +24,7 @@ const NEARLY_DEPENDENT: f64 = 1e-2;
 /// The operands of a step; rows are padded to eight. Returns the product of the residual with the
 /// new column, and |residual|² after it; `None`, with the residual unchanged, if the atom depends
 /// on those before.
-pub struct QrColumn<'a> {
+pub(crate) struct QrColumn<'a> {
     /// The columns q of the atoms before, (k, D).
     pub done: &'a [f64],
     /// The atom (D), not padded.
@@ -157,7 +157,7 @@ fn finish<S: Simd, const V: usize>(
 }
 
 /// <a, b> of padded rows.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Dot<'a>(&'a [f64], &'a [f64]);
     impl WithSimd for Dot<'_> {
         type Output = f64;
@@ -209,7 +209,7 @@ fn add_products<S: Simd, const V: usize>(
 
 /// Writes `of(number, index)` to v, padded with 0. Returns <v, v>.
 #[inline(always)]
-pub fn load<S: Simd, const V: usize>(
+pub(crate) fn load<S: Simd, const V: usize>(
     simd: S,
     v: &mut [f64],
     numbers: &[f32],

@@ -193,7 +193,7 @@ impl Ksvd {
     ///
     /// # Errors
     /// As [`Ksvd::train`]; also the errors of `observer`, which end the training.
-    pub fn train_with(
+    pub(crate) fn train_with(
         &self,
         poses: ArrayView2<f32>,
         observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
@@ -230,7 +230,7 @@ impl Ksvd {
     }
 
     /// Whether all iterations are done or the target is reached.
-    pub fn finished(&self, state: &TrainingState) -> bool {
+    pub(crate) fn finished(&self, state: &TrainingState) -> bool {
         state.iteration() >= self.iterations || self.reached(state)
     }
 

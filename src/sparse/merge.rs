@@ -64,7 +64,7 @@ impl DictionaryMerge {
     ///
     /// # Errors
     /// [`Error::Usage`] if a parameter is out of its range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         match self.prune {
             Some(c) if !(c > 0.0 && c <= 1.0) => Err(Error::usage(format!(
                 "the option `prune {c}`: expected above 0 to 1"

@@ -111,7 +111,7 @@ impl Omp {
     ///
     /// # Errors
     /// [`Error::Usage`] if a parameter is out of its range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if self.sparsity == 0 {
             return Err(Error::usage(
                 "a sparsity of 0: it must be at least 1 atom per pose",

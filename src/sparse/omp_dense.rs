@@ -34,7 +34,7 @@ pub(super) struct DenseOmp<'a> {
 
 impl<'a> DenseOmp<'a> {
     /// The state of tiles of at most `poses` poses.
-    pub fn new(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
+    pub(crate) fn new(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
         let index_cache = dictionary.index_cache();
         let panels = index_cache.panels(dictionary.atoms());
         DenseOmp {
@@ -50,7 +50,7 @@ impl<'a> DenseOmp<'a> {
     }
 
     /// Codes the poses that `fits` were started on, with at most `sparsity` atoms each.
-    pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize) {
+    pub(crate) fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize) {
         let full = AtomBudget::of(self.dictionary, sparsity);
         debug_assert!(fits.len() <= self.scan.poses());
         self.load(fits);
@@ -171,7 +171,7 @@ pub(super) struct AtomBudget {
 impl AtomBudget {
     /// The budget for codes of at most `sparsity` atoms; more than n or D atoms are never
     /// independent.
-    pub fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
+    pub(crate) fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
         let most = sparsity.min(dictionary.len()).min(dictionary.width());
         let stop = match most == sparsity {
             true => StopReason::Sparsity,
@@ -181,7 +181,12 @@ impl AtomBudget {
     }
 
     /// Gives a pose its best atom; `false` if there is none, or it depends on those taken.
-    pub fn push(self, dictionary: &Dictionary, fit: &mut ActiveSet, best: Option<u32>) -> bool {
+    pub(crate) fn push(
+        self,
+        dictionary: &Dictionary,
+        fit: &mut ActiveSet,
+        best: Option<u32>,
+    ) -> bool {
         let Some(atom) = best else {
             fit.stop = Some(StopReason::Dependent);
             return false;

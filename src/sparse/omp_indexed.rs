@@ -16,7 +16,7 @@ pub(super) struct IndexedOmp<'a> {
 
 impl<'a> IndexedOmp<'a> {
     /// A coder with the tree of `dictionary`.
-    pub fn new(dictionary: &'a Dictionary, tree: &'a BallTree, rule: SelectionRule) -> Self {
+    pub(crate) fn new(dictionary: &'a Dictionary, tree: &'a BallTree, rule: SelectionRule) -> Self {
         IndexedOmp {
             dictionary,
             search: TreeSearch::new(tree, dictionary.flat(), rule),
@@ -25,7 +25,7 @@ impl<'a> IndexedOmp<'a> {
     }
 
     /// Codes the pose that `fit` was started on; its weights are equal.
-    pub fn code(&mut self, fit: &mut ActiveSet, sparsity: usize) {
+    pub(crate) fn code(&mut self, fit: &mut ActiveSet, sparsity: usize) {
         let budget = AtomBudget::of(self.dictionary, sparsity);
         self.search.start();
         self.excluded.clear();

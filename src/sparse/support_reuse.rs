@@ -10,7 +10,7 @@ use ndarray::{ArrayView1, ArrayView2};
 const CHUNK: usize = 512;
 
 /// Replaces each code that is worse than the refitted support of `state`.
-pub fn keep_better(codes: &mut SparseCodes, state: &TrainingState, poses: ArrayView2<f32>) {
+pub(crate) fn keep_better(codes: &mut SparseCodes, state: &TrainingState, poses: ArrayView2<f32>) {
     let k = codes.atoms.ncols();
     let kept = parallel::map_chunks(poses.nrows(), CHUNK, |rows| {
         let mut fit = ActiveSet::new(k, poses.ncols());

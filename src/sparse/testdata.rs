@@ -7,19 +7,19 @@ use ndarray::{Array2, ArrayView1, ArrayView2};
 use rand::Rng;
 
 /// Uniform about 0.
-pub fn random(n: usize, d: usize, seed: u64) -> Array2<f64> {
+pub(crate) fn random(n: usize, d: usize, seed: u64) -> Array2<f64> {
     let mut g = parallel::rng(seed, 0);
     Array2::from_shape_fn((n, d), |_| g.random::<f64>() - 0.5)
 }
 
 /// Poses-like atoms: all of them near one another.
-pub fn alike(n: usize, d: usize, seed: u64) -> Dictionary {
+pub(crate) fn alike(n: usize, d: usize, seed: u64) -> Dictionary {
     let mean = random(1, d, seed + 1000);
     Dictionary::from_rows((random(n, d, seed) * 0.3 + mean).view()).unwrap()
 }
 
 /// Poses made of 3 of 40 hidden directions, with a little noise.
-pub fn poses(m: usize, d: usize, seed: u64) -> Array2<f32> {
+pub(crate) fn poses(m: usize, d: usize, seed: u64) -> Array2<f32> {
     let mut g = parallel::rng(7, 0);
     let hidden = Array2::from_shape_fn((40, d), |_| g.random::<f32>() - 0.3);
     let mut g = parallel::rng(seed, 1);
@@ -33,7 +33,7 @@ pub fn poses(m: usize, d: usize, seed: u64) -> Array2<f32> {
 }
 
 /// Codes poses (m, D) with a new encoder.
-pub fn encode(
+pub(crate) fn encode(
     omp: &Omp,
     dictionary: &Dictionary,
     poses: ArrayView2<f32>,
@@ -43,7 +43,7 @@ pub fn encode(
 }
 
 /// Codes one pose (D) with a new encoder.
-pub fn encode_one(
+pub(crate) fn encode_one(
     omp: &Omp,
     dictionary: &Dictionary,
     pose: ArrayView1<f64>,

@@ -12,7 +12,7 @@ use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1};
 
 /// A dictionary with the atoms √w∘a.
-pub struct WeightedDictionary {
+pub(crate) struct WeightedDictionary {
     /// n and D of the dictionary.
     of: (usize, usize),
     /// (D), not negative.
@@ -30,7 +30,7 @@ impl WeightedDictionary {
     ///
     /// # Errors
     /// [`Error::Data`] if there are not D weights, or one is negative or not finite.
-    pub fn new(
+    pub(crate) fn new(
         dictionary: &Dictionary,
         weights: ArrayView1<'_, f64>,
     ) -> Result<WeightedDictionary> {
@@ -71,7 +71,7 @@ impl WeightedDictionary {
     /// # Errors
     /// [`Error::Data`] as [`Encoder::encode_one`]; also if the dictionary has another size than the
     /// one this was made from.
-    pub fn code(
+    pub(crate) fn code(
         &self,
         omp: &Omp,
         dictionary: &Dictionary,

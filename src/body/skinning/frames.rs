@@ -107,7 +107,7 @@ impl Skinning {
 
 impl Frame {
     /// The motion of each bone (B) from the rest pose, centimeters.
-    pub fn motions(&self) -> Vec<DAffine3> {
+    pub(crate) fn motions(&self) -> Vec<DAffine3> {
         let motion = |(r, t): (&DMat3, &DVec3)| DAffine3::from_mat3_translation(*r, *t);
         self.rotations
             .iter()

@@ -83,7 +83,7 @@ impl JointSkinning {
 }
 
 /// The rest positions of the joints that fit samples best under given weights.
-pub fn fit_joints(
+pub(crate) fn fit_joints(
     template: &Template,
     tree: &Tree,
     samples: &[Sample<'_>],

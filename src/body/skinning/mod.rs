@@ -42,7 +42,7 @@ use translations::Solver;
 use tree::Tree;
 
 pub use joints::JointSkinning;
-pub use weights::BoneWeights;
+pub(crate) use weights::BoneWeights;
 
 /// Rounds of translations and weights; three reach the figures that thirty do.
 const ROUNDS: usize = 5;

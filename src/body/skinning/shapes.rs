@@ -17,7 +17,11 @@ const DAMPING: f64 = 1e-2;
 
 /// The `count` largest components (count, V), scaled so that the weights of the samples have mean
 /// square 1.
-pub fn fit(skinning: &Skinning, samples: &[Sample<'_>], count: usize) -> Result<Vec<Vec<DVec3>>> {
+pub(crate) fn fit(
+    skinning: &Skinning,
+    samples: &[Sample<'_>],
+    count: usize,
+) -> Result<Vec<Vec<DVec3>>> {
     let offsets: Result<Vec<Vec<DVec3>>> = (samples.iter())
         .map(|s| Ok(carried_back(skinning, s, &skinning.frame(s)?)))
         .collect();

@@ -16,11 +16,11 @@ const RIDGE: f64 = 1e-9;
 
 /// Solves for translations.
 #[derive(Debug, Clone)]
-pub struct Solver(Cholesky);
+pub(crate) struct Solver(Cholesky);
 
 impl Solver {
     /// Factors Wᵀ W for `bones` bones.
-    pub fn new(weights: &[BoneWeights], bones: usize) -> Result<Solver> {
+    pub(crate) fn new(weights: &[BoneWeights], bones: usize) -> Result<Solver> {
         let mut normal = Array2::zeros((bones, bones));
         for weights in weights {
             for (a, wa) in used(weights) {
@@ -35,7 +35,7 @@ impl Solver {
     }
 
     /// (Wᵀ W)⁻¹ Wᵀ `r` (B, n) for r (V, n), and Wᵀ `r` (B, n).
-    pub fn solve(
+    pub(crate) fn solve(
         &self,
         weights: &[BoneWeights],
         bones: usize,

@@ -8,7 +8,7 @@ const REACH: usize = 2;
 
 /// The tree of the bones.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tree {
+pub(crate) struct Tree {
     /// Joints, each after the joint on which its first part hangs.
     joints: Vec<[usize; 2]>,
     /// The bone without a parent.
@@ -16,19 +16,19 @@ pub struct Tree {
 }
 
 impl Tree {
-    pub fn of(template: &Template) -> Tree {
+    pub(crate) fn of(template: &Template) -> Tree {
         let joints: Vec<[usize; 2]> = template.joints.iter().map(|j| j.parts).collect();
         let root = joints.first().map_or(0, |j| j[0]);
         Tree { joints, root }
     }
 
     /// Bones.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.joints.len() + 1
     }
 
     /// The parent of each bone.
-    pub fn parents(&self) -> Vec<Option<usize>> {
+    pub(crate) fn parents(&self) -> Vec<Option<usize>> {
         let mut parents = vec![None; self.len()];
         for [parent, child] in &self.joints {
             parents[*child] = Some(*parent);
@@ -37,7 +37,7 @@ impl Tree {
     }
 
     /// The bones within [`REACH`] joints of a bone, in order, itself among them.
-    pub fn near(&self, bone: usize) -> Vec<usize> {
+    pub(crate) fn near(&self, bone: usize) -> Vec<usize> {
         let mut near = vec![bone];
         for _ in 0..REACH {
             let joined = self.joints.iter().flat_map(|[a, b]| {
@@ -53,7 +53,7 @@ impl Tree {
     }
 
     /// For each joint and bone whether the bone hangs on the joint.
-    pub fn hanging(&self) -> Vec<Vec<bool>> {
+    pub(crate) fn hanging(&self) -> Vec<Vec<bool>> {
         let hanging = |first: usize| {
             let mut hangs = vec![false; self.len()];
             hangs[self.joints[first][1]] = true;
@@ -66,14 +66,14 @@ impl Tree {
     }
 
     /// R_parent - R_child of each joint.
-    pub fn differences(&self, rotations: &[DMat3]) -> Vec<DMat3> {
+    pub(crate) fn differences(&self, rotations: &[DMat3]) -> Vec<DMat3> {
         let difference = |j: &[usize; 2]| rotations[j[0]] - rotations[j[1]];
         self.joints.iter().map(difference).collect()
     }
 
     /// The motion of each bone by forward kinematics: both bones of a joint carry its rest position
     /// `at` to one place. The root turns about the origin.
-    pub fn forward(&self, rotations: &[DMat3], at: &[DVec3]) -> Vec<DAffine3> {
+    pub(crate) fn forward(&self, rotations: &[DMat3], at: &[DVec3]) -> Vec<DAffine3> {
         let mut shifts = vec![DVec3::ZERO; self.len()];
         for ([parent, child], at) in self.joints.iter().zip(at) {
             shifts[*child] = shifts[*parent] + (rotations[*parent] - rotations[*child]) * *at;
@@ -85,7 +85,7 @@ impl Tree {
 
     /// The place about which each bone turns: `at` of the joint with its parent, and for the root
     /// the middle of its part.
-    pub fn places(&self, template: &Template, at: &[DVec3]) -> Vec<DVec3> {
+    pub(crate) fn places(&self, template: &Template, at: &[DVec3]) -> Vec<DVec3> {
         let of_root = (template.vertices.iter().zip(&template.vertex_parts))
             .filter(|(_, part)| **part == self.root);
         let (sum, count) = of_root.fold((DVec3::ZERO, 0.0), |(s, n), (v, _)| (s + *v, n + 1.0));
@@ -98,7 +98,7 @@ impl Tree {
 }
 
 /// The rest positions of the template's joints.
-pub fn borders(template: &Template) -> Vec<DVec3> {
+pub(crate) fn borders(template: &Template) -> Vec<DVec3> {
     template.joints.iter().map(|j: &Joint| j.at).collect()
 }
 

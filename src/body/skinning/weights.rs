@@ -19,7 +19,7 @@ use ndarray::{Array1, Array2, Axis};
 
 /// Up to four bones that a vertex follows, with their weights: at least 0, sum 1. What is not used
 /// is bone 0 with weight 0.
-pub type BoneWeights = [(u16, f32); 4];
+pub(crate) type BoneWeights = [(u16, f32); 4];
 
 /// The bones that a vertex follows.
 const MOST: usize = 4;
@@ -32,7 +32,7 @@ const RIDGE: f64 = 1e-6;
 const LEAST: f64 = 1e-4;
 
 /// Each vertex follows its own part.
-pub fn rigid(template: &Template) -> Vec<BoneWeights> {
+pub(crate) fn rigid(template: &Template) -> Vec<BoneWeights> {
     let mut weights = vec![[(0, 0.0); MOST]; template.vertices.len()];
     for (weights, part) in weights.iter_mut().zip(&template.vertex_parts) {
         weights[0] = (*part as u16, 1.0);
@@ -41,7 +41,7 @@ pub fn rigid(template: &Template) -> Vec<BoneWeights> {
 }
 
 /// The blended motion of a vertex.
-pub fn blend(weights: &BoneWeights, motions: &[DAffine3]) -> DAffine3 {
+pub(crate) fn blend(weights: &BoneWeights, motions: &[DAffine3]) -> DAffine3 {
     let mut blended = DAffine3 {
         matrix3: DMat3::ZERO,
         translation: DVec3::ZERO,
@@ -54,13 +54,13 @@ pub fn blend(weights: &BoneWeights, motions: &[DAffine3]) -> DAffine3 {
 }
 
 /// The bones with a weight above 0.
-pub fn used(weights: &BoneWeights) -> impl Iterator<Item = (usize, f64)> + '_ {
+pub(crate) fn used(weights: &BoneWeights) -> impl Iterator<Item = (usize, f64)> + '_ {
     let used = weights.iter().filter(|(_, w)| *w > 0.0);
     used.map(|(bone, w)| (usize::from(*bone), f64::from(*w)))
 }
 
 /// Fits the weights of all vertices to the motions of the bones in the samples.
-pub fn fit(
+pub(crate) fn fit(
     template: &Template,
     tree: &Tree,
     samples: &[Sample<'_>],

@@ -11,7 +11,7 @@ const STEP: f64 = 50.0;
 const REACH: f64 = 100.0;
 
 impl Picture<'_, '_> {
-    pub fn panel(
+    pub(crate) fn panel(
         &self,
         panel: &Panel,
         id: usize,

@@ -11,7 +11,7 @@ use crate::draw::scene_geometry::Side;
 impl Picture<'_, '_> {
     /// Below a column: the frame's number and time, and its take if there are several;
     /// below a trail, the first's and the last's.
-    pub fn moments(&self, panel: &Panel, wide: f64, [x, y]: [f64; 2]) -> String {
+    pub(crate) fn moments(&self, panel: &Panel, wide: f64, [x, y]: [f64; 2]) -> String {
         let (Some(first), Some(last)) = (panel.frames.first(), panel.frames.last()) else {
             return String::new();
         };
@@ -35,7 +35,7 @@ impl Picture<'_, '_> {
     }
 
     /// The title, and what the colors and signs in use mean.
-    pub fn heading(&self, panels: &[Panel]) -> String {
+    pub(crate) fn heading(&self, panels: &[Panel]) -> String {
         let mut out = String::new();
         let mut y = 26.0;
         if !self.scene.title.is_empty() {

@@ -56,7 +56,7 @@ impl Options {
     ///
     /// # Errors
     /// [`Error::Usage`] for an angle out of range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if let Some(azimuth) = self.azimuth.filter(|a| !a.is_finite()) {
             return Err(Error::usage(format!("azimuth {azimuth} must be finite")));
         }
@@ -191,12 +191,12 @@ const DOCUMENT: &str = "\
 pub(in crate::draw) mod tests {
     use super::*;
     use crate::draw::scene::tests::{names, run, scene};
-    use crate::draw::scene::{Figure, Status};
+    use crate::draw::scene::{Figure, Status, spread};
     use ndarray::Array2;
 
     /// Whether every tag is closed in its turn and every attribute quoted; the tags seen are
     /// counted.
-    pub fn well_formed(xml: &str) -> usize {
+    pub(crate) fn well_formed(xml: &str) -> usize {
         let (mut open, mut seen) = (Vec::new(), 0);
         for piece in xml.split('<').skip(1) {
             let (tag, text) = piece.split_once('>').expect("a tag ends");
@@ -255,14 +255,17 @@ pub(in crate::draw) mod tests {
         scene.figures[0].status = Some(status.view());
         scene.figures.push(Figure::new("b", xyz.view()));
         all(|options| {
-            let drawn = svg(&scene, &scene.spread(4), &options).unwrap();
+            let drawn = svg(&scene, &spread(scene.frames(), 4), &options).unwrap();
             assert!(well_formed(&drawn) > 40);
             assert!(
                 !drawn.contains("<script") && !drawn.contains("NaN") && !drawn.contains("inf ")
             );
             let without_namespace = drawn.replacen("http://www.w3.org/2000/svg", "", 1);
             assert!(!without_namespace.contains("http") && !drawn.contains("href"));
-            assert_eq!(drawn, svg(&scene, &scene.spread(4), &options).unwrap());
+            assert_eq!(
+                drawn,
+                svg(&scene, &spread(scene.frames(), 4), &options).unwrap()
+            );
         });
     }
 
@@ -280,7 +283,7 @@ pub(in crate::draw) mod tests {
             well_formed(&svg(&nothing, &[], &options).unwrap());
             for xyz in [&none, &zero, &empty] {
                 let scene = scene(&one, xyz);
-                let drawn = svg(&scene, &scene.spread(2), &options).unwrap();
+                let drawn = svg(&scene, &spread(scene.frames(), 2), &options).unwrap();
                 well_formed(&drawn);
                 assert!(!drawn.contains("NaN") && !drawn.contains("inf"));
             }

@@ -2,12 +2,12 @@
 
 use crate::draw::scene::Status;
 
-pub const INK: &str = "#39424e";
-pub const PALE: &str = "#6b7684";
-pub const LEFT: &str = "#1f6fb4";
-pub const RIGHT: &str = "#d1622b";
+pub(crate) const INK: &str = "#39424e";
+pub(crate) const PALE: &str = "#6b7684";
+pub(crate) const LEFT: &str = "#1f6fb4";
+pub(crate) const RIGHT: &str = "#d1622b";
 /// Overlaid figures, and their right limbs.
-pub const FIGURES: [(&str, &str); 6] = [
+pub(crate) const FIGURES: [(&str, &str); 6] = [
     ("#2b3440", "#8b949f"),
     ("#d1462f", "#ee9c8c"),
     ("#1f78b4", "#8dbfe0"),
@@ -15,17 +15,24 @@ pub const FIGURES: [(&str, &str); 6] = [
     ("#a6761d", "#d9bb7f"),
     ("#b03a86", "#dc9ac5"),
 ];
-pub const CHANGED: &str = "#0b8f83";
-pub const INFERRED: &str = "#8a3ffc";
-pub const REJECTED: &str = "#cf1039";
-pub const UNKNOWN: &str = "#8b949f";
+pub(crate) const CHANGED: &str = "#0b8f83";
+pub(crate) const INFERRED: &str = "#8a3ffc";
+pub(crate) const REJECTED: &str = "#cf1039";
+pub(crate) const UNKNOWN: &str = "#8b949f";
 
 /// A place on the paper (px).
-pub type At = [f64; 2];
+pub(crate) type At = [f64; 2];
 
 /// A bone, dashed if an end was inferred; with a white edge, so that the nearer of two that cross
 /// is seen.
-pub fn stick(a: At, b: At, color: &str, thick: f64, ends: [Status; 2], edged: bool) -> String {
+pub(crate) fn stick(
+    a: At,
+    b: At,
+    color: &str,
+    thick: f64,
+    ends: [Status; 2],
+    edged: bool,
+) -> String {
     let line = |a: At, b: At| format!("M{} {}L{} {}", n(a[0]), n(a[1]), n(b[0]), n(b[1]));
     let dashes = if ends.contains(&Status::Inferred) {
         format!(
@@ -54,7 +61,7 @@ pub fn stick(a: At, b: At, color: &str, thick: f64, ends: [Status; 2], edged: bo
 }
 
 /// A point as its status wants it: plain, ringed, hollow, crossed.
-pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String {
+pub(crate) fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String {
     let (x, y, small) = (n(x), n(y), radius.min(4.0));
     let circle = |radius: f64, fill: &str, edge: &str| {
         let line = n((0.45 * small).max(1.2));
@@ -85,7 +92,7 @@ pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String
 }
 
 /// Text broken into lines of at most `most` characters, if its words allow.
-pub fn wrapped(text: &str, most: f64) -> Vec<String> {
+pub(crate) fn wrapped(text: &str, most: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
@@ -100,7 +107,7 @@ pub fn wrapped(text: &str, most: f64) -> Vec<String> {
 }
 
 /// Text shortened to at most `most` characters.
-pub fn shortened(text: &str, most: usize) -> String {
+pub(crate) fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_string();
     }
@@ -111,7 +118,7 @@ pub fn shortened(text: &str, most: usize) -> String {
 }
 
 /// A number of the picture: two decimals at most, and never `-0`.
-pub fn n(value: f64) -> String {
+pub(crate) fn n(value: f64) -> String {
     let text = format!("{value:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" {

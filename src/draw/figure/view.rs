@@ -5,10 +5,10 @@ use super::{Layout, Picture};
 /// Room (cm) around what is drawn.
 const ROOM: f64 = 14.0;
 /// The head's radius, as a share of the figure's size.
-pub const HEAD: f64 = 0.039;
+pub(crate) const HEAD: f64 = 0.039;
 
 /// Frames of figures drawn in one place.
-pub struct Panel {
+pub(crate) struct Panel {
     pub row: usize,
     pub column: usize,
     pub figures: Vec<usize>,
@@ -19,7 +19,7 @@ pub struct Panel {
 
 /// The part of the view that every panel shows (cm on the paper).
 #[derive(Clone, Copy)]
-pub struct Window {
+pub(crate) struct Window {
     pub left: f64,
     pub right: f64,
     pub low: f64,
@@ -27,7 +27,7 @@ pub struct Window {
 }
 
 impl Picture<'_, '_> {
-    pub fn panels(&self, frames: &[usize]) -> Vec<Panel> {
+    pub(crate) fn panels(&self, frames: &[usize]) -> Vec<Panel> {
         let figures: Vec<usize> = (0..self.scene.figures.len()).collect();
         if frames.is_empty() || figures.is_empty() {
             return Vec::new();
@@ -66,7 +66,7 @@ impl Picture<'_, '_> {
     }
 
     /// Right, up and towards the viewer (cm), from where the panel's middle meets the ground.
-    pub fn project(&self, [x, y, z]: [f64; 3], middle: [f64; 2]) -> [f64; 3] {
+    pub(crate) fn project(&self, [x, y, z]: [f64; 3], middle: [f64; 2]) -> [f64; 3] {
         let (x, y, z) = (x - middle[0], y - self.geometry.ground, z - middle[1]);
         let (sin, cos) = self.azimuth.sin_cos();
         let (tilt_sin, tilt_cos) = self.options.elevation.to_radians().sin_cos();
@@ -79,7 +79,7 @@ impl Picture<'_, '_> {
     }
 
     /// The window that holds all but the outermost 1/400 of the points on each side.
-    pub fn window(&self, panels: &[Panel]) -> Window {
+    pub(crate) fn window(&self, panels: &[Panel]) -> Window {
         let (mut across, mut up) = (Vec::new(), Vec::new());
         for panel in panels {
             for (f, t, p) in self.every_point(panel) {
@@ -113,7 +113,7 @@ impl Picture<'_, '_> {
         }
     }
 
-    pub fn every_point(&self, panel: &Panel) -> impl Iterator<Item = (usize, usize, usize)> {
+    pub(crate) fn every_point(&self, panel: &Panel) -> impl Iterator<Item = (usize, usize, usize)> {
         let points = self.scene.points.len();
         panel.figures.iter().flat_map(move |f| {
             panel

@@ -17,7 +17,7 @@ const LIMIT: usize = 24_000_000;
 const SD_STEPS: f64 = 1e3;
 
 /// The smallest step through the frames that keeps the coordinates within [`LIMIT`].
-pub fn sparing(scene: &Scene<'_>) -> usize {
+pub(crate) fn sparing(scene: &Scene<'_>) -> usize {
     let bytes_per_frame = scene.figures.len() * scene.points.len() * 3 * 4 * 4 / 3;
     let most = LIMIT
         .checked_div(bytes_per_frame)
@@ -27,7 +27,7 @@ pub fn sparing(scene: &Scene<'_>) -> usize {
 }
 
 /// Everything the script reads.
-pub fn embedded(
+pub(crate) fn embedded(
     scene: &Scene<'_>,
     geometry: &SceneGeometry<'_, '_>,
     kept: &[usize],

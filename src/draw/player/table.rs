@@ -4,7 +4,7 @@ use crate::draw::html::escape;
 use crate::draw::scene::Table;
 
 /// The table, a column of numbers set flush right.
-pub fn html(table: &Table) -> String {
+pub(crate) fn html(table: &Table) -> String {
     let number =
         |text: &str| text.trim_end_matches(['%', ' ']).parse::<f64>().is_ok() || text == "–";
     // A column is set flush right if it holds numbers only.

@@ -7,7 +7,7 @@ use crate::edit::pose_solver::{Constraints, Pose, Reference, floor_under};
 use glam::DVec3;
 
 /// A drag from its first solve to its release, or the marking of a photograph.
-pub struct Gesture {
+pub(crate) struct Gesture {
     before: State,
     /// The last fit to a photograph.
     photograph: Option<PhotographFit>,

@@ -140,12 +140,12 @@ impl Dataset {
     }
 
     /// The index of the take that contains a row.
-    pub fn take_of(&self, row: usize) -> usize {
+    pub(crate) fn take_of(&self, row: usize) -> usize {
         self.takes.partition_point(|t| t.rows.end <= row)
     }
 
     /// The subjects, sorted.
-    pub fn subjects(&self) -> Vec<&str> {
+    pub(crate) fn subjects(&self) -> Vec<&str> {
         let mut all: Vec<&str> = self.takes.iter().map(|t| t.subject.as_str()).collect();
         all.sort_unstable();
         all.dedup();
@@ -153,7 +153,7 @@ impl Dataset {
     }
 
     /// Tells this data from any other: points, takes, subjects and poses.
-    pub fn digest(&self) -> String {
+    pub(crate) fn digest(&self) -> String {
         let mut hash = Sha256::new();
         for take in &self.takes {
             hash.update(format!(
@@ -165,7 +165,7 @@ impl Dataset {
     }
 
     /// Rows as an array: (rows, 3 J), cm.
-    pub fn rows(&self, rows: &[usize]) -> Array2<f64> {
+    pub(crate) fn rows(&self, rows: &[usize]) -> Array2<f64> {
         self.xyz.select(Axis(0), rows).mapv(f64::from)
     }
 
@@ -173,7 +173,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Error::Data`] if no row is given.
-    pub fn training(&self, rows: &[usize]) -> Result<TrainingSet> {
+    pub(crate) fn training(&self, rows: &[usize]) -> Result<TrainingSet> {
         let names: Vec<Arc<str>> = self
             .takes
             .iter()
@@ -201,11 +201,11 @@ pub(in crate::evaluate) mod tests {
     use rand::Rng;
 
     /// Takes of random walks near a body: (name, frames) each.
-    pub fn takes(list: &[(&str, usize)]) -> Dataset {
+    pub(crate) fn takes(list: &[(&str, usize)]) -> Dataset {
         Dataset::new(&[source(list)], &BTreeMap::new()).unwrap()
     }
 
-    pub fn source(list: &[(&str, usize)]) -> (String, Poses) {
+    pub(crate) fn source(list: &[(&str, usize)]) -> (String, Poses) {
         let frames = list.iter().map(|l| l.1).sum();
         let mut xyz = Array2::zeros((frames, 69));
         let (mut take, mut t) = (Vec::new(), 0);

@@ -20,7 +20,7 @@ const DEFAULT_RATE: f64 = 120.0;
 
 /// The damage to an example pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ExampleKind {
+pub(crate) enum ExampleKind {
     /// A pose with the damage of a task.
     Pose(Task),
     /// A pose whose x and y are observed without noise, and no z: the paper's figure 5.
@@ -31,7 +31,7 @@ pub enum ExampleKind {
 
 impl ExampleKind {
     /// The kinds that belong to a task.
-    pub fn of(task: Task) -> Vec<ExampleKind> {
+    pub(crate) fn of(task: Task) -> Vec<ExampleKind> {
         match task {
             Task::Complete => vec![
                 ExampleKind::Pose(task),
@@ -43,7 +43,7 @@ impl ExampleKind {
     }
 
     /// The name in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             ExampleKind::Pose(task) => task.name(),
             ExampleKind::Planar => "flat",
@@ -52,7 +52,7 @@ impl ExampleKind {
     }
 
     /// The task that the kind belongs to.
-    pub fn task(self) -> Task {
+    pub(crate) fn task(self) -> Task {
         match self {
             ExampleKind::Pose(task) => task,
             ExampleKind::Planar | ExampleKind::Take => Task::Complete,
@@ -77,14 +77,14 @@ pub struct ExamplePoses {
 
 impl ExamplePoses {
     /// The split whose examples are kept.
-    pub fn split(splits: &[Split]) -> Option<Split> {
+    pub(crate) fn split(splits: &[Split]) -> Option<Split> {
         let whole = splits.iter().find(|s| **s != Split::Frames);
         whole.or(splits.first()).copied()
     }
 
     /// Chooses two test poses at random, from different takes if there are two, and the middle of
     /// the longest test take.
-    pub fn choose(data: &Dataset, partition: &Partition) -> ExamplePoses {
+    pub(crate) fn choose(data: &Dataset, partition: &Partition) -> ExamplePoses {
         let mut rows = partition.test.clone();
         let take_of = |row: &usize| &data.takes[data.take_of(*row)];
         let longest = rows.iter().map(take_of).max_by_key(|t| t.rows.len());
@@ -113,7 +113,7 @@ impl ExamplePoses {
     ///
     /// # Errors
     /// As [`PoseDamage::apply`].
-    pub fn damaged(
+    pub(crate) fn damaged(
         &self,
         data: &Dataset,
         observe: &[String],

@@ -63,7 +63,7 @@ impl DuplicateTake {
 }
 
 /// Finds all pairs of takes that share poses, sorted by index.
-pub fn find_duplicates(data: &Dataset) -> Vec<DuplicateTake> {
+pub(crate) fn find_duplicates(data: &Dataset) -> Vec<DuplicateTake> {
     let index = ProjectionIndex::new(data.xyz.view());
     let mirror = Mirror::of(data);
     let found = parallel::map_chunks(data.takes.len(), 1, |range| {
@@ -144,7 +144,7 @@ pub struct Provenance {
 impl Provenance {
     /// The indices of takes that the model was trained from: their digest is in the history or a
     /// pose is stored.
-    pub fn takes(&self, data: &Dataset) -> Vec<usize> {
+    pub(crate) fn takes(&self, data: &Dataset) -> Vec<usize> {
         let mut known: Vec<usize> = (0..data.takes.len())
             .filter(|&k| self.digests.contains(&data.takes[k].digest))
             .collect();

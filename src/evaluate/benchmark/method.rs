@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The suffix of a method's name that turns on outlier detection and rigid distances.
-pub const TREATED: &str = "+treated";
+pub(crate) const TREATED: &str = "+treated";
 /// Largest default number of atoms of a K-SVD dictionary. Fewer training poses have a quarter of
 /// their number.
 const MAX_ATOMS: usize = 1000;
@@ -134,7 +134,7 @@ impl Method {
     }
 
     /// Identifies how the model is made; methods with equal recipes share one model.
-    pub fn recipe(&self) -> String {
+    pub(crate) fn recipe(&self) -> String {
         match &self.source {
             ModelSource::Kind { kind, atoms } => format!("{kind} {atoms:?}"),
             ModelSource::Pretrained(pretrained) => format!("file {}", pretrained.digest),
@@ -146,7 +146,7 @@ impl Method {
     ///
     /// # Errors
     /// [`Error::Data`] that names the model and the take.
-    pub fn check_provenance(&self, dataset: &Dataset) -> Result<()> {
+    pub(crate) fn check_provenance(&self, dataset: &Dataset) -> Result<()> {
         let ModelSource::Pretrained(pretrained) = &self.source else {
             return Ok(());
         };
@@ -171,7 +171,7 @@ impl Method {
 }
 
 /// A model for a split and seed, opened once for each method that shares it.
-pub struct TrainedModel {
+pub(crate) struct TrainedModel {
     /// The opened model of each method, in the methods' order.
     pub priors: Vec<Arc<dyn Prior>>,
     /// Seconds that training took; `None` for a pretrained model.
@@ -233,7 +233,7 @@ impl TrainedModel {
 
     /// Restores with the opened model of a method; `rigid` are the rigid distances of a treated
     /// method.
-    pub fn restorer<'r>(
+    pub(crate) fn restorer<'r>(
         &self,
         prior: &'r dyn Prior,
         rigid: Option<&'r RigidModel>,
@@ -246,7 +246,7 @@ impl TrainedModel {
     }
 
     /// The tuning of one task: the chosen setting and the curve.
-    pub fn tuning_of(&self, task: Task) -> Option<Value> {
+    pub(crate) fn tuning_of(&self, task: Task) -> Option<Value> {
         let all = self.tuning.as_ref()?;
         let curve = all.get("curve").and_then(Value::as_array);
         let own = |tried: &&Value| tried.get("task").and_then(Value::as_str) == Some(task.name());
@@ -267,7 +267,7 @@ pub struct Restorer<'r> {
 
 impl Restorer<'_> {
     /// The posteriors of damaged poses, and the seconds that restoring took on one thread.
-    pub fn restore(&self, task: Task, damaged: &DamagedPoses) -> (Vec<Posterior>, f64) {
+    pub(crate) fn restore(&self, task: Task, damaged: &DamagedPoses) -> (Vec<Posterior>, f64) {
         let extra = match task {
             Task::Sparse if self.needs_variance => SPARSE_MEAN_VARIANCE,
             _ => 0.0,

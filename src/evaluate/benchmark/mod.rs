@@ -9,18 +9,18 @@
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of
 //! a coordinate in asf² (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimeters.
 
-pub mod dataset;
-pub mod examples;
+pub(crate) mod dataset;
+pub(crate) mod examples;
 pub mod leakage;
 pub mod method;
 pub mod result;
 pub mod result_cache;
 pub mod runner;
-pub mod settings;
-pub mod shard;
-pub mod splits;
-pub mod summary;
-pub mod task;
+pub(crate) mod settings;
+pub(crate) mod shard;
+pub(crate) mod splits;
+pub(crate) mod summary;
+pub(crate) mod task;
 
 pub use dataset::Dataset;
 pub use method::Method;

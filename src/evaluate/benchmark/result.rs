@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 /// Multiples of the stated standard deviation at which errors are counted, with the share of a
 /// Gaussian within.
-pub const SD_LEVELS: [(f64, f64); 12] = [
+pub(crate) const SD_LEVELS: [(f64, f64); 12] = [
     (0.25, 0.197_413),
     (0.5, 0.382_925),
     (0.75, 0.546_745),
@@ -28,7 +28,7 @@ pub const SD_LEVELS: [(f64, f64); 12] = [
     (3.0, 0.997_300),
 ];
 /// The indices of one and two standard deviations in [`SD_LEVELS`].
-pub const ONE_AND_TWO_SD: [usize; 2] = [3, 7];
+pub(crate) const ONE_AND_TWO_SD: [usize; 2] = [3, 7];
 /// A coordinate with a smaller range in training, cm, is constant, like the root, and does not
 /// count for calibration.
 const MIN_RANGE: f64 = 1e-3;
@@ -50,7 +50,7 @@ pub struct Case {
 
 impl Case {
     /// A case; `base` is the base noise in cm.
-    pub fn new(model: &str, split: Split, seed: u64, task: Task, base: f64) -> Case {
+    pub(crate) fn new(model: &str, split: Split, seed: u64, task: Task, base: f64) -> Case {
         Case {
             model: model.into(),
             split,
@@ -103,7 +103,7 @@ pub struct BenchmarkResult {
 impl BenchmarkResult {
     /// Whether the lists have the lengths for this number of joints. A result read from a file may
     /// not.
-    pub fn is_sound(&self, joints: usize) -> bool {
+    pub(crate) fn is_sound(&self, joints: usize) -> bool {
         let parts = [Some(&self.test), self.training.as_ref()];
         let frames: usize = self.test.units.iter().map(|u| u.frames).sum();
         frames == self.test.frames
@@ -143,11 +143,11 @@ pub struct ResampledUnit {
 
 impl Measurement {
     /// RMS error of a coordinate, cm.
-    pub fn rms_cm(&self) -> f64 {
+    pub(crate) fn rms_cm(&self) -> f64 {
         self.mse.sqrt() * ASF_UNIT_CM
     }
     /// The share of coordinates within each of [`SD_LEVELS`]; empty if no coordinate counts.
-    pub fn shares(&self) -> Vec<f64> {
+    pub(crate) fn shares(&self) -> Vec<f64> {
         let share = |n: &u64| *n as f64 / self.coordinates as f64;
         match self.coordinates {
             0 => Vec::new(),
@@ -157,7 +157,7 @@ impl Measurement {
 }
 
 /// Whether each coordinate differs between training poses.
-pub fn varying_coordinates(poses: ArrayView2<'_, f32>) -> Vec<bool> {
+pub(crate) fn varying_coordinates(poses: ArrayView2<'_, f32>) -> Vec<bool> {
     let columns = poses.columns().into_iter();
     columns
         .map(|c| span(c.iter().map(|v| f64::from(*v))) > MIN_RANGE)
@@ -167,7 +167,7 @@ pub fn varying_coordinates(poses: ArrayView2<'_, f32>) -> Vec<bool> {
 /// Compares estimates with the truth.
 ///
 /// `None` if an estimate is not finite.
-pub fn measure(
+pub(crate) fn measure(
     data: &Dataset,
     (split, task): (Split, Task),
     damaged: &DamagedPoses,

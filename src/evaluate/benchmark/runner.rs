@@ -39,7 +39,7 @@ pub enum Event<'a> {
 }
 
 /// Called for each event of a run; an error ends the run.
-pub type Observer<'a> = dyn FnMut(&Event<'_>) -> Result<()> + Send + 'a;
+pub(crate) type Observer<'a> = dyn FnMut(&Event<'_>) -> Result<()> + Send + 'a;
 
 /// Results by the keys of their cases.
 pub type Results = BTreeMap<String, BenchmarkResult>;
@@ -252,7 +252,7 @@ impl<'a> Benchmark<'a> {
     }
 
     /// Whether a result is of this dataset and these settings. Its split and seed may be others.
-    pub fn is_own(&self, key: &str, result: &BenchmarkResult) -> bool {
+    pub(crate) fn is_own(&self, key: &str, result: &BenchmarkResult) -> bool {
         key == self.key(&result.case)
     }
 

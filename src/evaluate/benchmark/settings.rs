@@ -103,13 +103,13 @@ impl Settings {
     }
 
     /// The seeds.
-    pub fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
+    pub(crate) fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
         self.first_seed..self.first_seed + self.seeds
     }
 
     /// The tasks that are run with a base noise. Dense noise leaves no coordinate clean, so it runs
     /// with the first only.
-    pub fn tasks_at(&self, base: f64) -> Vec<Task> {
+    pub(crate) fn tasks_at(&self, base: f64) -> Vec<Task> {
         let first = self.base.first() == Some(&base);
         let tasks = self.tasks.iter().copied();
         tasks.filter(|t| first || *t != Task::Dense).collect()

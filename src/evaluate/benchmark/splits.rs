@@ -40,7 +40,7 @@ impl Split {
     }
 
     /// The reason why the dataset cannot be divided this way; `None` if it can.
-    pub fn impossible(self, data: &Dataset, twins: &[DuplicateTake]) -> Option<String> {
+    pub(crate) fn impossible(self, data: &Dataset, twins: &[DuplicateTake]) -> Option<String> {
         let groups = groups(data, twins);
         let units = match self {
             Split::Frames => data.xyz.nrows(),
@@ -76,7 +76,7 @@ impl Partition {
     ///
     /// # Errors
     /// [`Error::Usage`] if the dataset is too small for the split.
-    pub fn draw(
+    pub(crate) fn draw(
         data: &Dataset,
         twins: &[DuplicateTake],
         split: Split,
@@ -117,11 +117,11 @@ impl Partition {
     }
 
     /// At most `count` of the test rows, chosen at random, ascending.
-    pub fn some_test(&self, count: usize) -> Vec<usize> {
+    pub(crate) fn some_test(&self, count: usize) -> Vec<usize> {
         some(&self.test, count, self.seed, 3)
     }
     /// At most `count` of the training rows, chosen at random, ascending.
-    pub fn some_train(&self, count: usize) -> Vec<usize> {
+    pub(crate) fn some_train(&self, count: usize) -> Vec<usize> {
         some(&self.train, count, self.seed, 4)
     }
 }

@@ -16,11 +16,11 @@ use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 /// A 95% interval: low and high.
-pub type Interval = [f64; 2];
+pub(crate) type Interval = [f64; 2];
 
 /// A method on a task under a split, over all seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SummaryRow {
+pub(crate) struct SummaryRow {
     /// The method's name.
     pub model: String,
     /// The split.
@@ -55,7 +55,7 @@ pub struct SummaryRow {
 
 /// Averages over seeds. Results must be grouped by split, base noise, task and method, as
 /// [`super::Benchmark::run`] returns them; the rows keep that order.
-pub fn summarize(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
+pub(crate) fn summarize(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
     let table = |c: &BenchmarkResult| (c.case.split, c.case.base_asf.to_bits(), c.case.task);
     cells
         .chunk_by(|a, b| table(a) == table(b))
@@ -64,7 +64,7 @@ pub fn summarize(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
 }
 
 /// The 95% interval of one result.
-pub fn interval(cell: &BenchmarkResult) -> Interval {
+pub(crate) fn interval(cell: &BenchmarkResult) -> Interval {
     interval_of(bootstrap(&[&cell.test], &units(&[&cell.test])))
 }
 
@@ -203,7 +203,13 @@ pub(in crate::evaluate) mod tests {
     use rand_distr::StandardNormal;
 
     /// A result with `units` units of one frame each and errors near `mse`.
-    pub fn cell(model: &str, seed: u64, task: Task, mse: f64, units: usize) -> BenchmarkResult {
+    pub(crate) fn cell(
+        model: &str,
+        seed: u64,
+        task: Task,
+        mse: f64,
+        units: usize,
+    ) -> BenchmarkResult {
         let mut random = parallel::rng(seed, 3);
         let units: Vec<ResampledUnit> = (0..units)
             .map(|i| ResampledUnit {

@@ -12,7 +12,7 @@ use rand::RngCore;
 use serde::{Deserialize, Serialize};
 
 /// The probability that [`Task::Sparse`] changes a joint.
-pub const SPARSE_SHARE: f64 = 0.2;
+pub(crate) const SPARSE_SHARE: f64 = 0.2;
 
 /// The damage to a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -50,11 +50,11 @@ impl Task {
 
 /// The mean noise variance of a coordinate in [`Task::Sparse`], cm². Added for a method that
 /// assumes no noise of its own.
-pub const SPARSE_MEAN_VARIANCE: f64 = SPARSE_SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
+pub(crate) const SPARSE_MEAN_VARIANCE: f64 = SPARSE_SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
 
 /// Parameters of the damage to a set of poses.
 #[derive(Debug, Clone, Copy)]
-pub struct PoseDamage<'a> {
+pub(crate) struct PoseDamage<'a> {
     /// The task.
     pub task: Task,
     /// The points that [`Task::Complete`] keeps.
@@ -71,7 +71,7 @@ pub struct PoseDamage<'a> {
 
 /// Damaged poses and the noise variances that a method is given.
 #[derive(Debug, Clone)]
-pub struct DamagedPoses {
+pub(crate) struct DamagedPoses {
     /// The poses' rows in the dataset.
     pub rows: Vec<usize>,
     /// The clean poses: (frames, 3 J), cm.
@@ -87,7 +87,7 @@ impl PoseDamage<'_> {
     ///
     /// # Errors
     /// [`Error::Usage`] if an observed point does not exist.
-    pub fn apply(&self, data: &Dataset, rows: &[usize]) -> Result<DamagedPoses> {
+    pub(crate) fn apply(&self, data: &Dataset, rows: &[usize]) -> Result<DamagedPoses> {
         let stream = 16 + 8 * self.split as u64 + self.task as u64;
         let mut seeds = parallel::rng(self.seed, stream);
         let (hit_seed, base_seed) = (seeds.next_u64(), seeds.next_u64());
@@ -138,7 +138,7 @@ impl PoseDamage<'_> {
 
 impl DamagedPoses {
     /// Rows of a dataset as they are, known exactly.
-    pub fn undamaged(data: &Dataset, rows: &[usize]) -> DamagedPoses {
+    pub(crate) fn undamaged(data: &Dataset, rows: &[usize]) -> DamagedPoses {
         let truth = data.rows(rows);
         DamagedPoses {
             rows: rows.to_vec(),

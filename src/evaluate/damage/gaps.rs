@@ -18,12 +18,12 @@ pub(in crate::evaluate) struct Gap {
 
 impl Gap {
     /// The columns of the points' coordinates.
-    pub fn columns(&self) -> Vec<usize> {
+    pub(crate) fn columns(&self) -> Vec<usize> {
         self.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect()
     }
 
     /// Makes the points missing in the frames of a take (frames, 3 J).
-    pub fn hide(&self, xyz: &mut Array2<f64>) {
+    pub(crate) fn hide(&self, xyz: &mut Array2<f64>) {
         for column in self.columns() {
             xyz.slice_mut(s![self.frames.clone(), column])
                 .fill(f64::NAN);

@@ -8,9 +8,9 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
 /// Poses a second that a page shows.
-pub const RATE: f64 = 60.0;
+pub(crate) const RATE: f64 = 60.0;
 /// Length of the cross-fade of a cut, seconds; its middle is the labeled instant.
-pub const FADE: f64 = 0.3;
+pub(crate) const FADE: f64 = 0.3;
 /// The share of frames whose lowest joint is below the ground.
 const BELOW_GROUND: f64 = 0.01;
 
@@ -61,7 +61,7 @@ impl Motion {
     }
 
     /// The time of a frame, seconds since the take began.
-    pub fn time(&self, frame: usize) -> f64 {
+    pub(crate) fn time(&self, frame: usize) -> f64 {
         frame as f64 / self.rate
     }
 
@@ -88,7 +88,7 @@ impl Motion {
 
     /// The poses around `frame`, as many before as after it, 60 a second. In that frame the hip is
     /// above the origin and the body has no yaw.
-    pub fn around(&self, frame: usize, seconds: f64) -> Vec<Frame> {
+    pub(crate) fn around(&self, frame: usize, seconds: f64) -> Vec<Frame> {
         let middle = self.frame(frame);
         let turn = without_yaw(middle[joint::LHIP] - middle[joint::RHIP]);
         let hip = middle[joint::HIP];
@@ -103,7 +103,7 @@ impl Motion {
 }
 
 /// The number of poses shown around a frame: as many before as after it.
-pub fn samples(seconds: f64) -> usize {
+pub(crate) fn samples(seconds: f64) -> usize {
     2 * ((seconds * RATE) + 1e-6) as usize + 1
 }
 
@@ -117,7 +117,7 @@ fn without_yaw(across: DVec3) -> DMat3 {
 
 /// The cut from `a` to `b`: `a`, faded into `b` over [`FADE`] seconds, then `b`. Bones keep their
 /// lengths in the fade.
-pub fn cut(a: &[Frame], b: &[Frame]) -> Vec<Frame> {
+pub(crate) fn cut(a: &[Frame], b: &[Frame]) -> Vec<Frame> {
     let half = a.len() as f64 / 2.0;
     let pairs = a.iter().zip(b).enumerate();
     let faded = pairs.map(|(i, (a, b))| {

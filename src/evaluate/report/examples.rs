@@ -32,7 +32,7 @@ struct Restored {
 ///
 /// # Errors
 /// As [`ExamplePoses::damaged`] and [`player::page`].
-pub fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<String> {
+pub(crate) fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<String> {
     let mut out = String::new();
     let (dataset, settings) = (report.dataset(), &report.benchmark.settings);
     let kinds: Vec<ExampleKind> = (settings.tasks.iter())

@@ -227,13 +227,13 @@ fn grid(rows: &[SummaryRow]) -> Vec<Vec<String>> {
 }
 
 /// Three digits that count, never an exponent above 1e-5.
-pub fn short(v: f64) -> String {
+pub(crate) fn short(v: f64) -> String {
     let digits = (2 - v.abs().max(1e-5).log10().floor() as i32).clamp(0, 6) as usize;
     format!("{v:.digits$}")
 }
 
 /// A CSV cell.
-pub fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.into(),

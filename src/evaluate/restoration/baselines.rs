@@ -26,7 +26,7 @@ pub(super) struct CutGap<'a> {
 
 impl CutGap<'_> {
     /// Straight lines between the ends; with one end, what is there. (frames of the gap, 3 points).
-    pub fn linear(&self) -> Array2<f64> {
+    pub(crate) fn linear(&self) -> Array2<f64> {
         let columns = self.gap.columns();
         Array2::from_shape_fn((self.gap.frames.len(), columns.len()), |(i, c)| {
             let at = |t: usize| self.xyz[[t, columns[c]]];
@@ -44,7 +44,7 @@ impl CutGap<'_> {
     }
 
     /// PCHIP through the frames around; with one end, what is there.
-    pub fn pchip(&self) -> Array2<f64> {
+    pub(crate) fn pchip(&self) -> Array2<f64> {
         if self.gap.frames.end >= self.xyz.nrows() {
             return self.linear();
         }
@@ -66,7 +66,7 @@ impl CutGap<'_> {
     /// The conditional mean under one Gaussian of the take's own frames and, half and half, of
     /// `others` (of poses in the pelvis's frame), joined to both ends by a ramp. `None` where
     /// fewer than two frames are complete.
-    pub fn gaussian(&self, others: Option<&Moments>) -> Option<Array2<f64>> {
+    pub(crate) fn gaussian(&self, others: Option<&Moments>) -> Option<Array2<f64>> {
         let is_seen = |t: usize, p: usize| self.xyz[[t, 3 * p]].is_finite();
         let predictors: Vec<usize> = (0..self.names.len())
             .filter(|p| {
@@ -142,7 +142,7 @@ pub(super) struct Moments {
 
 impl Moments {
     /// Those of the rows (n, coordinates); `None` without rows.
-    pub fn of(rows: &Array2<f64>) -> Option<Moments> {
+    pub(crate) fn of(rows: &Array2<f64>) -> Option<Moments> {
         let mean = rows.mean_axis(Axis(0))?;
         let centered = rows - &mean;
         let covariance = centered.t().dot(&centered) / (rows.nrows() as f64 - 1.0).max(1.0);

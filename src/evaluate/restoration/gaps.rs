@@ -188,18 +188,18 @@ impl GapCell {
     }
 
     /// The RMS error of a coordinate over all gaps, cm; `None` without a gap.
-    pub fn rms(&self, method: &str) -> Option<f64> {
+    pub(crate) fn rms(&self, method: &str) -> Option<f64> {
         rms(self.mse.of(method))
     }
 
     /// Median (`share` .5) or other quantile of the points' distances, cm; `None` without a gap.
-    pub fn distance(&self, method: &str, share: f64) -> Option<f64> {
+    pub(crate) fn distance(&self, method: &str, share: f64) -> Option<f64> {
         quantile(self.distances.of(method).to_vec(), share)
     }
 
     /// The RMS error divided by that of the best baseline, with the 95% interval of a bootstrap
     /// over gaps; `None` without a gap.
-    pub fn to_best_baseline(&self) -> Option<(f64, [f64; 2])> {
+    pub(crate) fn to_best_baseline(&self) -> Option<(f64, [f64; 2])> {
         let baselines = self.mse.names().filter(|m| *m != RESTORED);
         let sum = |mse: &[f64]| mse.iter().sum::<f64>();
         let best = baselines

@@ -19,8 +19,8 @@ use crate::{Error, Place, Result};
 use baselines::Moments;
 pub use gaps::{GapCell, GapLength};
 use ndarray::Axis;
-pub use noise::NoiseCell;
-pub use report::TakesReport;
+pub(crate) use noise::NoiseCell;
+pub(crate) use report::TakesReport;
 
 /// Training poses a second, at most: poses closer in time tell nothing new.
 const TRAINING_RATE: f64 = 30.0;
@@ -284,19 +284,19 @@ impl ByMethod {
     }
 
     /// The methods.
-    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+    pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
         self.0.iter().map(|(name, _)| *name)
     }
 
     /// The values of a method; none if it is unknown.
-    pub fn of(&self, method: &str) -> &[f64] {
+    pub(crate) fn of(&self, method: &str) -> &[f64] {
         let found = self.0.iter().find(|(name, _)| *name == method);
         found.map_or(&[], |(_, values)| values)
     }
 }
 
 /// The name of what is tested, in tables.
-pub const RESTORED: &str = "posing";
+pub(crate) const RESTORED: &str = "posing";
 
 /// The mean of squares; 0 for none.
 fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
@@ -315,7 +315,7 @@ mod tests {
     use ndarray::Array2;
 
     /// A chain of points that swings: whole seconds at 60 frames a second.
-    pub fn swinging(subject: &str, seconds: usize, phase: f64) -> (String, Poses) {
+    pub(crate) fn swinging(subject: &str, seconds: usize, phase: f64) -> (String, Poses) {
         let frames = 60 * seconds;
         let xyz = Array2::from_shape_fn((frames, 15), |(t, c)| {
             let (p, time) = ((c / 3) as f64, t as f64 / 60.0);

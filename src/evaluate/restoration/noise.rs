@@ -125,12 +125,12 @@ impl NoiseCell {
     }
 
     /// The RMS error of a coordinate over all takes, cm; `None` where no take was tested.
-    pub fn rms(&self, method: &str) -> Option<f64> {
+    pub(crate) fn rms(&self, method: &str) -> Option<f64> {
         rms(self.mse.of(method))
     }
 
     /// The RMS error of an acceleration, m/s²; `None` where no take was tested.
-    pub fn acceleration_rms(&self, method: &str) -> Option<f64> {
+    pub(crate) fn acceleration_rms(&self, method: &str) -> Option<f64> {
         rms(self.acceleration.of(method))
     }
 }

@@ -99,7 +99,7 @@ pub(super) fn of_take(takes: &TestTakes, take: usize, random: &mut impl Rng) -> 
 
 impl Segment {
     /// Its frames (n, 3 J), cm; NaN missing.
-    pub fn xyz(&self, takes: &TestTakes) -> Array2<f64> {
+    pub(crate) fn xyz(&self, takes: &TestTakes) -> Array2<f64> {
         let poses = &takes.takes[self.take].poses;
         poses
             .xyz

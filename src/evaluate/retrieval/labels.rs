@@ -40,7 +40,7 @@ names!(LabelRule {
 
 impl LabelRule {
     /// What it calls alike, and what not.
-    pub fn describe(self) -> &'static str {
+    pub(crate) fn describe(self) -> &'static str {
         match self {
             LabelRule::Class => {
                 "alike: one action by two people at the same share of its time; not alike: \
@@ -59,7 +59,7 @@ impl LabelRule {
     }
 
     /// Seconds about a labeled frame for which the label holds.
-    pub fn reach(self) -> f64 {
+    pub(crate) fn reach(self) -> f64 {
         match self {
             LabelRule::Class => 1.0,
             LabelRule::Phase => 0.2,
@@ -68,7 +68,7 @@ impl LabelRule {
     }
 
     /// Up to `count` pairs of each label among different takes, and the same number of both.
-    pub fn label(self, set: &TakeSet, count: usize, seed: u64) -> Vec<LabeledPair> {
+    pub(crate) fn label(self, set: &TakeSet, count: usize, seed: u64) -> Vec<LabeledPair> {
         let mut rng = parallel::rng(seed, self as u64);
         let mut labeled: [Vec<LabeledPair>; 2] = Default::default();
         for is_alike in [true, false] {

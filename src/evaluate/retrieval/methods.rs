@@ -7,7 +7,7 @@ use crate::metric::{
 };
 
 /// Frames of one window, seconds.
-pub const WINDOW: f64 = 0.2;
+pub(crate) const WINDOW: f64 = 0.2;
 
 /// A distance to be trained and tested.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,7 +31,7 @@ impl Method {
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: labels that it needs are missing, or nothing can be learned.
-    pub fn fit(
+    pub(crate) fn fit(
         &self,
         map: &JointMap,
         takes: &[BodyFramePoses],
@@ -56,14 +56,14 @@ impl Method {
 
 /// The methods of each table, for labels that hold for `reach` seconds.
 #[derive(Debug, Clone)]
-pub struct Methods {
+pub(crate) struct Methods {
     default: TrainSettings,
     map: JointMap,
 }
 
 impl Methods {
     /// Methods for a joint map.
-    pub fn new(map: &JointMap, reach: f64, seed: u64) -> Methods {
+    pub(crate) fn new(map: &JointMap, reach: f64, seed: u64) -> Methods {
         let mut default = TrainSettings::new(map.clone());
         default.reach = reach;
         default.window = WINDOW;
@@ -75,13 +75,13 @@ impl Methods {
     }
 
     /// The default metric.
-    pub fn default_method(&self) -> Method {
+    pub(crate) fn default_method(&self) -> Method {
         Method::trained("gpd+rdsr", self.default.clone())
     }
 
     /// Published distances, coordinates at the default's window, and the default (the paper's
     /// figure 5).
-    pub fn distances(&self) -> Vec<Method> {
+    pub(crate) fn distances(&self) -> Vec<Method> {
         let baselines = Baseline::ALL.into_iter().map(|b| Method {
             name: b.name().into(),
             kind: Kind::Baseline(b),
@@ -112,7 +112,7 @@ impl Methods {
     }
 
     /// Features by learners, at the default's window (figure 6).
-    pub fn features_by_learners(&self) -> Vec<Method> {
+    pub(crate) fn features_by_learners(&self) -> Vec<Method> {
         let learners = [
             ("l2", Learner::L2),
             ("lms", Learner::Lms),
@@ -143,7 +143,7 @@ impl Methods {
     }
 
     /// Ranks (figure 4).
-    pub fn ranks(&self) -> Vec<Method> {
+    pub(crate) fn ranks(&self) -> Vec<Method> {
         let with = |rank: usize| {
             let mut settings = self.default.clone();
             settings.rdsr.rank = rank;
@@ -153,7 +153,7 @@ impl Methods {
     }
 
     /// Numbers of unlabeled poses (figure 7).
-    pub fn unlabeled(&self) -> Vec<Method> {
+    pub(crate) fn unlabeled(&self) -> Vec<Method> {
         let with = |unlabeled: usize| {
             let settings = TrainSettings {
                 unlabeled,

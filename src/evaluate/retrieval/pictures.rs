@@ -12,7 +12,11 @@ const FOUND: usize = 8;
 
 /// For each distance, the poses of `searched` found for poses amid takes of `queries`, as SVG with
 /// headings.
-pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &TakeSet) -> String {
+pub(crate) fn draw(
+    metrics: &[(String, PoseMetric)],
+    searched: &TakeSet,
+    queries: &TakeSet,
+) -> String {
     let step = (queries.takes.len() / QUERIES).max(1);
     let asked: Vec<FrameRef> = (0..queries.takes.len())
         .step_by(step)

@@ -56,7 +56,7 @@ pub(super) fn step(take: &BodyFramePoses) -> usize {
 
 /// The share of the poses found in `searched`, takes of other people than those of `queries`, that
 /// are of the query's class, at each of [`SCOPES`]: each take counts once.
-pub fn retrieval(
+pub(crate) fn retrieval(
     metric: &PoseMetric,
     searched: &TakeSet,
     queries: &TakeSet,
@@ -84,7 +84,11 @@ pub fn retrieval(
 }
 
 /// The share of pairs that the best threshold decides right, (36) and (37).
-pub fn decisions(metric: &PoseMetric, set: &TakeSet, pairs: &[LabeledPair]) -> Option<Precision> {
+pub(crate) fn decisions(
+    metric: &PoseMetric,
+    set: &TakeSet,
+    pairs: &[LabeledPair],
+) -> Option<Precision> {
     let distance = |pair: &LabeledPair| {
         let [a, b] = pair
             .ends

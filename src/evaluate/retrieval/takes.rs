@@ -50,7 +50,7 @@ impl TakeSet {
     }
 
     /// Takes of other subjects, to learn from, and takes of `tested`, to test on.
-    pub fn split(&self, tested: &[String]) -> [TakeSet; 2] {
+    pub(crate) fn split(&self, tested: &[String]) -> [TakeSet; 2] {
         let mut sets = [TakeSet::default(), TakeSet::default()];
         for k in 0..self.about.len() {
             let is_tested = tested.contains(&self.about[k].subject);

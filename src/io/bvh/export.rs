@@ -30,7 +30,7 @@ pub struct BvhExporter<'a> {
 impl<'a> BvhExporter<'a> {
     /// `order` is that of the rotation channels, the last turning first; `turn` carries our axes to
     /// the file's.
-    pub fn new(skeleton: &'a Skeleton, order: [Axis; 3], turn: DMat3) -> BvhExporter<'a> {
+    pub(crate) fn new(skeleton: &'a Skeleton, order: [Axis; 3], turn: DMat3) -> BvhExporter<'a> {
         let all = skeleton.bones();
         let mut children = vec![Vec::new(); all.len()];
         for (i, bone) in all.iter().enumerate() {
@@ -82,14 +82,9 @@ impl<'a> BvhExporter<'a> {
         }
     }
 
-    /// The file's joints.
-    pub fn joints(&self) -> &[Joint] {
-        &self.joints
-    }
-
     /// Appends the channels of the next frame, centimeters and radians. Angles follow those of the
     /// frame before.
-    pub fn frame(&mut self, posture: &Posture, out: &mut Vec<f64>) {
+    pub(crate) fn frame(&mut self, posture: &Posture, out: &mut Vec<f64>) {
         let back = self.turn.transpose();
         for ((joint, &bone), near) in self.joints.iter().zip(&self.bones).zip(&mut self.near) {
             let (before, from) = match self.skeleton.bones()[bone].parent {
@@ -114,7 +109,7 @@ impl Bvh {
     ///
     /// # Errors
     /// [`Error::Usage`]: not as many values a frame as the skeleton has degrees of freedom.
-    pub fn from_values(
+    pub(crate) fn from_values(
         skeleton: &Skeleton,
         values: ArrayView2<'_, f64>,
         order: [Axis; 3],
@@ -187,7 +182,7 @@ mod tests {
                 DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
             ] {
                 let mut converter = BvhExporter::new(&s, parse_order(order).unwrap(), turn);
-                let rig = BvhSkeleton::new(converter.joints(), turn.transpose(), true).unwrap();
+                let rig = BvhSkeleton::new(&converter.joints, turn.transpose(), true).unwrap();
                 let mut q = vec![0.0; rig.skeleton.dof_count()];
                 for round in 0..5 {
                     let values: Vec<f64> = (0..s.dof_count())

@@ -36,10 +36,10 @@ use std::path::Path;
 
 /// The Frame Times that motion has, seconds. What lies outside is a damaged file, or another unit
 /// of time.
-pub const FRAME_TIMES: std::ops::RangeInclusive<f64> = 0.0001..=10.0;
+pub(crate) const FRAME_TIMES: std::ops::RangeInclusive<f64> = 0.0001..=10.0;
 
 /// The most joints and End Sites a file may have: no skeleton has them.
-pub const MOST_JOINTS: usize = 4096;
+pub(crate) const MOST_JOINTS: usize = 4096;
 
 /// One joint.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,7 +98,7 @@ impl Bvh {
     }
 
     /// The number of channels of a frame.
-    pub fn channels(joints: &[Joint]) -> usize {
+    pub(crate) fn channels(joints: &[Joint]) -> usize {
         joints.iter().map(|j| j.channels.len()).sum()
     }
 

@@ -177,7 +177,7 @@ impl BvhSkeleton {
     /// The end of a bone is where the joints on it start and its End Sites are; where those are
     /// apart, their mean, as Blender draws it. A joint that carries nothing ends where it is,
     /// and so does the root, so that a table of ends tells where the body stands.
-    pub fn points(&self, which: BvhPoints) -> &[(String, usize)] {
+    pub(crate) fn points(&self, which: BvhPoints) -> &[(String, usize)] {
         match which {
             BvhPoints::Origins => &self.origins,
             BvhPoints::Ends => &self.ends,
@@ -193,7 +193,7 @@ impl BvhSkeleton {
     }
 
     /// A frame's channels as the skeleton's values.
-    pub fn values(&self, frame: &[f64], q: &mut [f64]) {
+    pub(crate) fn values(&self, frame: &[f64], q: &mut [f64]) {
         for ((value, channel), still) in frame.iter().zip(&self.channels).zip(&self.still) {
             if let Some(i) = channel {
                 q[*i] = *value - still;
@@ -202,7 +202,7 @@ impl BvhSkeleton {
     }
 
     /// The skeleton's values as a frame's channels.
-    pub fn frame<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    pub(crate) fn frame<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let channels = self.channels.iter().zip(&self.still);
         channels.map(|(c, still)| c.map_or(0.0, |i| q[i]) + still)
     }
@@ -308,7 +308,7 @@ impl BvhTemplate {
     }
 
     /// The joints of the hierarchy.
-    pub fn joints(&self) -> &[Joint] {
+    pub(crate) fn joints(&self) -> &[Joint] {
         &self.joints
     }
 
@@ -332,7 +332,7 @@ impl BvhTemplate {
 
     /// The template with another motion: `values` (frames, degrees of freedom of the skeleton;
     /// radians and centimeters).
-    pub fn with_values(&self, values: ArrayView2<'_, f64>, frame_time: f64) -> Bvh {
+    pub(crate) fn with_values(&self, values: ArrayView2<'_, f64>, frame_time: f64) -> Bvh {
         let mut motion = Array2::zeros((values.nrows(), Bvh::channels(&self.joints)));
         for (q, mut frame) in values.rows().into_iter().zip(motion.rows_mut()) {
             let q = q.to_vec();

@@ -14,7 +14,7 @@ const LEAST_SHARE: f64 = 1.0 / 3.0;
 
 /// The axis that points up, as `+Z`, else what the file says of it; and whether it was inferred,
 /// which is noted.
-pub fn up(
+pub(crate) fn up(
     parameters: &Parameters,
     points: &[String],
     xyz: ArrayView2<'_, f64>,

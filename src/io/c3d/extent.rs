@@ -9,7 +9,7 @@ const COUNTED: usize = 1 << 16;
 
 /// What the words of the header say.
 #[derive(Debug, Clone, Copy)]
-pub struct Words {
+pub(crate) struct Words {
     /// The number of points.
     pub points: u16,
     /// Analog values per frame.
@@ -24,7 +24,7 @@ pub struct Words {
 
 /// The values of a frame, and the frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extent {
+pub(crate) struct Extent {
     /// The number of points.
     pub points: usize,
     /// Analog values that follow the points of a frame.
@@ -38,7 +38,7 @@ pub struct Extent {
 impl Extent {
     /// What header and parameters say, of `data`, the bytes from the first frame to the end of the
     /// frames' section, in numbers of `width` bytes.
-    pub fn read(
+    pub(crate) fn read(
         words: Words,
         parameters: &Parameters,
         data: &[u8],

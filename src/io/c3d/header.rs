@@ -8,7 +8,7 @@ use crate::Result;
 
 /// Where the frames are and what each holds.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
+pub(crate) struct Layout {
     pub processor: Processor,
     /// Whether points and analog samples are reals of 32 bits, else integers of 16.
     pub real: bool,
@@ -31,7 +31,7 @@ pub struct Layout {
 impl Layout {
     /// The layout that the header and the parameters give; the section of these begins at the byte
     /// `parameters_at`.
-    pub fn read(
+    pub(crate) fn read(
         bytes: &[u8],
         processor: Processor,
         parameters: &Parameters,
@@ -102,22 +102,22 @@ impl Layout {
     }
 
     /// The bytes of one number.
-    pub fn number_bytes(&self) -> usize {
+    pub(crate) fn number_bytes(&self) -> usize {
         if self.real { 4 } else { 2 }
     }
 
     /// The bytes of a frame.
-    pub fn frame_bytes(&self) -> usize {
+    pub(crate) fn frame_bytes(&self) -> usize {
         (4 * self.points + self.analog) * self.number_bytes()
     }
 
     /// The first byte after the last frame.
-    pub fn end(&self) -> usize {
+    pub(crate) fn end(&self) -> usize {
         self.start + self.frames * self.frame_bytes()
     }
 
     /// The first byte of a point: x, y, z, and its residual with its cameras.
-    pub fn point_at(&self, frame: usize, point: usize) -> usize {
+    pub(crate) fn point_at(&self, frame: usize, point: usize) -> usize {
         self.start + frame * self.frame_bytes() + 4 * point * self.number_bytes()
     }
 }

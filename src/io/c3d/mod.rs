@@ -13,7 +13,7 @@ mod parameters;
 mod points;
 mod write;
 
-pub use write::NewC3d;
+pub(crate) use write::NewC3d;
 
 use self::header::Layout;
 use self::numbers::Processor;
@@ -43,7 +43,7 @@ pub struct C3d {
 
 impl C3d {
     /// Whether the numbers of the file hold a point (in its units and axes).
-    pub fn holds(&self, point: [f64; 3]) -> bool {
+    pub(crate) fn holds(&self, point: [f64; 3]) -> bool {
         points::encode(Some(point), &self.layout).is_ok()
     }
 

@@ -2,7 +2,7 @@
 
 /// The processor whose byte order a file has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Processor {
+pub(crate) enum Processor {
     /// Intel: little-endian, IEEE 754.
     Intel,
     /// DEC: little-endian integers, VAX F reals.
@@ -13,7 +13,7 @@ pub enum Processor {
 
 impl Processor {
     /// The processor of the fourth byte of the parameter section.
-    pub fn of_byte(byte: u8) -> Option<Processor> {
+    pub(crate) fn of_byte(byte: u8) -> Option<Processor> {
         match byte {
             84 => Some(Processor::Intel),
             85 => Some(Processor::Dec),
@@ -23,7 +23,7 @@ impl Processor {
     }
 
     /// A 16-bit integer.
-    pub fn u16(self, bytes: [u8; 2]) -> u16 {
+    pub(crate) fn u16(self, bytes: [u8; 2]) -> u16 {
         match self {
             Processor::Mips => u16::from_be_bytes(bytes),
             _ => u16::from_le_bytes(bytes),
@@ -31,7 +31,7 @@ impl Processor {
     }
 
     /// The bytes of a 16-bit integer.
-    pub fn u16_bytes(self, value: u16) -> [u8; 2] {
+    pub(crate) fn u16_bytes(self, value: u16) -> [u8; 2] {
         match self {
             Processor::Mips => value.to_be_bytes(),
             _ => value.to_le_bytes(),
@@ -39,7 +39,7 @@ impl Processor {
     }
 
     /// A real of 32 bits.
-    pub fn f32(self, bytes: [u8; 4]) -> f32 {
+    pub(crate) fn f32(self, bytes: [u8; 4]) -> f32 {
         match self {
             Processor::Intel => f32::from_le_bytes(bytes),
             Processor::Mips => f32::from_be_bytes(bytes),
@@ -52,7 +52,7 @@ impl Processor {
     }
 
     /// The bytes of a real; one too large for a VAX real becomes the largest that is not.
-    pub fn f32_bytes(self, value: f32) -> [u8; 4] {
+    pub(crate) fn f32_bytes(self, value: f32) -> [u8; 4] {
         match self {
             Processor::Intel => value.to_le_bytes(),
             Processor::Mips => value.to_be_bytes(),

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 /// The values of the parameters of a file, by `GROUP:NAME` in capitals.
 #[derive(Debug, Clone, Default)]
-pub struct Parameters {
+pub(crate) struct Parameters {
     values: HashMap<String, Value>,
     /// Where the parameters cannot be followed further, and why.
     pub broken: Option<String>,
@@ -13,7 +13,7 @@ pub struct Parameters {
 
 /// The value of a parameter.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub(crate) enum Value {
     /// Strings, without the blanks at their ends.
     Text(Vec<String>),
     /// Integers (those of 16 bits without their sign: counts go up to 65,535) and reals.
@@ -22,7 +22,7 @@ pub enum Value {
 
 impl Parameters {
     /// Follows the parameters of a section, which begins with its head of four bytes.
-    pub fn read(section: &[u8], processor: Processor) -> Parameters {
+    pub(crate) fn read(section: &[u8], processor: Processor) -> Parameters {
         let mut parameters = Parameters::default();
         let mut groups: HashMap<u8, String> = HashMap::new();
         let mut entries: Vec<(u8, String, Value)> = Vec::new();
@@ -54,13 +54,13 @@ impl Parameters {
     }
 
     /// Whether there is a parameter of this group.
-    pub fn has_group(&self, group: &str) -> bool {
+    pub(crate) fn has_group(&self, group: &str) -> bool {
         let mut names = self.values.keys().filter_map(|name| name.split_once(':'));
         names.any(|(of, _)| of == group)
     }
 
     /// The first number of a parameter.
-    pub fn number(&self, name: &str) -> Option<f64> {
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
         match self.values.get(name)? {
             Value::Numbers(numbers) => numbers.first().copied(),
             Value::Text(_) => None,
@@ -68,7 +68,7 @@ impl Parameters {
     }
 
     /// The numbers of a parameter; none where it is not there.
-    pub fn numbers(&self, name: &str) -> &[f64] {
+    pub(crate) fn numbers(&self, name: &str) -> &[f64] {
         match self.values.get(name) {
             Some(Value::Numbers(numbers)) => numbers,
             _ => &[],
@@ -76,13 +76,13 @@ impl Parameters {
     }
 
     /// The first string of a parameter, if it says anything.
-    pub fn text(&self, name: &str) -> Option<&str> {
+    pub(crate) fn text(&self, name: &str) -> Option<&str> {
         let first = self.texts(name).first()?;
         Some(first.as_str()).filter(|text| !text.is_empty())
     }
 
     /// The strings of a parameter; none where it is not there.
-    pub fn texts(&self, name: &str) -> &[String] {
+    pub(crate) fn texts(&self, name: &str) -> &[String] {
         match self.values.get(name) {
             Some(Value::Text(texts)) => texts,
             _ => &[],

@@ -4,7 +4,7 @@ use super::header::Layout;
 use ndarray::Array2;
 
 /// The points, (frames, 3 P) in the file's unit; NaN where a point is invalid.
-pub fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
+pub(crate) fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
     let mut xyz = Array2::from_elem((layout.frames, 3 * layout.points), f64::NAN);
     for t in 0..layout.frames {
         for p in 0..layout.points {
@@ -20,7 +20,7 @@ pub fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
 /// A point; `None` where its fourth word is below zero, whatever its value, or it or a coordinate
 /// is no number. (Makers write -1, -32768, or set the sign bit beside cameras and residual. A real
 /// of -0 is not below zero: it is a residual of 0.)
-pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
+pub(crate) fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     let width = layout.number_bytes();
     let number = |i: usize| {
         let b = &bytes[i * width..];
@@ -40,7 +40,7 @@ pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
 ///
 /// # Errors
 /// The coordinate that 16 bits do not hold at the file's scale.
-pub fn encode(point: Option<[f64; 3]>, layout: &Layout) -> Result<Vec<u8>, f64> {
+pub(crate) fn encode(point: Option<[f64; 3]>, layout: &Layout) -> Result<Vec<u8>, f64> {
     let numbers = match point {
         Some([x, y, z]) => [x, y, z, 0.0],
         None => [0.0, 0.0, 0.0, -1.0],

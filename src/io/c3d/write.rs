@@ -26,7 +26,7 @@ impl C3d {
     ///
     /// # Errors
     /// [`Error::Data`]: another shape, or a coordinate that the file's integers do not hold.
-    pub fn with_points(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+    pub(crate) fn with_points(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
         let place = || Place::file(&self.take.name);
         if xyz.dim() != self.take.xyz.dim() {
             let what = format!(
@@ -107,7 +107,7 @@ impl C3d {
 
 /// What a new file says of its points.
 #[derive(Debug, Clone)]
-pub struct NewC3d<'a> {
+pub(crate) struct NewC3d<'a> {
     /// The points' names (P).
     pub points: &'a [String],
     /// Frames a second.
@@ -126,7 +126,7 @@ impl NewC3d<'_> {
     ///
     /// # Errors
     /// [`Error::Usage`]: no points or frames, or more than the format counts.
-    pub fn bytes(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+    pub(crate) fn bytes(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
         let frames = xyz.nrows();
         if self.points.is_empty() || self.points.len() > MOST_POINTS || frames == 0 {
             let what = format!(

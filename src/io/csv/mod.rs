@@ -44,7 +44,7 @@ impl CsvReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no header of a pose table.
-    pub fn new(input: Input, options: &TableOptions) -> Result<CsvReader> {
+    pub(crate) fn new(input: Input, options: &TableOptions) -> Result<CsvReader> {
         CsvReader::with_block(input, options, BLOCK)
     }
 
@@ -88,7 +88,7 @@ impl CsvReader {
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the
     /// column.
-    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+    pub(crate) fn read(&mut self, row: &mut Row) -> Result<bool> {
         loop {
             if self.hand_out(row)? {
                 return Ok(true);

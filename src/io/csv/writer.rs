@@ -58,7 +58,7 @@ pub struct CsvFormat {
 impl CsvFormat {
     /// The layout of tables with the columns `columns` and `added`. An added column replaces one of
     /// the same name.
-    pub fn new(columns: &Columns, added: &[AddedColumn]) -> CsvFormat {
+    pub(crate) fn new(columns: &Columns, added: &[AddedColumn]) -> CsvFormat {
         let mut writer = CsvFormat {
             header: Vec::new(),
             sources: Vec::new(),
@@ -138,7 +138,7 @@ impl CsvFormat {
     }
 
     /// Appends the header line.
-    pub fn push_header(&self, out: &mut Vec<u8>) {
+    pub(crate) fn push_header(&self, out: &mut Vec<u8>) {
         for (i, name) in self.header.iter().enumerate() {
             if i > 0 {
                 out.push(b',');
@@ -150,7 +150,7 @@ impl CsvFormat {
 
     /// Appends a frame. `row` is what was read (its cells are kept where the numbers are
     /// unchanged), `xyz` the numbers to write, `added` the added columns' cells.
-    pub fn push_row(&self, out: &mut Vec<u8>, row: &Row, xyz: &[f64], added: &[String]) {
+    pub(crate) fn push_row(&self, out: &mut Vec<u8>, row: &Row, xyz: &[f64], added: &[String]) {
         let kept = !row.cells.is_empty();
         let unchanged = |n: usize| !row.converted && same(xyz[n], row.xyz[n]);
         if let Some(line) = row.cells.as_line()

@@ -30,7 +30,7 @@ impl Animation {
     /// # Panics
     /// A key has fewer rotations or places than there are bones, or a bone names a parent that is
     /// not there.
-    pub fn from_world(
+    pub(crate) fn from_world(
         name: impl Into<String>,
         bones: &[Bone],
         times: Vec<f32>,

@@ -7,13 +7,13 @@ use gltf_json::{Accessor, Index, Root, Value};
 
 /// The arrays of a file.
 #[derive(Debug, Default)]
-pub struct Buffer {
+pub(crate) struct Buffer {
     pub bytes: Vec<u8>,
 }
 
 impl Buffer {
     /// Adds rows of single precision. `bounds`: their smallest and largest components are told too.
-    pub fn floats<const N: usize>(
+    pub(crate) fn floats<const N: usize>(
         &mut self,
         root: &mut Root,
         rows: impl IntoIterator<Item = [f32; N]>,
@@ -45,7 +45,7 @@ impl Buffer {
     }
 
     /// Adds rows of two-byte integers, of four numbers or one.
-    pub fn shorts<const N: usize>(
+    pub(crate) fn shorts<const N: usize>(
         &mut self,
         root: &mut Root,
         rows: impl IntoIterator<Item = [u16; N]>,
@@ -60,7 +60,7 @@ impl Buffer {
     }
 
     /// Adds four-byte integers.
-    pub fn integers(
+    pub(crate) fn integers(
         &mut self,
         root: &mut Root,
         numbers: impl IntoIterator<Item = u32>,
@@ -112,7 +112,7 @@ impl Buffer {
 }
 
 /// The bytes of a GLB file: a header of 12 bytes, the JSON, the arrays. `None` above 4 GiB.
-pub fn container(mut json: Vec<u8>, bytes: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn container(mut json: Vec<u8>, bytes: &[u8]) -> Option<Vec<u8>> {
     json.resize(json.len().next_multiple_of(4), b' ');
     let length = u32::try_from(12 + 8 + json.len() + 8 + bytes.len()).ok()?;
     let mut file = Vec::with_capacity(length as usize);

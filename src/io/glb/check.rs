@@ -7,7 +7,7 @@ use crate::{Error, Place, Result};
 type Checked = std::result::Result<(), String>;
 
 /// Checks a whole mesh.
-pub fn check(mesh: &SkinnedMesh) -> Result<()> {
+pub(crate) fn check(mesh: &SkinnedMesh) -> Result<()> {
     let fail = |part: String, what: String| Error::data(Place::file("the mesh").part(part), what);
     surface(mesh).map_err(|what| Error::data(Place::file("the mesh"), what))?;
     skeleton(&mesh.bones).map_err(|what| fail("bones".into(), what))?;

@@ -21,7 +21,7 @@ const SKIN_TONE: [f32; 4] = [0.60, 0.42, 0.33, 1.0];
 const ROUGHNESS: f32 = 0.7;
 
 /// The bytes of a file of a mesh that was checked.
-pub fn write(mesh: &SkinnedMesh) -> Result<Vec<u8>> {
+pub(crate) fn write(mesh: &SkinnedMesh) -> Result<Vec<u8>> {
     let (mut root, mut buffer) = (Root::default(), Buffer::default());
     root.asset.generator = Some(concat!("posing ", env!("CARGO_PKG_VERSION")).into());
     skeleton(mesh, &mut root);

@@ -23,7 +23,7 @@ use super::output::write_file;
 use crate::Result;
 use std::path::Path;
 
-pub use animation::Animation;
+pub(crate) use animation::Animation;
 
 /// A triangle mesh that bones and morph targets move.
 ///

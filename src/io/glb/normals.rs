@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// The unit normal of each vertex: the sum of the normals of its triangles, by area. Upwards where
 /// there is none.
-pub fn smooth(vertices: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<[f32; 3]> {
+pub(crate) fn smooth(vertices: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let at = |v: u32| DVec3::from(vertices[v as usize].map(f64::from));
     let mut sums = vec![DVec3::ZERO; vertices.len()];
     for face in faces {

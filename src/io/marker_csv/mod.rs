@@ -3,7 +3,7 @@
 
 mod motive;
 mod nexus;
-pub mod points;
+pub(crate) mod points;
 mod qualisys;
 mod qualisys_6d;
 mod qualisys_head;

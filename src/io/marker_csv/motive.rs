@@ -50,7 +50,7 @@ impl MotivePoints {
 }
 
 /// Reads the file after its first line.
-pub fn read(
+pub(crate) fn read(
     first: &str,
     mut lines: Lines<impl BufRead>,
     wanted: Option<MotivePoints>,

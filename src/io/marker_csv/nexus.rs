@@ -15,7 +15,7 @@ use crate::{Error, Place, Result};
 use std::io::BufRead;
 
 /// Reads the file.
-pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
+pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
     let name = lines.name.clone();
     let mut others: Vec<String> = Vec::new();
     loop {

@@ -15,7 +15,7 @@ use std::io::BufRead;
 type Line = (u64, String);
 
 /// Reads the file.
-pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
+pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
     let name = lines.name.clone();
     let bad = |what: &str| Error::data(Place::file(&name), what);
     let mut head: Vec<Line> = Vec::new();
@@ -204,7 +204,7 @@ impl Table<'_> {
 }
 
 /// Frames a second by their times.
-pub fn rate_of_times(times: &[f64]) -> Option<f64> {
+pub(crate) fn rate_of_times(times: &[f64]) -> Option<f64> {
     let rows = times.iter().map(|t| (Some(*t), None));
     Poses::without_points(rows).rate()
 }

@@ -23,7 +23,11 @@ struct Layout {
 }
 
 /// Reads the file after its first line.
-pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
+pub(crate) fn read(
+    first: &str,
+    mut lines: Lines<impl BufRead>,
+    keep_whole: bool,
+) -> Result<MarkerTake> {
     let Header {
         head,
         mut layout,

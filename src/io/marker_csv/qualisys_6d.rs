@@ -18,7 +18,7 @@ const ANGLES: usize = 3;
 const RESIDUAL: usize = 6;
 
 /// Reads the rows behind the header `head`, whose last line before the rows was `titles`.
-pub fn read(
+pub(crate) fn read(
     head: &Head,
     titles: &[String],
     mut row: Option<String>,
@@ -193,7 +193,7 @@ fn push(
 }
 
 /// What a file of another kind of data holds.
-pub fn refused(data: &str) -> String {
+pub(crate) fn refused(data: &str) -> String {
     format!(
         "holds {} data, expected markers (3D) or rigid bodies (6D)",
         excerpt(data)

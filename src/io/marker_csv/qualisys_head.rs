@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 /// The values of the header by their names, which are of [`KEYS`].
-pub type Head = HashMap<&'static str, Vec<String>>;
+pub(crate) type Head = HashMap<&'static str, Vec<String>>;
 
 /// What is read of the header; other lines are passed over, however many there are.
-pub const KEYS: [&str; 7] = [
+pub(crate) const KEYS: [&str; 7] = [
     "NO_OF_FRAMES",
     "NO_OF_MARKERS",
     "FREQUENCY",
@@ -17,6 +17,6 @@ pub const KEYS: [&str; 7] = [
 ];
 
 /// The first value of a name.
-pub fn value_of<'a>(head: &'a Head, key: &str) -> Option<&'a str> {
+pub(crate) fn value_of<'a>(head: &'a Head, key: &str) -> Option<&'a str> {
     Some(head.get(key)?.first()?.as_str())
 }

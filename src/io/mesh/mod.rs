@@ -19,7 +19,6 @@ use super::text::MAX_COORDINATE;
 use crate::{Error, Place, Result};
 use std::path::Path;
 
-pub use check::Finding;
 pub use set::MeshSet;
 
 /// The largest size of a mesh file, decompressed, in bytes.
@@ -79,7 +78,7 @@ impl MeshFormat {
     }
 
     /// The extension of its files.
-    pub fn extension(self) -> &'static str {
+    pub(crate) fn extension(self) -> &'static str {
         match self {
             MeshFormat::Obj => "obj",
             MeshFormat::Ply => "ply",
@@ -125,7 +124,7 @@ impl Mesh {
     ///
     /// # Errors
     /// Those of [`Mesh::open`].
-    pub fn read(input: Input) -> Result<Mesh> {
+    pub(crate) fn read(input: Input) -> Result<Mesh> {
         let name = input.name.clone();
         let fail = |what: &str| Err(Error::data(Place::file(&name), what));
         match input.kind() {

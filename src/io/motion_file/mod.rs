@@ -6,9 +6,9 @@ mod read_rules;
 mod skeleton;
 mod write_back;
 
-pub use read_as::{Assumed, ReadAs, Source};
+pub(crate) use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
-pub use skeleton::skeleton_of;
+pub(crate) use skeleton::skeleton_of;
 
 use super::amc::{AmcFrames, AmcReader};
 use super::asf::Asf;
@@ -111,7 +111,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`Error::Data`]: it is damaged, or neither it nor an option says its rate, unit or axis.
-    pub fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
+    pub(crate) fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
         let name = path.display().to_string();
         let bytes = Bytes::from(bytes);
         let input = || Input::new(name.clone(), Cursor::new(bytes.clone()));
@@ -160,7 +160,7 @@ impl MotionFile {
     }
 
     /// The rate of its frames, where it has one.
-    pub fn rate(&self) -> Option<f64> {
+    pub(crate) fn rate(&self) -> Option<f64> {
         self.read_as.rate.as_ref().map(|rate| rate.value)
     }
 
@@ -170,12 +170,12 @@ impl MotionFile {
     }
 
     /// The unit and the axis of the file.
-    pub fn units(&self) -> Units {
+    pub(crate) fn units(&self) -> Units {
         self.units
     }
 
     /// The BVH file that it is.
-    pub fn bvh(&self) -> Option<&Bvh> {
+    pub(crate) fn bvh(&self) -> Option<&Bvh> {
         match &self.original {
             Original::Bvh(_, bvh) => Some(bvh),
             _ => None,
@@ -184,7 +184,7 @@ impl MotionFile {
 
     /// Whether the value of a BVH file's channel in a frame was taken for a missing one: see
     /// [`MotionFile::empty_channels`].
-    pub fn is_emptied(&self, frame: usize, channel: usize) -> bool {
+    pub(crate) fn is_emptied(&self, frame: usize, channel: usize) -> bool {
         self.emptied.contains(&(frame, channel))
     }
 
@@ -193,7 +193,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// None for a file that was read.
-    pub fn empty_channels(&mut self, values: &[(usize, usize)]) -> Result<()> {
+    pub(crate) fn empty_channels(&mut self, values: &[(usize, usize)]) -> Result<()> {
         let rate = self.rate();
         let Original::Bvh(_, bvh) = &mut self.original else {
             return Ok(());
@@ -213,7 +213,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`Error::Data`]: the joints are no tree.
-    pub fn bones(&self) -> Result<Vec<(usize, usize)>> {
+    pub(crate) fn bones(&self) -> Result<Vec<(usize, usize)>> {
         let Some(bvh) = self.bvh() else {
             return Ok(joints::bones(&self.table.poses.points));
         };
@@ -222,7 +222,7 @@ impl MotionFile {
     }
 
     /// The angles of its joints, where it has rotations.
-    pub fn joint_angles(&self) -> Vec<JointAngles> {
+    pub(crate) fn joint_angles(&self) -> Vec<JointAngles> {
         match &self.original {
             Original::Amc(_, angles) => angles.clone(),
             Original::Bvh(_, bvh) => {
@@ -468,7 +468,7 @@ fn table(path: &Path, poses: Poses) -> Table {
 }
 
 /// The format of a file that has these bytes.
-pub fn format_of(bytes: &[u8]) -> MotionFormat {
+pub(crate) fn format_of(bytes: &[u8]) -> MotionFormat {
     MotionFormat::of(&bytes[..bytes.len().min(MOST_TITLES)])
 }
 

@@ -22,7 +22,7 @@ pub struct ReadRules {
 
 impl ReadRules {
     /// What is taken for a file of this format.
-    pub fn of(&self, path: &Path, format: MotionFormat) -> ReadOptions {
+    pub(crate) fn of(&self, path: &Path, format: MotionFormat) -> ReadOptions {
         ReadOptions {
             fps: Scoped::of(&self.fps, path, format).or(self.all.fps),
             units: Scoped::of(&self.units, path, format).or(self.all.units),
@@ -112,7 +112,7 @@ impl Scope {
 impl<T: Copy> Scoped<T> {
     /// The value for a file: that of the deepest folder which holds it, else that of its format,
     /// else that of all files; of equals, the last.
-    pub fn of(all: &[Scoped<T>], path: &Path, format: MotionFormat) -> Option<T> {
+    pub(crate) fn of(all: &[Scoped<T>], path: &Path, format: MotionFormat) -> Option<T> {
         let ranked = all.iter().enumerate().filter_map(|(i, scoped)| {
             let rank = scoped.scope.rank(path, format)?;
             Some(((rank, i), scoped.value))

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The ASF file of an AMC take: the option's, else the one beside it whose name begins the take's,
 /// else the only one there.
-pub fn skeleton_of(path: &Path, options: &ReadOptions) -> Result<PathBuf> {
+pub(crate) fn skeleton_of(path: &Path, options: &ReadOptions) -> Result<PathBuf> {
     if let Some(asf) = &options.asf {
         return Ok(asf.clone());
     }

@@ -13,7 +13,7 @@ use std::path::Path;
 
 impl MotionFile {
     /// Whether a file of rotations lacks none.
-    pub fn is_whole(&self) -> bool {
+    pub(crate) fn is_whole(&self) -> bool {
         self.bvh().is_none_or(|bvh| bvh.missing().is_empty())
     }
 
@@ -62,7 +62,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: it is no BVH file, or has no such values.
-    pub fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
+    pub(crate) fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
         let Original::Bvh(bytes, bvh) = &self.original else {
             let what = "has no channels: it is no BVH file";
             return Err(Error::data(Place::file(&self.table.name), what));
@@ -76,7 +76,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape.
-    pub fn write_table(
+    pub(crate) fn write_table(
         &self,
         path: &Path,
         format: TableFormat,

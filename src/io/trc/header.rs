@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use std::io::BufRead;
 
 /// What the header says.
-pub struct Header {
+pub(crate) struct Header {
     /// What it says beside the rows.
     pub stated: Stated,
     /// Whether commas part the cells.
@@ -19,7 +19,7 @@ impl Header {
     ///
     /// # Errors
     /// [`Error::Data`]: the file ends within them, or the third has no Frame# and Time.
-    pub fn read(lines: &mut Lines<impl BufRead>) -> Result<Header> {
+    pub(crate) fn read(lines: &mut Lines<impl BufRead>) -> Result<Header> {
         let keys = next_line(lines)?;
         let values = next_line(lines)?;
         let titles = next_line(lines)?;
@@ -63,7 +63,7 @@ fn next_line(lines: &mut Lines<impl BufRead>) -> Result<String> {
 }
 
 /// The words of a line, whatever parts them.
-pub fn words(line: &str) -> Vec<&str> {
+pub(crate) fn words(line: &str) -> Vec<&str> {
     // Between digits with tabs beside them, a comma stands before decimals.
     let is_decimal = line.contains('\t');
     let parts = |c: char| c.is_whitespace() || c == ',' && !is_decimal;
@@ -71,7 +71,7 @@ pub fn words(line: &str) -> Vec<&str> {
 }
 
 /// A number whose decimals may stand behind a comma.
-pub fn decimal(cell: &str) -> String {
+pub(crate) fn decimal(cell: &str) -> String {
     cell.replace(',', ".")
 }
 

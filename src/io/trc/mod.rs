@@ -11,7 +11,7 @@
 mod header;
 mod write;
 
-pub use write::NewTrc;
+pub(crate) use write::NewTrc;
 
 use self::header::{Header, decimal, words};
 use super::input::Input;

@@ -6,7 +6,7 @@ use ndarray::ArrayView2;
 
 /// What a new file says of its points.
 #[derive(Debug, Clone)]
-pub struct NewTrc<'a> {
+pub(crate) struct NewTrc<'a> {
     /// The name in the file's first line.
     pub name: &'a str,
     /// The points' names (P).
@@ -28,7 +28,7 @@ impl NewTrc<'_> {
     ///
     /// # Errors
     /// [`Error::Usage`]: no points or frames, or a name that the format cannot hold.
-    pub fn bytes(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+    pub(crate) fn bytes(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
         if self.points.is_empty() || xyz.nrows() == 0 {
             let what = "TRC files need at least one point and one frame";
             return Err(Error::usage(what));

@@ -45,7 +45,7 @@ const ROWS: usize = 128;
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("lmnn", Needs::Both, settings.rank)?;
     let start = principal_start(pairs, settings.rank)?;
     let labeled = Labeled::new(pairs);

@@ -27,7 +27,7 @@ const RIDGE: f64 = 1e-6;
 /// [`crate::Error::Unfit`]: no pairs of one label, a term that is negative or not finite, shapes
 /// that do not fit, or unlike pairs
 /// whose terms are all 0.
-pub fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>> {
+pub(crate) fn fit(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<Vec<f64>> {
     check(terms, is_alike)?;
     let target: Array1<f64> = is_alike
         .iter()

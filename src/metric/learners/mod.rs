@@ -19,17 +19,17 @@
 
 mod components;
 mod hinge;
-pub mod lmnn;
-pub mod lms;
-pub mod nca;
+pub(crate) mod lmnn;
+pub(crate) mod lms;
+pub(crate) mod nca;
 mod neighbors;
-pub mod rca;
+pub(crate) mod rca;
 mod scatter;
-pub mod sda;
+pub(crate) mod sda;
 mod start;
 #[cfg(test)]
 mod testdata;
-pub mod xing;
+pub(crate) mod xing;
 
 use super::train::Learner;
 use crate::Result;
@@ -77,7 +77,7 @@ impl Default for Settings {
 
 /// What a metric is learned from.
 #[derive(Debug, Clone, Copy)]
-pub struct TrainingPairs<'a> {
+pub(crate) struct TrainingPairs<'a> {
     /// Poses, labeled and not (n, d).
     pub x: ArrayView2<'a, f64>,
     /// Pairs of rows of `x` that are alike (label 1).
@@ -88,7 +88,7 @@ pub struct TrainingPairs<'a> {
 
 /// What a learner found by steps.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Learned {
+pub(crate) struct Learned {
     /// The linear map W (d, r).
     pub w: Array2<f64>,
     /// Whether the steps came to an end before their limit; the learner's page says what that

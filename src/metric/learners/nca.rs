@@ -42,7 +42,7 @@ const TOLERANCE: f64 = 1e-5;
 /// # Errors
 /// [`crate::Error::Unfit`]: no alike pairs, or all labeled poses alike by a chain; pairs, poses or
 /// settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("nca", Needs::Alike, settings.rank)?;
     let rows = pairs.labeled();
     let of = components(pairs.x.nrows(), pairs.alike).of;

@@ -23,7 +23,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no alike pairs, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
     pairs.check("rca", Needs::Alike, settings.rank)?;
     let mut within = chunklet_covariance(pairs.x, pairs.alike);
     add_ridge(&mut within, settings.ridge)?;

@@ -31,7 +31,7 @@ const LEAST_RATIO: f64 = 1e-10;
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
     pairs.check("sda", Needs::Both, settings.rank)?;
     let between = pair_scatter(pairs.x, pairs.unlike);
     let mut small = pair_scatter(pairs.x, pairs.alike);

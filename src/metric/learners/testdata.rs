@@ -22,7 +22,7 @@ pub(super) struct Planted {
 
 impl Planted {
     /// Poses with so many dimensions that matter and so many that do not.
-    pub fn new(signal: usize, noise: usize) -> Planted {
+    pub(crate) fn new(signal: usize, noise: usize) -> Planted {
         let mut random = rng(7, 0);
         let mut normal = || random.sample::<f64, _>(StandardNormal);
         let centers = Array2::from_shape_simple_fn((CLASSES, signal), || 1.5 * normal());
@@ -41,7 +41,7 @@ impl Planted {
         }
     }
 
-    pub fn pairs(&self) -> TrainingPairs<'_> {
+    pub(crate) fn pairs(&self) -> TrainingPairs<'_> {
         TrainingPairs {
             x: self.x.view(),
             alike: &self.alike,
@@ -51,7 +51,7 @@ impl Planted {
 
     /// The share of the second half, which no pair names, whose nearest other of that half after
     /// the map is of their class.
-    pub fn precision(&self, w: &Array2<f64>) -> f64 {
+    pub(crate) fn precision(&self, w: &Array2<f64>) -> f64 {
         let half = self.x.nrows() / 2;
         let z = self.x.slice(ndarray::s![half.., ..]).dot(w);
         let right = (0..z.nrows())

@@ -37,7 +37,7 @@ const GAP: f64 = 1e-3;
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
     pairs.check("xing", Needs::Both, settings.rank)?;
     let mut alike = pair_scatter(pairs.x, pairs.alike) * pairs.alike.len() as f64;
     add_ridge(&mut alike, settings.ridge)?;

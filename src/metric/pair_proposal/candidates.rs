@@ -6,7 +6,7 @@ use crate::metric::joint_map::joint::*;
 use crate::numeric::parallel;
 
 /// The distances below `near` fall into this many equal classes.
-pub const CLASSES: usize = 10;
+pub(crate) const CLASSES: usize = 10;
 /// Candidates kept in each class for each pair to propose. One proposed pair rules out at most 49
 /// others (7 x 7, where a second has under 15 looked-at poses), so a full class alone has enough.
 const KEPT: usize = 100;
@@ -24,7 +24,7 @@ const LIMBS: [[usize; 2]; 4] = [
 ];
 
 /// A pose that is looked at.
-pub struct SamplePose {
+pub(crate) struct SamplePose {
     /// Where it comes from.
     pub at: TakeFrame,
     /// Seconds since its take began.
@@ -37,7 +37,7 @@ pub struct SamplePose {
 type LimbSums = [[f64; 4]; 3];
 
 /// The poses that are looked at, take after take.
-pub struct Sample {
+pub(crate) struct Sample {
     /// The poses.
     pub poses: Vec<SamplePose>,
     /// Number of poses of each take.
@@ -49,7 +49,7 @@ pub struct Sample {
 impl Sample {
     /// About [`LOOKS`] complete poses a second, each with `margin` seconds of its run before and
     /// after it, scaled to bodies of `height` cm.
-    pub fn new(takes: &[BodyFramePoses], rates: &[f64], height: f64, margin: f64) -> Sample {
+    pub(crate) fn new(takes: &[BodyFramePoses], rates: &[f64], height: f64, margin: f64) -> Sample {
         let mut poses = Vec::new();
         let mut counts = Vec::new();
         for (take, (motion, rate)) in takes.iter().zip(rates).enumerate() {
@@ -124,14 +124,14 @@ pub struct Candidate {
 
 impl Candidate {
     /// The order of the choice; no two candidates are equal in it.
-    pub fn order(&self, other: &Candidate) -> std::cmp::Ordering {
+    pub(crate) fn order(&self, other: &Candidate) -> std::cmp::Ordering {
         let place = |c: &Candidate| (c.a, c.b);
         (self.rank.total_cmp(&other.rank)).then(place(self).cmp(&place(other)))
     }
 }
 
 /// The candidates of a sample.
-pub struct Found {
+pub(crate) struct Found {
     /// Candidates by class of distance, in the order of the choice.
     pub classes: [Vec<Candidate>; CLASSES],
     /// The number of candidates before they were thinned.
@@ -140,7 +140,7 @@ pub struct Found {
 
 impl Found {
     /// Searches all pairs.
-    pub fn search(sample: &Sample, rules: &PairRules) -> Found {
+    pub(crate) fn search(sample: &Sample, rules: &PairRules) -> Found {
         let kept = KEPT * rules.count;
         let mut found = Found {
             classes: Default::default(),

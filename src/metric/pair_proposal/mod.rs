@@ -22,7 +22,7 @@ use std::collections::HashSet;
 /// Poses looked at in a second.
 const LOOKS: f64 = 10.0;
 /// Two poses of one take are at least this far apart, seconds.
-pub const APART: f64 = 1.0;
+pub(crate) const APART: f64 = 1.0;
 /// Two pairs that are this close on both sides show nearly the same, seconds.
 pub const NEAR_COPY: f64 = 0.25;
 /// Poses closer than this are one pose twice, cm.

@@ -12,7 +12,7 @@ const TURN: usize = 3;
 
 /// Chooses up to `rules.count` pairs. Each turn takes, from the next class of distances, the
 /// candidate whose takes were chosen least; of several the one of the lowest rank.
-pub fn choose(sample: &Sample, found: &Found, rules: &PairRules) -> Vec<ProposedPair> {
+pub(crate) fn choose(sample: &Sample, found: &Found, rules: &PairRules) -> Vec<ProposedPair> {
     let mut open = found.classes.clone();
     let mut chosen = Chosen {
         sample,

@@ -45,7 +45,7 @@ trait BackEnd {
 ///
 /// `None` when A is not positive definite, holds a value that is not finite, or does not fit b: the
 /// caller damps A and tries again, or gives up.
-pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
+pub(crate) fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
     let n = b.len();
     if a.dim() != (n, n) || !a.iter().chain(&b).all(|v| v.is_finite()) {
         return None;
@@ -59,12 +59,12 @@ pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
 
 /// The Cholesky factor L of a symmetric positive definite matrix A (n, n) = L Lᵀ.
 #[derive(Debug, Clone)]
-pub struct Cholesky(<Chosen as BackEnd>::Factor);
+pub(crate) struct Cholesky(<Chosen as BackEnd>::Factor);
 
 impl Cholesky {
     /// Factors `a`, of which the lower triangle is read. `None` when it is empty, not positive
     /// definite or not finite.
-    pub fn new(a: Array2<f64>) -> Option<Cholesky> {
+    pub(crate) fn new(a: Array2<f64>) -> Option<Cholesky> {
         if a.nrows() != a.ncols() || a.is_empty() || !a.iter().all(|v| v.is_finite()) {
             return None;
         }
@@ -73,18 +73,18 @@ impl Cholesky {
 
     /// L⁻¹ `b`, for b (n, m). A column with a value that is not finite gives such a column. `None`
     /// when b has not n rows.
-    pub fn half_solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
+    pub(crate) fn half_solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
         self.fits(b)?;
         Chosen::half_solve(&self.0, b)
     }
 
     /// A⁻¹ `b`, for b (n, m), else as [`Cholesky::half_solve`].
-    pub fn solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
+    pub(crate) fn solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
         self.half_solve_transposed(&self.half_solve(b)?)
     }
 
     /// L⁻ᵀ `b`, for b (n, m), else as [`Cholesky::half_solve`].
-    pub fn half_solve_transposed(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
+    pub(crate) fn half_solve_transposed(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
         self.fits(b)?;
         Chosen::half_solve_transposed(&self.0, b)
     }
@@ -98,7 +98,7 @@ impl Cholesky {
 /// which the upper triangle is read, or the lower one where it lies column by column in memory.
 /// `None` when it is not square, not finite, or the steps do not converge, which no symmetric
 /// matrix is known to do.
-pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+pub(crate) fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     if a.nrows() != a.ncols() || !a.iter().all(|v| v.is_finite()) {
         return None;
     }
@@ -115,7 +115,10 @@ pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
 /// With B = L Lᵀ and w = L⁻ᵀ v it is the problem (L⁻¹ A L⁻ᵀ) v = λ v (Golub and Van Loan, Matrix
 /// Computations, 8.7). `None` when B is not positive definite, the shapes differ, or a value is not
 /// finite.
-pub fn generalized_eigen(a: &Array2<f64>, b: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+pub(crate) fn generalized_eigen(
+    a: &Array2<f64>,
+    b: &Array2<f64>,
+) -> Option<(Array1<f64>, Array2<f64>)> {
     if a.dim() != b.dim() || !a.iter().all(|v| v.is_finite()) {
         return None;
     }

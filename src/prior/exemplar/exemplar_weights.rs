@@ -15,7 +15,7 @@ const SAMPLE: usize = 2048;
 
 /// Training poses, centered for fast distances.
 #[derive(Debug)]
-pub struct ExemplarWeights {
+pub(crate) struct ExemplarWeights {
     /// The mean pose (D), subtracted so that squared distances cancel less.
     pub middle: Vec<f64>,
     /// x − middle, (n, D).
@@ -27,7 +27,7 @@ pub struct ExemplarWeights {
 }
 
 /// The poses with a weight for an observation, and their normalized weights.
-pub struct Explained {
+pub(crate) struct Explained {
     rows: Vec<u32>,
     weights: Vec<f64>,
     /// ln Σ_n exp(−½ d_n²) over all n.
@@ -35,7 +35,7 @@ pub struct Explained {
 }
 
 impl ExemplarWeights {
-    pub fn new(poses: ArrayView2<'_, f64>) -> ExemplarWeights {
+    pub(crate) fn new(poses: ArrayView2<'_, f64>) -> ExemplarWeights {
         let mean = poses.mean_axis(Axis(0));
         let middle = mean.unwrap_or_else(|| Array1::zeros(poses.ncols()));
         let rows = (&poses - &middle).mapv(|v| v as f32);
@@ -48,20 +48,20 @@ impl ExemplarWeights {
         }
     }
 
-    pub fn centered(&self, y: ArrayView1<'_, f64>, weights: &[f64]) -> Vec<f64> {
+    pub(crate) fn centered(&self, y: ArrayView1<'_, f64>, weights: &[f64]) -> Vec<f64> {
         let each = y.iter().zip(&self.middle).zip(weights);
         each.map(|((y, m), w)| if *w > 0.0 { y - m } else { 0.0 })
             .collect()
     }
 
-    pub fn uncentered(&self, mut pose: Vec<f64>) -> Vec<f64> {
+    pub(crate) fn uncentered(&self, mut pose: Vec<f64>) -> Vec<f64> {
         pose.iter_mut().zip(&self.middle).for_each(|(p, m)| *p += m);
         pose
     }
 
     /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most
     /// [`ExemplarWeights::margin`].
-    pub fn scores(&self, y: &[Vec<f64>], weights: &[Vec<f64>]) -> Array2<f32> {
+    pub(crate) fn scores(&self, y: &[Vec<f64>], weights: &[Vec<f64>]) -> Array2<f32> {
         let (m, d) = (y.len(), self.middle.len());
         let w = Array2::from_shape_fn((m, d), |(i, c)| weights[i][c] as f32);
         let crossed = Array2::from_shape_fn((m, d), |(i, c)| (weights[i][c] * y[i][c]) as f32);
@@ -85,7 +85,12 @@ impl ExemplarWeights {
     }
 
     /// The poses that matter and their weights, from the scores of all.
-    pub fn explain(&self, scores: ArrayView1<'_, f32>, y: &[f64], weights: &[f64]) -> Explained {
+    pub(crate) fn explain(
+        &self,
+        scores: ArrayView1<'_, f32>,
+        y: &[f64],
+        weights: &[f64],
+    ) -> Explained {
         let least = scores.fold(f32::INFINITY, |m, v| m.min(*v));
         let within = f64::from(least) + 2.0 * (NEGLIGIBLE + self.margin(y, weights));
         let terms: Vec<(usize, f64, f64)> = (0..y.len())
@@ -129,7 +134,7 @@ impl ExemplarWeights {
     }
 
     /// Σ p (x − average)(x − average)ᵀ; poses that are [`LIGHT`] are left out.
-    pub fn covariance(&self, explained: &Explained, average: &[f64]) -> Array2<f64> {
+    pub(crate) fn covariance(&self, explained: &Explained, average: &[f64]) -> Array2<f64> {
         let most = explained.weights.iter().fold(0.0, |m: f64, p| m.max(*p));
         let each = explained.rows.iter().zip(&explained.weights);
         let heavy = each
@@ -149,7 +154,7 @@ impl ExemplarWeights {
     }
 
     /// Σ p x, about the middle.
-    pub fn average(&self, explained: &Explained) -> Vec<f64> {
+    pub(crate) fn average(&self, explained: &Explained) -> Vec<f64> {
         let mut sum = vec![0.0; self.middle.len()];
         for (&row, p) in explained.rows.iter().zip(&explained.weights) {
             let pose = self.rows.row(row as usize);

@@ -2,7 +2,7 @@
 //! observation.
 
 mod exemplar_weights;
-pub mod nlm;
+pub(crate) mod nlm;
 
 use crate::Result;
 use crate::io::Model;
@@ -12,7 +12,7 @@ use crate::prior::{OpenOptions, model_arrays};
 use ndarray::ArrayView2;
 
 /// A kind of prior whose model is the array `poses` (n, D), cm, of its training poses.
-pub struct ExemplarKind {
+pub(crate) struct ExemplarKind {
     /// The name in flags and model files.
     pub name: &'static str,
     /// The settings that are tried on held-out poses.

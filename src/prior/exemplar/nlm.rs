@@ -37,7 +37,7 @@ const WIDTHS_LINEAR: [f64; 7] = [0.03, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
 const FINEST: f64 = 1e-4;
 
 /// The kind `nlm`; an inflation of 1 is a width h² of 1 asf².
-pub const KIND: ExemplarKind = ExemplarKind {
+pub(crate) const KIND: ExemplarKind = ExemplarKind {
     name: "nlm",
     // The width is added to the noise, so that assuming noise as well would say the same twice.
     grid: || Grid {
@@ -50,7 +50,7 @@ pub const KIND: ExemplarKind = ExemplarKind {
 };
 
 /// The kind `nlm-linear`.
-pub const LINEAR_KIND: ExemplarKind = ExemplarKind {
+pub(crate) const LINEAR_KIND: ExemplarKind = ExemplarKind {
     name: "nlm-linear",
     grid: || Grid {
         inflation: WIDTHS_LINEAR.to_vec(),
@@ -68,7 +68,7 @@ fn prior(poses: ArrayView2<'_, f32>, linear: bool) -> PriorFamily {
 
 /// The prior: a weighted average of all training poses.
 #[derive(Debug, Clone)]
-pub struct NlmPrior {
+pub(crate) struct NlmPrior {
     poses: Arc<ExemplarWeights>,
     /// Whether the average is corrected by local linear regression.
     linear: bool,

@@ -4,7 +4,7 @@ use super::conditioned::ConditionedCluster;
 
 /// Components whose log weight is this much (nats) below the best one's are left out of the
 /// posterior.
-pub const NEGLIGIBLE: f64 = 6.0;
+pub(crate) const NEGLIGIBLE: f64 = 6.0;
 
 /// A component that may explain an observation.
 #[derive(Debug, Clone, Copy)]
@@ -21,14 +21,14 @@ pub struct Candidate {
 
 impl Candidate {
     /// Where it stands among all components.
-    pub fn place(&self) -> (usize, Option<usize>, usize) {
+    pub(crate) fn place(&self) -> (usize, Option<usize>, usize) {
         (self.cluster, self.exemplar, self.sub_mixture)
     }
 }
 
 /// A cluster that was evaluated.
 #[derive(Debug, Clone, Copy)]
-pub struct EvaluatedCluster {
+pub(crate) struct EvaluatedCluster {
     /// Its level.
     pub level: usize,
     /// Its place in the level.
@@ -41,7 +41,7 @@ pub struct EvaluatedCluster {
 
 /// The best components for an observation, and the evidence of all that were evaluated.
 #[derive(Debug, Clone, Default)]
-pub struct Candidates {
+pub(crate) struct Candidates {
     /// log p(y): the log sum over all sub-mixtures, nats.
     pub evidence: f64,
     /// The log evidence of each sub-mixture, without its weight.
@@ -57,7 +57,7 @@ pub struct Candidates {
 
 impl Candidates {
     /// For a part that is not evaluated.
-    pub fn none() -> Candidates {
+    pub(crate) fn none() -> Candidates {
         Candidates {
             evidence: f64::NEG_INFINITY,
             ..Candidates::default()
@@ -65,7 +65,7 @@ impl Candidates {
     }
 
     /// Adds a cluster with its z.
-    pub fn push_cluster(&mut self, level: usize, index: usize, best: f64, z: &[f32]) {
+    pub(crate) fn push_cluster(&mut self, level: usize, index: usize, best: f64, z: &[f32]) {
         let start = self.zs.len();
         self.clusters.push(EvaluatedCluster {
             level,
@@ -77,7 +77,7 @@ impl Candidates {
     }
 
     /// z of the observation less a cluster's mean.
-    pub fn z(&self, cluster: usize, conditioned: &ConditionedCluster) -> &[f32] {
+    pub(crate) fn z(&self, cluster: usize, conditioned: &ConditionedCluster) -> &[f32] {
         let start = self.clusters[cluster].start;
         &self.zs[start..start + conditioned.noisy.stride()]
     }
@@ -85,7 +85,7 @@ impl Candidates {
     /// Each candidate's responsibility, in the order of [`best`](Candidates::best); they sum to 1.
     /// The weight of a candidate at the limit of [`NEGLIGIBLE`] is subtracted first, so that
     /// candidates come and go without a jump.
-    pub fn responsibilities(&self) -> Vec<f64> {
+    pub(crate) fn responsibilities(&self) -> Vec<f64> {
         let logs = self.best.iter().map(|c| c.log);
         let top = logs.fold(f64::NEG_INFINITY, f64::max);
         let least = (-NEGLIGIBLE).exp();
@@ -97,7 +97,7 @@ impl Candidates {
     }
 
     /// Places in [`best`](Candidates::best), sorted by cluster, exemplar and sub-mixture.
-    pub fn by_cluster(&self) -> Vec<usize> {
+    pub(crate) fn by_cluster(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.best.len()).collect();
         order.sort_unstable_by_key(|&i| self.best[i].place());
         order

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 /// The K clusters of one level, of one part with d coordinates.
 #[derive(Debug, Clone)]
-pub struct ClusterLevel {
+pub(crate) struct ClusterLevel {
     /// The means of whole poses, (K, 3 J), cm: a transform of a part's mean may need the rest of
     /// the pose.
     pub full_means: Array2<f64>,
@@ -30,7 +30,7 @@ pub struct ClusterLevel {
 
 /// The covariances of K clusters as a model file keeps them.
 #[derive(Debug, Clone)]
-pub struct StoredCovariances {
+pub(crate) struct StoredCovariances {
     /// The eigenvectors of each, one per column, (K d, d).
     pub directions: Array2<f32>,
     /// The standard deviation along each, cm, (K, d).
@@ -39,7 +39,7 @@ pub struct StoredCovariances {
 
 impl StoredCovariances {
     /// Stores decompositions of d coordinates.
-    pub fn of(covariances: &[EigenCovariance], d: usize) -> StoredCovariances {
+    pub(crate) fn of(covariances: &[EigenCovariance], d: usize) -> StoredCovariances {
         let k = covariances.len();
         StoredCovariances {
             directions: Array2::from_shape_fn((k * d, d), |(i, j)| {
@@ -52,7 +52,7 @@ impl StoredCovariances {
     }
 
     /// The mean over the clusters, in these proportions, of each coordinate's variance (d), cm².
-    pub fn mean_variances(&self, log_proportions: &[f64]) -> Vec<f64> {
+    pub(crate) fn mean_variances(&self, log_proportions: &[f64]) -> Vec<f64> {
         let mut mean = vec![0.0; self.deviations.ncols()];
         for (cluster, log) in log_proportions.iter().enumerate() {
             let variances = self.get(cluster).diagonal();
@@ -73,7 +73,7 @@ impl StoredCovariances {
 
 impl ClusterLevel {
     /// Clusters of the part with these coordinates.
-    pub fn new(
+    pub(crate) fn new(
         full_means: Array2<f64>,
         log_proportions: Vec<f64>,
         stored: Arc<StoredCovariances>,
@@ -95,19 +95,19 @@ impl ClusterLevel {
     }
 
     /// The number of clusters, K.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.log_proportions.len()
     }
 
     /// The mean of a cluster (d), cm.
-    pub fn mean(&self, cluster: usize) -> &[f64] {
+    pub(crate) fn mean(&self, cluster: usize) -> &[f64] {
         let d = self.means.ncols();
         let means = self.means.as_slice();
         means.map_or(&[], |means| &means[cluster * d..(cluster + 1) * d])
     }
 
     /// The covariance of a cluster.
-    pub fn covariance(&self, cluster: usize, coordinates: &[usize]) -> Arc<EigenCovariance> {
+    pub(crate) fn covariance(&self, cluster: usize, coordinates: &[usize]) -> Arc<EigenCovariance> {
         let make = || {
             let Some((origin, map)) = &self.origin else {
                 return self.stored.get(cluster).into();
@@ -128,7 +128,7 @@ impl ClusterLevel {
 
     /// The clusters of poses transformed by `map`. The covariance of the part with the rest of the
     /// body counts as 0.
-    pub fn mapped(&self, map: &Arc<PoseTransform>, coordinates: &[usize]) -> ClusterLevel {
+    pub(crate) fn mapped(&self, map: &Arc<PoseTransform>, coordinates: &[usize]) -> ClusterLevel {
         ClusterLevel {
             origin: Some((Arc::new(self.clone()), map.clone())),
             ..ClusterLevel::new(
@@ -143,7 +143,7 @@ impl ClusterLevel {
     }
 
     /// Σ w (y − mean)² of every cluster; `y` and `w` are padded.
-    pub fn distances(&self, y: &[f32], w: &[f32]) -> Vec<f32> {
+    pub(crate) fn distances(&self, y: &[f32], w: &[f32]) -> Vec<f32> {
         let mut out = Vec::new();
         distances(&self.single_means, y, w, &mut out);
         out

@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 
 /// A part under one noise.
 #[derive(Debug)]
-pub struct ConditionedPart {
+pub(crate) struct ConditionedPart {
     /// The noise variance of each coordinate (d), cm², infinite where missing.
     noise: Vec<f64>,
     pattern: NoisePattern,
@@ -25,7 +25,7 @@ pub struct ConditionedPart {
 
 /// A cluster under the noise.
 #[derive(Debug)]
-pub struct ConditionedCluster {
+pub(crate) struct ConditionedCluster {
     /// Its covariance with the noise.
     pub noisy: NoisyCovariance,
     /// The precisions at the scales of the cluster's level.
@@ -36,7 +36,7 @@ pub struct ConditionedCluster {
 
 impl ConditionedPart {
     /// `noise` (d) is that of the part's coordinates.
-    pub fn new(part: &PartMixture, noise: Vec<f64>) -> ConditionedPart {
+    pub(crate) fn new(part: &PartMixture, noise: Vec<f64>) -> ConditionedPart {
         let weights = |level: &ClusterLevel| {
             let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
             let mut weights: Vec<f32> = level.within.iter().zip(&noise).map(weight).collect();
@@ -54,17 +54,17 @@ impl ConditionedPart {
     }
 
     /// Whether any coordinate is observed.
-    pub fn observes_any(&self) -> bool {
+    pub(crate) fn observes_any(&self) -> bool {
         !self.observed.is_empty()
     }
 
     /// Whether three quarters of the coordinates are: then near clusters are likely ones.
-    pub fn observes_most(&self) -> bool {
+    pub(crate) fn observes_most(&self) -> bool {
         4 * self.observed.len() >= 3 * self.noise.len()
     }
 
     /// An observation, or a direction, (d) in single precision, padded; 0 where missing.
-    pub fn masked(&self, y: &[f64]) -> Vec<f32> {
+    pub(crate) fn masked(&self, y: &[f64]) -> Vec<f32> {
         let mut masked = Vec::with_capacity(padded(y.len()));
         let each = y.iter().zip(&self.noise);
         masked.extend(each.map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 }));
@@ -73,7 +73,12 @@ impl ConditionedPart {
     }
 
     /// A cluster of a level under the noise.
-    pub fn cluster(&self, part: &PartMixture, level: usize, cluster: usize) -> &ConditionedCluster {
+    pub(crate) fn cluster(
+        &self,
+        part: &PartMixture,
+        level: usize,
+        cluster: usize,
+    ) -> &ConditionedCluster {
         self.clusters[level][cluster].get_or_init(|| {
             let covariance = part.levels[level].covariance(cluster, &part.coordinates);
             let noisy =
@@ -87,7 +92,11 @@ impl ConditionedPart {
     }
 
     /// The precisions for the exemplars of a cluster of the finest level.
-    pub fn exemplar_precisions(&self, part: &PartMixture, cluster: usize) -> &ScaledPrecisions {
+    pub(crate) fn exemplar_precisions(
+        &self,
+        part: &PartMixture,
+        cluster: usize,
+    ) -> &ScaledPrecisions {
         let conditioned = self.cluster(part, part.levels.len() - 1, cluster);
         let make = || conditioned.noisy.precisions(part.scales(None));
         conditioned.exemplar_precisions.get_or_init(make)

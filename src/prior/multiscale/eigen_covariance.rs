@@ -10,7 +10,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 
 /// A covariance of d coordinates.
 #[derive(Debug, Clone, PartialEq)]
-pub struct EigenCovariance {
+pub(crate) struct EigenCovariance {
     d: usize,
     stride: usize,
     /// U, (d, stride), one eigenvector a column. Single precision is good to 1e-5 cm of a pose.
@@ -20,11 +20,11 @@ pub struct EigenCovariance {
 }
 
 /// The smallest eigenvalue, cm².
-pub const MIN_VARIANCE: f64 = 1e-9;
+pub(crate) const MIN_VARIANCE: f64 = 1e-9;
 
 impl EigenCovariance {
     /// Decomposes a symmetric positive semidefinite matrix (d, d), cm².
-    pub fn of(covariance: ArrayView2<'_, f64>) -> EigenCovariance {
+    pub(crate) fn of(covariance: ArrayView2<'_, f64>) -> EigenCovariance {
         let d = covariance.nrows();
         // Covariances are finite and symmetric, so that LAPACK does not fail; if it did, the
         // covariance would be next to 0.
@@ -36,7 +36,7 @@ impl EigenCovariance {
 
     /// Puts a covariance together from eigenvectors (d, d), one per column, of any length above 0,
     /// and the standard deviation √λ along each (d), cm.
-    pub fn from_parts(
+    pub(crate) fn from_parts(
         directions: ArrayView2<'_, f32>,
         deviations: ArrayView1<'_, f32>,
     ) -> EigenCovariance {
@@ -66,7 +66,7 @@ impl EigenCovariance {
     }
 
     /// The covariance of rotated poses; coordinates come in threes, one per point.
-    pub fn rotated(&self, rotation: &DMat3) -> EigenCovariance {
+    pub(crate) fn rotated(&self, rotation: &DMat3) -> EigenCovariance {
         let mut vectors = vec![0.0; self.vectors.len()];
         for (from, to) in self
             .vectors
@@ -88,34 +88,29 @@ impl EigenCovariance {
     }
 
     /// The atoms U diag(√λ), (d, d): one per column.
-    pub fn atoms(&self) -> Array2<f64> {
+    pub(crate) fn atoms(&self) -> Array2<f64> {
         Array2::from_shape_fn((self.d, self.d), |(i, k)| {
             f64::from(self.row(i)[k]) * self.values[k].sqrt()
         })
     }
 
     /// The number of coordinates, d.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.d
     }
 
-    /// The length of a row of [`vectors`](EigenCovariance::vectors).
-    pub fn stride(&self) -> usize {
-        self.stride
-    }
-
     /// U, (d, stride), one eigenvector a column; 0 beyond d.
-    pub fn vectors(&self) -> &[f32] {
+    pub(crate) fn vectors(&self) -> &[f32] {
         &self.vectors
     }
 
     /// Row `i` of U, padded with 0.
-    pub fn row(&self, i: usize) -> &[f32] {
+    pub(crate) fn row(&self, i: usize) -> &[f32] {
         &self.vectors[i * self.stride..(i + 1) * self.stride]
     }
 
     /// The variance of each coordinate.
-    pub fn diagonal(&self) -> Vec<f64> {
+    pub(crate) fn diagonal(&self) -> Vec<f64> {
         (0..self.d)
             .map(|i| {
                 let terms = self.row(i).iter().zip(&self.values);
@@ -125,7 +120,7 @@ impl EigenCovariance {
     }
 
     /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; missing values count as 0.
-    pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
+    pub(crate) fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
         let mut weights: Vec<f32> = values.iter().map(|v| *v as f32).collect();
         weights.resize(padded(values.len()), 0.0);
         let mut products = vec![0.0; self.d * self.d];
@@ -141,7 +136,7 @@ impl EigenCovariance {
     }
 
     /// The matrix C (d, d), cm².
-    pub fn covariance(&self) -> Array2<f64> {
+    pub(crate) fn covariance(&self) -> Array2<f64> {
         let atoms = self.atoms();
         atoms.dot(&atoms.t())
     }

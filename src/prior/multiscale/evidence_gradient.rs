@@ -19,7 +19,7 @@ use crate::prior::EvidenceGradient;
 impl PartMixture {
     /// The log evidence of `y` (d) by the clusters alone, with its derivatives along `directions`
     /// (each d; all are read where observed).
-    pub fn evidence_gradient(
+    pub(crate) fn evidence_gradient(
         &self,
         conditioned: &ConditionedPart,
         y: &[f64],

@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock};
 
 /// The training poses (N, 3 J), take after take: all parts share them.
 #[derive(Debug)]
-pub struct ExemplarPoses {
+pub(crate) struct ExemplarPoses {
     /// (N, 3 J), cm; empty for transformed poses.
     xyz: Array2<f32>,
     mapped: Option<MappedPoses>,
@@ -30,7 +30,7 @@ struct MappedPoses {
 
 impl ExemplarPoses {
     /// Poses (N, 3 J), cm.
-    pub fn new(xyz: Array2<f32>, takes: Vec<Range<usize>>) -> ExemplarPoses {
+    pub(crate) fn new(xyz: Array2<f32>, takes: Vec<Range<usize>>) -> ExemplarPoses {
         ExemplarPoses {
             xyz,
             mapped: None,
@@ -39,7 +39,7 @@ impl ExemplarPoses {
     }
 
     /// The poses transformed by `map`.
-    pub fn mapped(self: &Arc<ExemplarPoses>, map: &Arc<PoseTransform>) -> ExemplarPoses {
+    pub(crate) fn mapped(self: &Arc<ExemplarPoses>, map: &Arc<PoseTransform>) -> ExemplarPoses {
         let poses = self.takes.last().map_or(0, |t| t.end);
         let poses = (0..poses).map(|_| OnceLock::new()).collect();
         ExemplarPoses {
@@ -54,12 +54,12 @@ impl ExemplarPoses {
     }
 
     /// All poses (N, 3 J), cm; empty for transformed poses.
-    pub fn xyz(&self) -> &Array2<f32> {
+    pub(crate) fn xyz(&self) -> &Array2<f32> {
         &self.xyz
     }
 
     /// Copies of all poses (N, 3 J), cm, transformed or not.
-    pub fn all(&self) -> Array2<f64> {
+    pub(crate) fn all(&self) -> Array2<f64> {
         match &self.mapped {
             Some(MappedPoses { origin, map, .. }) => map.apply_rows(origin.all().view()),
             None => self.xyz.mapv(f64::from),
@@ -93,7 +93,7 @@ impl ExemplarPoses {
 
 /// The exemplars of one part, by the clusters of its finest level.
 #[derive(Debug, Clone)]
-pub struct Exemplars {
+pub(crate) struct Exemplars {
     poses: Arc<ExemplarPoses>,
     /// The training pose of each exemplar, sorted by cluster.
     rows: Arc<[u32]>,
@@ -105,7 +105,7 @@ pub struct Exemplars {
 
 /// The n exemplars of one cluster, of a part with d coordinates.
 #[derive(Debug)]
-pub struct ClusterExemplars {
+pub(crate) struct ClusterExemplars {
     /// The length of a padded row.
     stride: usize,
     /// (n, stride), cm.
@@ -116,7 +116,7 @@ pub struct ClusterExemplars {
 
 impl Exemplars {
     /// `labels` gives the cluster of each training pose.
-    pub fn new(poses: Arc<ExemplarPoses>, labels: &[u32], clusters: usize) -> Exemplars {
+    pub(crate) fn new(poses: Arc<ExemplarPoses>, labels: &[u32], clusters: usize) -> Exemplars {
         let mut starts = vec![0u32; clusters + 1];
         labels.iter().for_each(|l| starts[*l as usize + 1] += 1);
         (0..clusters).for_each(|c| starts[c + 1] += starts[c]);
@@ -131,7 +131,7 @@ impl Exemplars {
     }
 
     /// The number of exemplars.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.rows.len()
     }
 
@@ -140,7 +140,7 @@ impl Exemplars {
     }
 
     /// The exemplars of transformed poses.
-    pub fn mapped(&self, poses: Arc<ExemplarPoses>) -> Exemplars {
+    pub(crate) fn mapped(&self, poses: Arc<ExemplarPoses>) -> Exemplars {
         Exemplars {
             poses,
             opened: Arc::new(self.opened.iter().map(|_| OnceLock::new()).collect()),
@@ -149,7 +149,7 @@ impl Exemplars {
     }
 
     /// The cluster of each training pose.
-    pub fn labels(&self) -> Vec<usize> {
+    pub(crate) fn labels(&self) -> Vec<usize> {
         let mut labels = vec![0; self.rows.len()];
         for cluster in 0..self.opened.len() {
             for &row in self.rows_of(cluster) {
@@ -160,7 +160,7 @@ impl Exemplars {
     }
 
     /// The exemplars of a cluster, in these coordinates.
-    pub fn of_cluster(&self, cluster: usize, coordinates: &[usize]) -> &ClusterExemplars {
+    pub(crate) fn of_cluster(&self, cluster: usize, coordinates: &[usize]) -> &ClusterExemplars {
         self.opened[cluster].get_or_init(|| {
             let stride = padded(coordinates.len());
             let rows = self.rows_of(cluster);
@@ -184,17 +184,17 @@ impl Exemplars {
 
 impl ClusterExemplars {
     /// An exemplar's pose, cm, padded.
-    pub fn pose(&self, exemplar: usize) -> &[f32] {
+    pub(crate) fn pose(&self, exemplar: usize) -> &[f32] {
         &self.poses[exemplar * self.stride..(exemplar + 1) * self.stride]
     }
 
     /// An exemplar's step, cm, padded.
-    pub fn step(&self, exemplar: usize) -> &[f32] {
+    pub(crate) fn step(&self, exemplar: usize) -> &[f32] {
         &self.steps[exemplar * self.stride..(exemplar + 1) * self.stride]
     }
 
     /// Σ w (y − pose)² of every exemplar; `y` and `w` are padded.
-    pub fn distances(&self, y: &[f32], w: &[f32]) -> Vec<f32> {
+    pub(crate) fn distances(&self, y: &[f32], w: &[f32]) -> Vec<f32> {
         let mut out = Vec::new();
         distances(&self.poses, y, w, &mut out);
         out

@@ -17,7 +17,7 @@ const MIN_WEIGHT: f64 = 0.01;
 const MIN_PRIOR_WEIGHT: f64 = 0.002;
 
 /// An observation evaluated by all parts.
-pub struct EvaluatedParts {
+pub(crate) struct EvaluatedParts {
     conditioned: Vec<Arc<ConditionedPart>>,
     /// The part's coordinates of the observation (d).
     observations: Vec<Vec<f64>>,
@@ -29,7 +29,7 @@ pub struct EvaluatedParts {
 
 impl EvaluatedParts {
     /// log p(y), nats.
-    pub fn evidence(&self) -> f64 {
+    pub(crate) fn evidence(&self) -> f64 {
         log_sum(&self.log_evidences)
     }
 }
@@ -70,13 +70,13 @@ impl MultiscaleMixture {
     }
 
     /// Evaluates an observation: `y` and the noise variances (3 J each).
-    pub fn evaluate(&self, y: &[f64], noise: &[f64]) -> EvaluatedParts {
+    pub(crate) fn evaluate(&self, y: &[f64], noise: &[f64]) -> EvaluatedParts {
         self.evaluate_above(y, noise, MIN_WEIGHT)
     }
 
     /// Evaluates an observation; factorizations below the share `least` of the best by their
     /// clusters alone are not searched for exemplars.
-    pub fn evaluate_above(&self, y: &[f64], noise: &[f64], least: f64) -> EvaluatedParts {
+    pub(crate) fn evaluate_above(&self, y: &[f64], noise: &[f64], least: f64) -> EvaluatedParts {
         let conditioned = self.conditioned_parts(noise);
         let observations: Vec<Vec<f64>> = (self.parts.iter())
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
@@ -118,7 +118,7 @@ impl MultiscaleMixture {
 
     /// The posterior over whole poses (3 J): the average over the factorizations. NaN where the
     /// observation has no finite evidence.
-    pub fn average(&self, evaluated: &EvaluatedParts, with_covariance: bool) -> Moments {
+    pub(crate) fn average(&self, evaluated: &EvaluatedParts, with_covariance: bool) -> Moments {
         let logs = self.tempered(&evaluated.log_evidences);
         let total = log_sum(&logs);
         let shares = logs.iter().map(|log| (log - total).exp());

@@ -34,7 +34,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// The kind's name in files.
-pub const KIND: &str = "multiscale";
+pub(crate) const KIND: &str = "multiscale";
 /// The name before; it is still read.
 const FORMER_KIND: &str = "blocks";
 
@@ -42,7 +42,7 @@ const FORMER_KIND: &str = "blocks";
 ///
 /// # Errors
 /// [`Error::Usage`]: the settings cannot be written as JSON.
-pub fn write(
+pub(crate) fn write(
     mixture: &MultiscaleMixture,
     settings: &TrainSettings,
     model: &mut Model,
@@ -95,7 +95,7 @@ impl MultiscaleMixture {
     ///
     /// # Errors
     /// Data: an array or a setting is missing, has the wrong shape, or holds a value out of range.
-    pub fn from_model(model: &Model, source: &str) -> Result<MultiscaleMixture> {
+    pub(crate) fn from_model(model: &Model, source: &str) -> Result<MultiscaleMixture> {
         let file = ModelFile { model, source };
         let settings = model
             .meta

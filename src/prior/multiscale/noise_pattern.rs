@@ -7,18 +7,18 @@
 use crate::pose::ASF_UNIT_CM;
 
 /// The smallest noise variance, cm² (1e-3 asf²): the components are no more accurate than that.
-pub const MIN_NOISE: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
+pub(crate) const MIN_NOISE: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// For posteriors: variances up to this many times the median are taken for equal.
-pub const POSTERIOR_TOLERANCE: f64 = 1.25;
+pub(crate) const POSTERIOR_TOLERANCE: f64 = 1.25;
 /// For placement, which depends on all points together: the same.
-pub const PLACEMENT_TOLERANCE: f64 = 3.0;
+pub(crate) const PLACEMENT_TOLERANCE: f64 = 3.0;
 /// Variances below the median are taken for equal to it too, unless the smallest is this many times
 /// smaller: a nearly exact coordinate must stay nearly exact.
 const EXACT_RATIO: f64 = 4.0;
 
 /// How the noise variances of a part's coordinates are distributed.
 #[derive(Debug, Clone, PartialEq)]
-pub enum NoisePattern {
+pub(crate) enum NoisePattern {
     /// No coordinate is observed.
     Unobserved,
     /// R = `base` I, but for some coordinates.
@@ -34,7 +34,7 @@ pub enum NoisePattern {
 
 impl NoisePattern {
     /// The pattern of the noise variances (d), cm², infinite where missing.
-    pub fn of(noise: &[f64]) -> NoisePattern {
+    pub(crate) fn of(noise: &[f64]) -> NoisePattern {
         let base = noise.iter().copied().fold(f64::INFINITY, f64::min);
         if base == f64::INFINITY {
             return NoisePattern::Unobserved;
@@ -55,7 +55,7 @@ impl NoisePattern {
 /// Up to two different variances are kept as they are. Of three or more, those up to `tolerance`
 /// times the median become their geometric mean, and every variance is rounded to a quarter of an
 /// octave.
-pub fn quantize(noise: &[f64], tolerance: f64) -> Vec<f64> {
+pub(crate) fn quantize(noise: &[f64], tolerance: f64) -> Vec<f64> {
     let noise: Vec<f64> = noise.iter().map(|n| n.max(MIN_NOISE)).collect();
     let mut sorted: Vec<f64> = noise.iter().copied().filter(|n| n.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);

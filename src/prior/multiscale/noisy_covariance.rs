@@ -33,7 +33,7 @@ const LOG_2_PI: f64 = 1.837_877_066_409_345_5;
 
 /// A cluster's covariance under one noise, for every scale of it.
 #[derive(Debug, Clone)]
-pub struct NoisyCovariance {
+pub(crate) struct NoisyCovariance {
     covariance: Arc<EigenCovariance>,
     /// The observed coordinates.
     observed: Arc<[usize]>,
@@ -57,11 +57,11 @@ struct Whitened {
 }
 
 /// One scale of a cluster's covariance and a weight.
-pub type WeightedScale<'a> = (&'a ScaledPrecisions, usize, f64);
+pub(crate) type WeightedScale<'a> = (&'a ScaledPrecisions, usize, f64);
 
 impl NoisyCovariance {
     /// `noise` (d) has the given pattern; `observed` lists its finite coordinates.
-    pub fn new(
+    pub(crate) fn new(
         covariance: &Arc<EigenCovariance>,
         noise: &[f64],
         observed: &Arc<[usize]>,
@@ -125,12 +125,12 @@ impl NoisyCovariance {
     }
 
     /// The length of z.
-    pub fn stride(&self) -> usize {
+    pub(crate) fn stride(&self) -> usize {
         padded(self.values().len())
     }
 
     /// S_a at several scales a.
-    pub fn precisions(&self, scales: Vec<f64>) -> ScaledPrecisions {
+    pub(crate) fn precisions(&self, scales: Vec<f64>) -> ScaledPrecisions {
         ScaledPrecisions::new(
             scales,
             self.values(),
@@ -141,7 +141,7 @@ impl NoisyCovariance {
     }
 
     /// z = Tᵀ r of a residual `r` (d; read where observed), padded, in place of what was in `z`.
-    pub fn project(&self, r: &[f32], z: &mut Vec<f32>) {
+    pub(crate) fn project(&self, r: &[f32], z: &mut Vec<f32>) {
         let stride = self.stride();
         z.clear();
         z.resize(stride, 0.0);
@@ -163,7 +163,7 @@ impl NoisyCovariance {
     }
 
     /// Adds C_:o T w to `out` (d): the posterior mean's part, given the coordinates w of S r.
-    pub fn add_gain(&self, w: &[f32], out: &mut [f64]) {
+    pub(crate) fn add_gain(&self, w: &[f32], out: &mut [f64]) {
         let d = out.len();
         let mut sum = vec![0.0; padded(d)];
         match &self.whitened {
@@ -187,7 +187,11 @@ impl NoisyCovariance {
     }
 
     /// Adds the weighted sum of the posterior covariances at some scales to `out` (d, d), cm².
-    pub fn add_posterior_covariance(&self, weights: &[WeightedScale<'_>], out: &mut Array2<f64>) {
+    pub(crate) fn add_posterior_covariance(
+        &self,
+        weights: &[WeightedScale<'_>],
+        out: &mut Array2<f64>,
+    ) {
         let Some(whitened) = &self.whitened else {
             self.covariance
                 .add_spread(&self.posterior_variances(weights), out);

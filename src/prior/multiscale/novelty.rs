@@ -27,7 +27,7 @@ const MEASURED: usize = 5000;
 
 /// The threshold, and the whole body that evaluates poses.
 #[derive(Debug, Clone, Default)]
-pub struct NoveltyDetector {
+pub(crate) struct NoveltyDetector {
     /// q, nats; `None` where no take could be held out.
     pub threshold: Option<f64>,
     /// The whole body under the reference noise.
@@ -37,7 +37,7 @@ pub struct NoveltyDetector {
 }
 
 /// The whole body learned without some takes, and poses of those takes.
-pub struct HeldOutPoses {
+pub(crate) struct HeldOutPoses {
     whole: PartMixture,
     /// (n, 3 J), cm.
     poses: Array2<f32>,
@@ -45,7 +45,7 @@ pub struct HeldOutPoses {
 
 impl HeldOutPoses {
     /// `whole` was learned without the takes of `poses` (n, 3 J), cm.
-    pub fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
+    pub(crate) fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
         // Only clusters are evaluated, after all folds: exemplars would fill the memory until then.
         let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())), Vec::new());
         whole.exemplars = Exemplars::new(Arc::new(none), &[], 0);
@@ -53,7 +53,7 @@ impl HeldOutPoses {
     }
 
     /// Every n-th row, so that at most [`MEASURED`] remain.
-    pub fn spread(rows: &[usize]) -> Vec<usize> {
+    pub(crate) fn spread(rows: &[usize]) -> Vec<usize> {
         let step = rows.len().div_ceil(MEASURED).max(1);
         rows.iter().copied().step_by(step).collect()
     }
@@ -78,7 +78,7 @@ impl HeldOutPoses {
 
 impl NoveltyDetector {
     /// A detector with a known threshold, nats, or none.
-    pub fn new(threshold: Option<f64>) -> NoveltyDetector {
+    pub(crate) fn new(threshold: Option<f64>) -> NoveltyDetector {
         NoveltyDetector {
             threshold,
             ..NoveltyDetector::default()
@@ -87,7 +87,7 @@ impl NoveltyDetector {
 
     /// Learns the threshold from the held-out poses of all folds, with the final log weights of the
     /// whole body.
-    pub fn learn(held: &[HeldOutPoses], log_weights: &[f64]) -> NoveltyDetector {
+    pub(crate) fn learn(held: &[HeldOutPoses], log_weights: &[f64]) -> NoveltyDetector {
         let mut all: Vec<f64> = held
             .iter()
             .flat_map(|h| h.evidences(log_weights))
@@ -100,7 +100,7 @@ impl NoveltyDetector {
 
     /// The detector for poses transformed by `map`; `whole` is the whole body before it. Poses are
     /// transformed back first, since a density changes with the size of a body.
-    pub fn mapped(&self, whole: &PartMixture, map: &PoseTransform) -> NoveltyDetector {
+    pub(crate) fn mapped(&self, whole: &PartMixture, map: &PoseTransform) -> NoveltyDetector {
         let (origin, mut back) = match &self.origin {
             Some((origin, back)) => (origin.clone(), back.clone()),
             None => (Arc::new(whole.clone()), Vec::new()),
@@ -113,7 +113,7 @@ impl NoveltyDetector {
     }
 
     /// u(x) of a pose (3 J, cm), nats; `None` without a threshold.
-    pub fn novelty(&self, whole: &PartMixture, pose: &[f64]) -> Option<f64> {
+    pub(crate) fn novelty(&self, whole: &PartMixture, pose: &[f64]) -> Option<f64> {
         let threshold = self.threshold?;
         let mut pose = pose.to_vec();
         let (whole, back) = match &self.origin {

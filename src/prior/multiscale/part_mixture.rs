@@ -12,7 +12,7 @@ const MIN_WEIGHT: f64 = 2e-3;
 /// Components that share a weight: those of one level, or the exemplars, at one scale of their
 /// covariances.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SubMixture {
+pub(crate) struct SubMixture {
     /// The level of the clusters, 0 the coarsest; `None` for exemplars.
     pub level: Option<usize>,
     /// The factor a of every covariance (an exemplar's is that of its finest cluster).
@@ -25,7 +25,7 @@ pub struct SubMixture {
 
 /// The mixture of one part.
 #[derive(Debug, Clone)]
-pub struct PartMixture {
+pub(crate) struct PartMixture {
     /// The part's coordinates among the 3 J of a pose: d of them.
     pub coordinates: Vec<usize>,
     /// The levels of clusters, from the coarsest to the finest.
@@ -38,7 +38,7 @@ pub struct PartMixture {
 
 impl PartMixture {
     /// `labels` gives the finest cluster of each exemplar.
-    pub fn new(
+    pub(crate) fn new(
         coordinates: Vec<usize>,
         levels: Vec<ClusterLevel>,
         poses: Arc<ExemplarPoses>,
@@ -55,25 +55,29 @@ impl PartMixture {
     }
 
     /// The log weight of each sub-mixture.
-    pub fn log_weights(&self) -> Vec<f64> {
+    pub(crate) fn log_weights(&self) -> Vec<f64> {
         self.sub_mixtures.iter().map(|s| s.log_weight).collect()
     }
 
     /// Sets the log weight of each sub-mixture.
-    pub fn set_log_weights(&mut self, log_weights: impl IntoIterator<Item = f64>) {
+    pub(crate) fn set_log_weights(&mut self, log_weights: impl IntoIterator<Item = f64>) {
         let both = self.sub_mixtures.iter_mut().zip(log_weights);
         both.for_each(|(s, log)| s.log_weight = log);
     }
 
     /// Leaves out sub-mixtures of little weight, except those of the coarsest level, which explain
     /// any pose.
-    pub fn leave_out_light(&mut self) {
+    pub(crate) fn leave_out_light(&mut self) {
         self.sub_mixtures
             .retain(|s| s.level == Some(0) || s.log_weight.exp() >= MIN_WEIGHT);
     }
 
     /// The part of poses transformed by `map`; `poses` are the transformed exemplars.
-    pub fn mapped(&self, map: &Arc<PoseTransform>, poses: &Arc<ExemplarPoses>) -> PartMixture {
+    pub(crate) fn mapped(
+        &self,
+        map: &Arc<PoseTransform>,
+        poses: &Arc<ExemplarPoses>,
+    ) -> PartMixture {
         let levels = self.levels.iter().map(|l| l.mapped(map, &self.coordinates));
         PartMixture {
             levels: levels.collect(),
@@ -83,17 +87,17 @@ impl PartMixture {
     }
 
     /// The exemplars of a cluster of the finest level.
-    pub fn exemplars_of(&self, cluster: usize) -> &ClusterExemplars {
+    pub(crate) fn exemplars_of(&self, cluster: usize) -> &ClusterExemplars {
         self.exemplars.of_cluster(cluster, &self.coordinates)
     }
 
     /// The finest level.
-    pub fn finest(&self) -> &ClusterLevel {
+    pub(crate) fn finest(&self) -> &ClusterLevel {
         &self.levels[self.levels.len() - 1]
     }
 
     /// The sub-mixtures of a level, or (`None`) of the exemplars, each with its place among all.
-    pub fn sub_mixtures_of(
+    pub(crate) fn sub_mixtures_of(
         &self,
         level: Option<usize>,
     ) -> impl Iterator<Item = (usize, &SubMixture)> {
@@ -103,7 +107,7 @@ impl PartMixture {
 
     /// The scales of these sub-mixtures, equal neighbors once. Without any it is 1: the clusters of
     /// the finest level are evaluated for their exemplars' sake, too.
-    pub fn scales(&self, level: Option<usize>) -> Vec<f64> {
+    pub(crate) fn scales(&self, level: Option<usize>) -> Vec<f64> {
         let mut scales: Vec<f64> = self.sub_mixtures_of(level).map(|(_, s)| s.scale).collect();
         scales.dedup();
         if scales.is_empty() {

@@ -33,7 +33,7 @@ const MIN_CLUSTER_RESPONSIBILITY: f64 = 0.2;
 
 /// A mean (d), cm, and a covariance (d, d), cm², where it is wanted.
 #[derive(Debug, Clone)]
-pub struct Moments {
+pub(crate) struct Moments {
     /// The mean.
     pub mean: Vec<f64>,
     /// The covariance.
@@ -42,7 +42,7 @@ pub struct Moments {
 
 impl Moments {
     /// Zeros, or whatever `value` is.
-    pub fn new(d: usize, with_covariance: bool, value: f64) -> Moments {
+    pub(crate) fn new(d: usize, with_covariance: bool, value: f64) -> Moments {
         Moments {
             mean: vec![value; d],
             covariance: with_covariance.then(|| Array2::from_elem((d, d), value)),
@@ -88,7 +88,7 @@ struct PosteriorSum<'a> {
 
 impl PartMixture {
     /// The posterior of the part, given `y` (d; read where observed) and the candidates for it.
-    pub fn posterior(
+    pub(crate) fn posterior(
         &self,
         conditioned: &ConditionedPart,
         y: &[f64],
@@ -286,7 +286,7 @@ fn add_single(to: &mut [f64], scale: f64, from: &[f32]) {
 }
 
 /// `to` += `weight` x xᵀ.
-pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
+pub(crate) fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
     debug_assert!(to.is_standard_layout());
     let Some(to) = to.as_slice_mut() else { return };
     simd::dispatch8(

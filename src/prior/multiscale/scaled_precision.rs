@@ -20,7 +20,7 @@ use crate::numeric::small_linalg::{factorize, log_product};
 
 /// Rows of the axes for the coordinates with more noise than the rest.
 #[derive(Debug, Clone, Default)]
-pub struct Exceptions {
+pub(crate) struct Exceptions {
     /// E_c, (c, stride).
     pub rows: Vec<f32>,
     /// δ: by how much the noise variance exceeds the rest's, cm²; infinite where missing.
@@ -29,7 +29,7 @@ pub struct Exceptions {
 
 /// S_a at several scales a.
 #[derive(Debug, Clone)]
-pub struct ScaledPrecisions {
+pub(crate) struct ScaledPrecisions {
     /// a of each.
     pub scales: Vec<f64>,
     /// s_a, (scales, stride), 0 beyond the axes.
@@ -43,7 +43,7 @@ pub struct ScaledPrecisions {
 
 /// rᵀ S r, vᵀ S r and vᵀ S v at each scale, and buffers that serve one exemplar after another.
 #[derive(Debug, Default)]
-pub struct StepForms {
+pub(crate) struct StepForms {
     /// The three forms of each scale.
     pub forms: Vec<[f64; 3]>,
     single: Vec<[f32; 3]>,
@@ -55,7 +55,7 @@ impl ScaledPrecisions {
     /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ (`values`). `log_constant`
     /// is what does not depend on the scale: −½ (observed coordinates) log 2π, and log |W|
     /// where residuals are whitened by W first.
-    pub fn new(
+    pub(crate) fn new(
         scales: Vec<f64>,
         values: &[f64],
         base: f64,
@@ -91,17 +91,17 @@ impl ScaledPrecisions {
     }
 
     /// s_a of one scale.
-    pub fn diagonal(&self, at: usize) -> &[f32] {
+    pub(crate) fn diagonal(&self, at: usize) -> &[f32] {
         &self.diagonals[at * self.stride..(at + 1) * self.stride]
     }
 
     /// The place of a scale.
-    pub fn at(&self, scale: f64) -> usize {
+    pub(crate) fn at(&self, scale: f64) -> usize {
         self.scales.iter().position(|s| *s == scale).unwrap_or(0)
     }
 
     /// log N(r; 0, a C_oo + R) at each scale, from z of the residual.
-    pub fn log_evidences(&self, z: &[f32]) -> Vec<f64> {
+    pub(crate) fn log_evidences(&self, z: &[f32]) -> Vec<f64> {
         let mut forms = vec![0.0; self.scales.len()];
         weighted_rows(&self.diagonals, z, z, &mut forms);
         let mut white = Vec::new();
@@ -114,7 +114,7 @@ impl ScaledPrecisions {
     }
 
     /// Works out `out` from z of a residual r and of a step v.
-    pub fn step_forms(&self, z: &[f32], step: &[f32], out: &mut StepForms) {
+    pub(crate) fn step_forms(&self, z: &[f32], step: &[f32], out: &mut StepForms) {
         out.single.resize(self.scales.len(), [0.0; 3]);
         simd::weighted_forms(&self.diagonals, z, step, |_| true, &mut out.single);
         let (r, v) = (&mut out.white, &mut out.white_step);
@@ -130,14 +130,14 @@ impl ScaledPrecisions {
 
     /// log N(r; 0, a C_oo + R + b v vᵀ) at one scale, by the matrix determinant lemma and Sherman
     /// and Morrison's formula; the three forms are those of [`StepForms`], `b` at least 0.
-    pub fn log_evidence_along_step(&self, at: usize, [zz, vz, vv]: [f64; 3], b: f64) -> f64 {
+    pub(crate) fn log_evidence_along_step(&self, at: usize, [zz, vz, vv]: [f64; 3], b: f64) -> f64 {
         let gain = b * vz * vz / (1.0 + b * vv);
         self.log_normalizers[at] - 0.5 * (zz - gain + (b * vv).ln_1p())
     }
 
     /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the
     /// residual.
-    pub fn add_product(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
+    pub(crate) fn add_product(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
         let weight = weight as f32;
         let both = out.iter_mut().zip(self.diagonal(at).iter().zip(z));
         both.for_each(|(o, (s, z))| *o += weight * s * z);
@@ -152,7 +152,7 @@ impl ScaledPrecisions {
     }
 
     /// K of one scale, (c, stride); empty without exceptions.
-    pub fn correction(&self, at: usize) -> &[f32] {
+    pub(crate) fn correction(&self, at: usize) -> &[f32] {
         self.corrections.get(at).map_or(&[], |k| k)
     }
 

@@ -35,7 +35,7 @@ const EXEMPLAR_STOP_MARGIN: f64 = 9.0;
 impl PartMixture {
     /// Evaluates the clusters for `y` (d; read where observed);
     /// [`ComponentSearch::evaluate_exemplars`] goes on.
-    pub fn search<'a>(
+    pub(crate) fn search<'a>(
         &'a self,
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
@@ -45,7 +45,11 @@ impl PartMixture {
     }
 
     /// The candidates among the clusters alone: good enough to place a pose.
-    pub fn cluster_candidates(&self, conditioned: &ConditionedPart, y: &[f64]) -> Candidates {
+    pub(crate) fn cluster_candidates(
+        &self,
+        conditioned: &ConditionedPart,
+        y: &[f64],
+    ) -> Candidates {
         self.search_clusters(conditioned, y, false).finish()
     }
 
@@ -70,7 +74,7 @@ impl PartMixture {
 }
 
 /// A search under way.
-pub struct ComponentSearch<'a> {
+pub(crate) struct ComponentSearch<'a> {
     part: &'a PartMixture,
     conditioned: &'a ConditionedPart,
     y: &'a [f64],
@@ -165,7 +169,7 @@ impl<'a> ComponentSearch<'a> {
     }
 
     /// log p(y) by the components evaluated so far; 0 where nothing is observed.
-    pub fn evidence(&self) -> f64 {
+    pub(crate) fn evidence(&self) -> f64 {
         if !self.conditioned.observes_any() {
             return 0.0;
         }
@@ -177,7 +181,7 @@ impl<'a> ComponentSearch<'a> {
     }
 
     /// Evaluates the nearest exemplars of the likely clusters.
-    pub fn evaluate_exemplars(&mut self) {
+    pub(crate) fn evaluate_exemplars(&mut self) {
         let part = self.part;
         if part.sub_mixtures_of(None).next().is_none() {
             return;
@@ -285,7 +289,7 @@ impl<'a> ComponentSearch<'a> {
     }
 
     /// What was found.
-    pub fn finish(mut self) -> Candidates {
+    pub(crate) fn finish(mut self) -> Candidates {
         self.found.evidence = self.evidence();
         let any = self.conditioned.observes_any();
         let logs = self.sums.iter().map(|s| if any { s.log() } else { 0.0 });
@@ -301,7 +305,7 @@ impl<'a> ComponentSearch<'a> {
 /// An observation less an exemplar's pose, and the exemplar's step, along the axes of a noisy
 /// covariance.
 #[derive(Default)]
-pub struct ExemplarResidual {
+pub(crate) struct ExemplarResidual {
     /// z of the residual.
     pub z: Vec<f32>,
     /// z of the step.
@@ -312,7 +316,7 @@ pub struct ExemplarResidual {
 impl ExemplarResidual {
     /// For an exemplar of a cluster, whose noisy covariance is given, and the observation `y`
     /// (masked, padded).
-    pub fn set(
+    pub(crate) fn set(
         &mut self,
         noisy: &NoisyCovariance,
         exemplars: &ClusterExemplars,

@@ -63,7 +63,7 @@ impl TrainSettings {
     ///
     /// # Errors
     /// [`Error::Usage`], with the ranges.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let positive = |list: &[f64]| list.iter().all(|s| s.is_finite() && *s > 0.0);
         let steps = self.exemplars.iter().all(|l| l.1.is_finite() && l.1 >= 0.0);
         let scales: Vec<f64> = self.exemplars.iter().map(|l| l.0).collect();

@@ -4,7 +4,7 @@
 /// with a log weight (at most
 /// 0) that fades to −∞ as the distance reaches that of the first one left out: candidates come and
 ///    go without a jump.
-pub fn nearest(distances: &[f32], k: usize) -> Vec<(usize, f64)> {
+pub(crate) fn nearest(distances: &[f32], k: usize) -> Vec<(usize, f64)> {
     // A distance's bits, then its place: such numbers are ordered as the distances are.
     let key = |(place, distance): (usize, &f32)| {
         u64::from(distance.max(0.0).to_bits()) << 32 | place as u64

@@ -33,7 +33,7 @@ use std::sync::Arc;
 
 /// Poses to train with, and their takes.
 #[derive(Debug, Clone, Copy)]
-pub struct TrainingRows<'a> {
+pub(crate) struct TrainingRows<'a> {
     /// (N, 3 J), cm.
     pub xyz: ArrayView2<'a, f32>,
     /// The rows of each take.

@@ -31,7 +31,7 @@ const MEASURED: usize = 20_000;
 
 /// A pose found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Neighbor {
+pub(crate) struct Neighbor {
     /// Its row in [`BoxTree::poses`].
     pub index: u32,
     /// Σ_o w_o (y_o − x_o)².
@@ -58,7 +58,7 @@ impl PartialOrd for Neighbor {
 
 /// Poses, and the tree they are found by.
 #[derive(Debug, Clone)]
-pub struct BoxTree {
+pub(crate) struct BoxTree {
     /// (n, D), so that near ones stand together: the leaves' poses are rows that follow one
     /// another.
     poses: Array2<f32>,
@@ -100,7 +100,7 @@ struct Query<'a> {
 
 impl BoxTree {
     /// Builds the tree of `poses` (n, D), which are re-ordered.
-    pub fn new(poses: ArrayView2<'_, f32>) -> BoxTree {
+    pub(crate) fn new(poses: ArrayView2<'_, f32>) -> BoxTree {
         let (n, d) = poses.dim();
         let axes = principal_axes(poses);
         let along = poses.mapv(f64::from).dot(&axes);
@@ -135,19 +135,19 @@ impl BoxTree {
     }
 
     /// The poses, in the tree's order: (n, D).
-    pub fn poses(&self) -> ArrayView2<'_, f32> {
+    pub(crate) fn poses(&self) -> ArrayView2<'_, f32> {
         self.poses.view()
     }
 
     /// The tree of the same poses carried through `map`.
-    pub fn mapped(&self, map: &PoseTransform) -> BoxTree {
+    pub(crate) fn mapped(&self, map: &PoseTransform) -> BoxTree {
         let poses = map.apply_rows(self.poses.mapv(f64::from).view());
         BoxTree::new(poses.mapv(|v| v as f32).view())
     }
 
     /// The `k` nearest (all when there are fewer), nearest first; `weights` of 0 or less leave
     /// coordinates out, whose `y` is not read.
-    pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize) -> Vec<Neighbor> {
+    pub(crate) fn nearest(&self, y: &[f64], weights: &[f64], k: usize) -> Vec<Neighbor> {
         let k = k.min(self.poses.nrows());
         if k == 0 {
             return Vec::new();

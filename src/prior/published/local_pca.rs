@@ -29,7 +29,7 @@ const OFF: f64 = 1.0;
 const FLOOR: f64 = 0.01;
 
 /// The kind `lpca`.
-pub const KIND: ExemplarKind = ExemplarKind {
+pub(crate) const KIND: ExemplarKind = ExemplarKind {
     name: "lpca",
     // Neighbors in time are far closer to each other than to the observation: the best inflation
     // may be large.
@@ -48,7 +48,7 @@ fn prior(poses: ArrayView2<'_, f32>) -> PriorFamily {
 
 /// The prior: a Gaussian of the training poses nearest to the observation.
 #[derive(Debug, Clone)]
-pub struct LocalPcaPrior {
+pub(crate) struct LocalPcaPrior {
     tree: Arc<BoxTree>,
     /// a.
     inflation: f64,

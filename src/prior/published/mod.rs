@@ -1,10 +1,10 @@
 //! Pose models that the default is compared with in papers: the feature `published`.
 
-pub mod box_tree;
+pub(crate) mod box_tree;
 pub mod gaussian;
-pub mod gplvm;
-pub mod local_pca;
-pub mod nearest_neighbor;
+pub(crate) mod gplvm;
+pub(crate) mod local_pca;
+pub(crate) mod nearest_neighbor;
 
 use super::training_set::{TrainOptions, TrainingSet};
 use super::{OpenOptions, Prior};
@@ -35,7 +35,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 8] = [
+    pub(crate) const ALL: [Kind; 8] = [
         Kind::Nearest,
         Kind::LocalPca,
         Kind::Gplvm,

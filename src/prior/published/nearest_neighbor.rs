@@ -19,7 +19,7 @@ use std::sync::Arc;
 const FIRST: f64 = 0.1;
 
 /// The kind `nearest`; an inflation of 1 is an error h² of 1 asf².
-pub const KIND: ExemplarKind = ExemplarKind {
+pub(crate) const KIND: ExemplarKind = ExemplarKind {
     name: "nearest",
     grid: || Grid {
         inflation: vec![FIRST],
@@ -48,7 +48,7 @@ fn set_widths(tuning: &mut Tuning) {
 
 /// The prior: the nearest training pose.
 #[derive(Debug, Clone)]
-pub struct NearestNeighborPrior {
+pub(crate) struct NearestNeighborPrior {
     tree: Arc<BoxTree>,
     /// h², cm².
     width: f64,

@@ -448,7 +448,7 @@ fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
 ///
 /// # Errors
 /// Those of [`SparseCodes::decode`].
-pub fn residual_covariance(
+pub(crate) fn residual_covariance(
     dictionary: &Dictionary,
     poses: ArrayView2<'_, f32>,
     codes: &SparseCodes,

@@ -22,7 +22,11 @@ const HIT: f64 = 0.2;
 
 /// Splits the poses: those kept as a training set, and at most [`MAX_TESTED`] held-out ones, evenly
 /// spaced (m, 3 J).
-pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet, Array2<f64>) {
+pub(crate) fn hold_back(
+    poses: &TrainingSet,
+    how: HoldBack,
+    seed: u64,
+) -> (TrainingSet, Array2<f64>) {
     let n = poses.xyz.nrows();
     let mut held = vec![false; n];
     let mut generator = parallel::rng(seed, 1);
@@ -82,7 +86,7 @@ fn segments(takes: &[Range<usize>], length: usize) -> Vec<Range<usize>> {
 }
 
 /// True poses, damaged poses and stated variances of a task: (m, 3 J) each.
-pub fn damaged(
+pub(crate) fn damaged(
     held: &Array2<f64>,
     points: &[String],
     task: Task,

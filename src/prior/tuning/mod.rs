@@ -21,11 +21,11 @@ use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 
 pub use super::training_set::HoldBack;
-pub use search::{Grid, tune};
-pub use tuned_prior::TunedPrior;
+pub(crate) use search::{Grid, tune};
+pub(crate) use tuned_prior::TunedPrior;
 
 /// The paper's unit of variance, cm²: its "standard" noise.
-pub const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+pub(crate) const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// Noise of a variance from here on in every coordinate is dense noise, (0.3 asf)².
 const DENSE_FROM: f64 = 0.09 * ASF2;
 
@@ -54,7 +54,7 @@ impl Task {
     /// What an observation of this noise (cm², infinite missing) looks like: any coordinate missing
     /// is a completion; all noises from (0.3 asf)² on are dense noise; else the noise is taken
     /// for sparse, at unknown points.
-    pub fn of(noise: &[f64]) -> Task {
+    pub(crate) fn of(noise: &[f64]) -> Task {
         if noise.iter().any(|n| !n.is_finite()) {
             Task::Complete
         } else if noise.iter().all(|n| *n >= DENSE_FROM) {
@@ -78,7 +78,7 @@ pub struct Setting {
 
 impl Setting {
     /// The variance that is assumed if `stated` is stated, cm².
-    pub fn noise_of(&self, stated: f64) -> f64 {
+    pub(crate) fn noise_of(&self, stated: f64) -> f64 {
         stated.max(self.noise)
     }
 }
@@ -114,7 +114,7 @@ impl Default for TaskSettings {
 
 impl TaskSettings {
     /// The setting of a task.
-    pub fn get(&self, task: Task) -> Setting {
+    pub(crate) fn get(&self, task: Task) -> Setting {
         match task {
             Task::Dense => self.dense,
             Task::Sparse => self.sparse,
@@ -136,7 +136,7 @@ impl TaskSettings {
     ///
     /// # Errors
     /// Data: settings that cannot be read, or are out of range.
-    pub fn read(model: &Model, source: &str) -> Result<TaskSettings> {
+    pub(crate) fn read(model: &Model, source: &str) -> Result<TaskSettings> {
         let Some(found) = model
             .meta
             .details
@@ -190,7 +190,7 @@ pub struct Tuning {
 
 impl Tuning {
     /// Stores it in a model, under `tuning`.
-    pub fn write(&self, model: &mut Model) {
+    pub(crate) fn write(&self, model: &mut Model) {
         let json = serde_json::to_value(self).unwrap_or_default();
         model.meta.details.insert("tuning".into(), json);
     }
@@ -202,7 +202,7 @@ impl Tuning {
 }
 
 /// What was learned once, as a prior at any inflation.
-pub type PriorFamily = Box<dyn Fn(f64) -> Box<dyn Prior>>;
+pub(crate) type PriorFamily = Box<dyn Fn(f64) -> Box<dyn Prior>>;
 
 #[cfg(test)]
 mod tests {

@@ -16,7 +16,7 @@ const MAX_STEPS: usize = 12;
 /// The settings that are tried first: every inflation with every noise of the task. An axis of one
 /// value stays there.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub(crate) struct Grid {
     /// Above 0.
     pub inflation: Vec<f64>,
     /// Noise assumed under sparse noise, cm².
@@ -58,7 +58,7 @@ impl Grid {
 ///
 /// # Errors
 /// Those of `learn`.
-pub fn tune(
+pub(crate) fn tune(
     poses: &TrainingSet,
     options: &TrainOptions,
     grid: &Grid,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// A prior at each task's setting; the task of an observation is found from its variances
 /// ([`Task::of`]).
 #[derive(Clone)]
-pub struct TunedPrior {
+pub(crate) struct TunedPrior {
     tuned: TaskSettings,
     fixed: Option<Task>,
     /// In the order of [`Task::ALL`]; tasks with the same inflation share one prior.

@@ -10,7 +10,7 @@ use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
 /// The points that are to be estimated together, in one or more gaps.
-pub struct Targets<'a> {
+pub(crate) struct Targets<'a> {
     /// What they are regressed on.
     pub regression: &'a Regression<'a>,
     /// The captured table (frames, 3 J), world space.
@@ -21,7 +21,7 @@ pub struct Targets<'a> {
 
 /// The estimates for some frames of a gap, in the regression's frame of reference.
 #[derive(Debug, Clone)]
-pub struct Estimates {
+pub(crate) struct Estimates {
     /// One (frames, 3 T) a process; then that of PCHIP, if the gap has two ends.
     pub means: Vec<Array2<f64>>,
     /// (frames, 3 T), cm²: the mean of the processes that know time.
@@ -30,7 +30,7 @@ pub struct Estimates {
 
 /// A gap and the frames in it that are to be estimated.
 #[derive(Debug, Clone)]
-pub struct GapFrames {
+pub(crate) struct GapFrames {
     /// The frames that are not known.
     pub gap: Range<usize>,
     /// Those of them to estimate, in order.
@@ -40,7 +40,7 @@ pub struct GapFrames {
 impl Targets<'_> {
     /// The estimates for several gaps at once; none of their frames is learned from. `None` where
     /// there is nothing to learn from.
-    pub fn estimates(&self, wanted: &[GapFrames]) -> Option<Vec<Estimates>> {
+    pub(crate) fn estimates(&self, wanted: &[GapFrames]) -> Option<Vec<Estimates>> {
         let gaps: Vec<Range<usize>> = wanted.iter().map(|w| w.gap.clone()).collect();
         let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
         let frames = |k: usize| wanted[k].frames.iter().chain(&beside[k]).copied();

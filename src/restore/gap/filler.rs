@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 /// A take whose gaps are filled.
-pub struct GapFiller<'a> {
+pub(crate) struct GapFiller<'a> {
     /// The names of the points (J).
     pub names: &'a [String],
     /// (frames, 3 J), cm; NaN missing.
@@ -36,7 +36,7 @@ impl GapFiller<'_> {
     /// filled: there is nothing to learn from, or no body could follow the estimate, and the
     /// point's path is not smooth enough. Beside it the last estimate of each gap that no body
     /// could follow.
-    pub fn fill(
+    pub(crate) fn fill(
         &self,
         gaps: &[Gap],
         done: &(dyn Fn(usize) + Sync),

@@ -11,7 +11,7 @@ use std::ops::Range;
 const WORD: usize = u64::BITS as usize;
 
 /// What is known of a take while its gaps are filled.
-pub struct Known {
+pub(crate) struct Known {
     /// (frames, 3 J), cm: captured or filled; NaN missing.
     pub xyz: Array2<f64>,
     /// The frames in which each point is captured or filled.
@@ -26,7 +26,7 @@ pub struct Known {
 
 impl Known {
     /// What the captured frames (frames, 3 J) show; `rate` in frames a second.
-    pub fn new(captured: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Known {
+    pub(crate) fn new(captured: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Known {
         let mut seconds = vec![0.0; captured.nrows()];
         for (k, run) in runs.iter().enumerate() {
             (run.clone()).for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / rate);
@@ -41,23 +41,23 @@ impl Known {
     }
 
     /// Puts a filled gap in place.
-    pub fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
+    pub(crate) fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
         put(&mut self.xyz, gap, xyz);
         self.frames.add(gap.point, gap.frames.clone());
     }
 }
 
 /// The frames in which each point of a take is known.
-pub struct KnownFrames(Vec<FrameSet>);
+pub(crate) struct KnownFrames(Vec<FrameSet>);
 
 /// Some frames of a take.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FrameSet(Vec<u64>);
+pub(crate) struct FrameSet(Vec<u64>);
 
 impl KnownFrames {
     /// The frames of `xyz` (frames, 3 J; NaN missing) in which all three coordinates of a point are
     /// finite.
-    pub fn of(xyz: ArrayView2<'_, f64>) -> KnownFrames {
+    pub(crate) fn of(xyz: ArrayView2<'_, f64>) -> KnownFrames {
         let words = xyz.nrows().div_ceil(WORD);
         let mut points = vec![FrameSet(vec![0; words]); xyz.ncols() / 3];
         for (t, row) in xyz.rows().into_iter().enumerate() {
@@ -70,24 +70,24 @@ impl KnownFrames {
     }
 
     /// The number of points, J.
-    pub fn points(&self) -> usize {
+    pub(crate) fn points(&self) -> usize {
         self.0.len()
     }
 
     /// Marks frames in which a point has become known.
-    pub fn add(&mut self, point: usize, frames: Range<usize>) {
+    pub(crate) fn add(&mut self, point: usize, frames: Range<usize>) {
         frames.for_each(|t| self.0[point].0[t / WORD] |= 1 << (t % WORD));
     }
 
     /// Whether a point is known in all of some frames.
-    pub fn has_all(&self, point: usize, frames: Range<usize>) -> bool {
+    pub(crate) fn has_all(&self, point: usize, frames: Range<usize>) -> bool {
         let set = &self.0[point].0;
         let mut frames = frames;
         frames.all(|t| set[t / WORD] >> (t % WORD) & 1 == 1)
     }
 
     /// The frames of `range` in which all `points` are known.
-    pub fn all_known(&self, points: &[usize], range: &Range<usize>) -> FrameSet {
+    pub(crate) fn all_known(&self, points: &[usize], range: &Range<usize>) -> FrameSet {
         let words = self.0.first().map_or(0, |set| set.0.len());
         let mut out = FrameSet(vec![0; words]);
         for word in range.start / WORD..range.end.div_ceil(WORD) {
@@ -106,7 +106,7 @@ impl KnownFrames {
     }
 
     /// Those of `frames` in which a point is known.
-    pub fn intersection(&self, point: usize, frames: &FrameSet) -> FrameSet {
+    pub(crate) fn intersection(&self, point: usize, frames: &FrameSet) -> FrameSet {
         let both = frames.0.iter().zip(&self.0[point].0);
         FrameSet(both.map(|(a, b)| a & b).collect())
     }
@@ -123,12 +123,12 @@ fn bits_within(word: usize, range: &Range<usize>) -> u64 {
 
 impl FrameSet {
     /// The number of frames.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
     /// The frames, in order.
-    pub fn frames(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn frames(&self) -> impl Iterator<Item = usize> + '_ {
         let of_word = |(k, word): (usize, &u64)| {
             let mut left = *word;
             std::iter::from_fn(move || {

@@ -22,7 +22,7 @@ pub struct LocalPoses {
 
 impl LocalPoses {
     /// Places the poses in the rows of `xyz` (n, 3 J) by `anchor`.
-    pub fn new(
+    pub(crate) fn new(
         anchor: &Anchor,
         xyz: ArrayView2<'_, f64>,
         predictors: &[usize],
@@ -59,7 +59,7 @@ impl LocalPoses {
     }
 
     /// Poses in the rows of `xyz` (n, 3 J) that are in the frame of reference already.
-    pub fn in_place(
+    pub(crate) fn in_place(
         xyz: ArrayView2<'_, f64>,
         predictors: &[usize],
         targets: &[usize],
@@ -76,7 +76,7 @@ impl LocalPoses {
     }
 
     /// Whether predictors and targets of a pose are all known.
-    pub fn is_complete(&self, row: usize) -> bool {
+    pub(crate) fn is_complete(&self, row: usize) -> bool {
         let is_finite = |values: &Array2<f64>| values.row(row).iter().all(|v| v.is_finite());
         is_finite(&self.predictors) && is_finite(&self.targets)
     }

@@ -37,13 +37,13 @@ use super::adapted_prior::AdaptedPrior;
 use super::take::{PointState, Take, TakeResult};
 use crate::pose::{FillMethod, Status};
 use filler::GapFiller;
-pub(crate) use local_poses::{LocalPoses, anchor as local_anchor};
+pub use local_poses::{LocalPoses, anchor as local_anchor};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// A point that is missing for some frames on end.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Gap {
+pub(crate) struct Gap {
     /// The point.
     pub point: usize,
     /// The frames in which it is missing.
@@ -57,14 +57,14 @@ pub struct Gap {
 impl Gap {
     /// Whether it lasts for more than so many seconds at `rate` frames a second; with no limit, no
     /// gap does.
-    pub fn is_longer(&self, seconds: Option<f64>, rate: f64) -> bool {
+    pub(crate) fn is_longer(&self, seconds: Option<f64>, rate: f64) -> bool {
         seconds.is_some_and(|most| self.frames.len() as f64 / rate > most * (1.0 + 1e-9))
     }
 }
 
 /// A filled gap.
 #[derive(Debug, Clone)]
-pub struct FilledGap {
+pub(crate) struct FilledGap {
     /// (frames, 3), cm.
     pub xyz: Array2<f64>,
     /// Variance of a coordinate in each frame, cm².
@@ -74,7 +74,7 @@ pub struct FilledGap {
 }
 
 /// The gaps of `seen` (frames, 3 J; NaN missing) within its `runs` of consecutive frames.
-pub fn find_gaps(seen: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Gap> {
+pub(crate) fn find_gaps(seen: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Gap> {
     runs.iter().flat_map(|run| gaps_of(seen, run)).collect()
 }
 
@@ -105,7 +105,7 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
 
 /// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them,
 /// else by the model.
-pub fn fill_gaps(
+pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     take: &Take<'_>,
     captured: ArrayView2<'_, f64>,
@@ -140,7 +140,7 @@ pub fn fill_gaps(
 
 /// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay.
 /// Outliers are rejected; where `outliers_only`, missing points stay missing.
-pub fn put_filled(
+pub(crate) fn put_filled(
     out: &mut TakeResult,
     xyz: ArrayView2<'_, f64>,
     gap: &Gap,
@@ -173,7 +173,7 @@ pub fn put_filled(
 }
 
 /// Leaves gaps empty. A frame of which nothing is left filled has no novelty.
-pub fn empty_gaps<'a>(
+pub(crate) fn empty_gaps<'a>(
     out: &mut TakeResult,
     xyz: ArrayView2<'_, f64>,
     gaps: impl Iterator<Item = &'a Gap>,

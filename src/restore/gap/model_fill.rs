@@ -27,7 +27,7 @@ type Key = (usize, Vec<usize>);
 /// Fills the gaps of `captured` (frames, 3 J, in the table's order) that are left in `filled` by
 /// the model, frame by frame; one whose estimate by the frames around it was `implausible`, by the
 /// surer of both.
-pub fn fill(
+pub(crate) fn fill(
     adapted: &AdaptedPrior<'_>,
     take: &Take<'_>,
     captured: ArrayView2<'_, f64>,

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// The limits of the points that have gaps.
-pub struct MotionLimits {
+pub(crate) struct MotionLimits {
     points: BTreeMap<usize, PointLimits>,
     /// The step that any point may make, cm.
     any_step: f64,
@@ -25,7 +25,7 @@ struct PointLimits {
 
 impl MotionLimits {
     /// Measures them in a take (frames, 3 J; cm) of `rate` frames a second.
-    pub fn measure(
+    pub(crate) fn measure(
         captured: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
         rate: f64,
@@ -60,7 +60,12 @@ impl MotionLimits {
     }
 
     /// Whether a filled gap stays within its point's limits.
-    pub fn allow(&self, captured: ArrayView2<'_, f64>, gap: &Gap, filled: &FilledGap) -> bool {
+    pub(crate) fn allow(
+        &self,
+        captured: ArrayView2<'_, f64>,
+        gap: &Gap,
+        filled: &FilledGap,
+    ) -> bool {
         let Some(limits) = self.points.get(&gap.point) else {
             return true;
         };

@@ -15,12 +15,12 @@ use std::sync::{Mutex, PoisonError};
 /// The variances of a coordinate in the middle of gaps of a take, by point and length (cm²):
 /// simulated once each, as a take may have as many gaps as frames.
 #[derive(Default)]
-pub struct PathVariances(Mutex<HashMap<(usize, usize), f64>>);
+pub(crate) struct PathVariances(Mutex<HashMap<(usize, usize), f64>>);
 
 impl PathVariances {
     /// How many were simulated.
     #[cfg(test)]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
 
@@ -38,7 +38,7 @@ impl PathVariances {
 
 /// Fills `gap` of the captured frames (frames, 3 J) at `rate` frames a second; `variances` are
 /// those of the take. `None` where it lacks an end or its path is not smooth enough.
-pub fn interpolate(
+pub(crate) fn interpolate(
     captured: ArrayView2<'_, f64>,
     gap: &Gap,
     rate: f64,
@@ -55,7 +55,11 @@ pub fn interpolate(
 
 /// Fills `gap` where its point rests on either side, such as a foot that is planted: by its path.
 /// `None` where it moves.
-pub fn interpolate_rest(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
+pub(crate) fn interpolate_rest(
+    captured: ArrayView2<'_, f64>,
+    gap: &Gap,
+    rate: f64,
+) -> Option<FilledGap> {
     let (before, after) = (gap.before?, gap.after?);
     let track = Track::new(captured, gap.point, rate);
     let rests = (REST_SECONDS * rate).ceil() as usize;

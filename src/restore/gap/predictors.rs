@@ -11,7 +11,7 @@ use std::ops::Range;
 /// The predictors of `targets` in the frames `gap`, and the frames `around` it in which all of
 /// both are known, counted from the first around. `None` where either are too few. `others` are a
 /// model's training poses (n, 3 J).
-pub fn predictors(
+pub(crate) fn predictors(
     known: &Known,
     others: Option<ArrayView2<'_, f64>>,
     around: &Range<usize>,
@@ -67,7 +67,7 @@ pub fn predictors(
 
 /// The model's training poses in the frame of reference of the predictors; `None` without a
 /// model, or where it does not know all points.
-pub fn other_poses(
+pub(crate) fn other_poses(
     others: Option<ArrayView2<'_, f64>>,
     anchor: &Anchor,
     predictors: &[usize],

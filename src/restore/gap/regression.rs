@@ -28,14 +28,14 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Poses of a model, with their moments.
-pub struct OtherPoses {
+pub(crate) struct OtherPoses {
     pub poses: LocalPoses,
     moments: Moments,
 }
 
 impl OtherPoses {
     /// Complete poses.
-    pub fn new(poses: LocalPoses) -> OtherPoses {
+    pub(crate) fn new(poses: LocalPoses) -> OtherPoses {
         let rows: Vec<usize> = (0..poses.predictors.nrows()).collect();
         OtherPoses {
             moments: Moments::new(&poses, &rows),
@@ -45,7 +45,7 @@ impl OtherPoses {
 }
 
 /// What a gap's points are regressed on.
-pub struct Regression<'a> {
+pub(crate) struct Regression<'a> {
     /// The take's frames.
     pub own: &'a LocalPoses,
     /// Which of them are complete.
@@ -60,7 +60,7 @@ pub struct Regression<'a> {
 
 /// The prediction of one process for some frames.
 #[derive(Debug, Clone)]
-pub struct Prediction {
+pub(crate) struct Prediction {
     /// (frames, 3 T), cm.
     pub mean: Array2<f64>,
     /// (frames, 3 T), cm².
@@ -69,7 +69,7 @@ pub struct Prediction {
 
 impl Regression<'_> {
     /// The processes that predict.
-    pub fn kernels(&self) -> &'static [Kernel] {
+    pub(crate) fn kernels(&self) -> &'static [Kernel] {
         let own = self.complete.iter().filter(|c| **c).count() as f64;
         match self.others {
             // The last learns from the take alone.
@@ -82,7 +82,11 @@ impl Regression<'_> {
     /// Predicts the targets in `frames`, which lie in `gaps`; the gaps' frames are not learned
     /// from. One prediction a kernel, and last that of the conditional alone, without a
     /// variance. `None` where there is nothing to learn from.
-    pub fn predict(&self, gaps: &[Range<usize>], frames: &[usize]) -> Option<Vec<Prediction>> {
+    pub(crate) fn predict(
+        &self,
+        gaps: &[Range<usize>],
+        frames: &[usize],
+    ) -> Option<Vec<Prediction>> {
         let with_others = match self.others {
             Some(others) => Some(Basis::new(self, gaps, Some(others))?),
             None => None,
@@ -351,7 +355,7 @@ fn training_frames(known: &[usize], gaps: &[Range<usize>], rate: f64) -> Vec<usi
 }
 
 /// At most `count` numbers of a range, evenly spread, its ends among them.
-pub fn spread(range: &Range<usize>, count: usize) -> Vec<usize> {
+pub(crate) fn spread(range: &Range<usize>, count: usize) -> Vec<usize> {
     let n = range.len();
     if n <= count {
         return range.clone().collect();

@@ -19,7 +19,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
 use std::collections::BTreeMap;
 
 /// Holds filled gaps of `captured` (frames, 3 J) to the rigid distances of the take.
-pub fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
     let mut known = captured.to_owned();
     for (gap, filled) in gaps.iter().zip(filled.iter()) {
         if let Some(filled) = filled {
@@ -85,11 +85,11 @@ struct Pair {
 }
 
 /// The rigid distances of a take.
-pub struct TakeDistances(Vec<Pair>);
+pub(crate) struct TakeDistances(Vec<Pair>);
 
 impl TakeDistances {
     /// Measures the distances of `points` to all points in `xyz` (frames, 3 J; NaN missing).
-    pub fn measure(xyz: ArrayView2<'_, f64>, points: &[usize]) -> TakeDistances {
+    pub(crate) fn measure(xyz: ArrayView2<'_, f64>, points: &[usize]) -> TakeDistances {
         let count = xyz.ncols() / 3;
         let step = xyz.nrows().div_ceil(MOST_FRAMES).max(1);
         let frames: Vec<Vec<DVec3>> = (0..xyz.nrows())
@@ -114,7 +114,7 @@ impl TakeDistances {
     /// Moves the missing `points` of a frame (3 J, all that is known filled in) to where their
     /// distances are right; `variance` is that of each of their coordinates, cm², and becomes
     /// what is left of it. What else the frame lacks may be NaN.
-    pub fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
+    pub(crate) fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
         let together = points.len() <= MOST_POINTS;
         let mut places = vec![None; frame.len() / 3];
         points

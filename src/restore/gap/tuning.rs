@@ -6,94 +6,94 @@
 //! recorded.
 
 /// Groups of gaps.
-pub mod filler {
+pub(crate) mod filler {
     /// Gaps whose lengths are within this factor are filled at the same time.
-    pub const SAME_LENGTH: usize = 4;
+    pub(crate) const SAME_LENGTH: usize = 4;
     /// Where there are more groups than this, gaps of under [`SAME_LENGTH`] frames are interpolated
     /// over time: there are too many to learn each, and the path is nearly as good.
-    pub const MANY_GROUPS: usize = 200;
+    pub(crate) const MANY_GROUPS: usize = 200;
     /// How often a gap is tried at most since others are filled from whose frames it would be
     /// learned.
-    pub const MOST_ROUNDS: usize = 16;
+    pub(crate) const MOST_ROUNDS: usize = 16;
     /// Seconds on either side of a gap that are learned from.
-    pub const WINDOW: f64 = 25.0;
+    pub(crate) const WINDOW: f64 = 25.0;
     /// Seconds between two runs: what is further apart than anything.
-    pub const BREAK: f64 = 1e6;
+    pub(crate) const BREAK: f64 = 1e6;
     /// A gap filled mostly by interpolation is called that.
-    pub const MOSTLY: f64 = 0.5;
+    pub(crate) const MOSTLY: f64 = 0.5;
 }
 
 /// What a gap's points are learned from.
-pub mod predictors {
+pub(crate) mod predictors {
     /// Complete frames that a gap's points can be learned from, at least; fewer where a model knows
     /// the points.
-    pub const FEWEST_FRAMES: usize = 30;
-    pub const FEWEST_WITH_OTHERS: usize = 8;
+    pub(crate) const FEWEST_FRAMES: usize = 30;
+    pub(crate) const FEWEST_WITH_OTHERS: usize = 8;
     /// Training poses of a model that are placed for one group, at most.
-    pub const MOST_PLACED: usize = 3000;
+    pub(crate) const MOST_PLACED: usize = 3000;
     /// Predictors, at most: those at the steadiest distances.
-    pub const MOST_PREDICTORS: usize = 40;
+    pub(crate) const MOST_PREDICTORS: usize = 40;
     /// Frames with all predictors, as a share of those with the targets: predictors that are
     /// missing more often are left out.
-    pub const SHARE_COMPLETE: f64 = 0.5;
+    pub(crate) const SHARE_COMPLETE: f64 = 0.5;
     /// Frames that tell how steady a distance is, at most about.
-    pub const STEADY_FRAMES: usize = 50;
+    pub(crate) const STEADY_FRAMES: usize = 50;
 }
 
 /// The paths of single points.
-pub mod path {
+pub(crate) mod path {
     /// Seconds on either side of a gap that interpolation over time looks at.
-    pub const REACH: f64 = 1.0 / 6.0;
+    pub(crate) const REACH: f64 = 1.0 / 6.0;
     /// How far going straight on may miss, cm: as in commercial practice.
-    pub const MISS: f64 = 4.0;
+    pub(crate) const MISS: f64 = 4.0;
     /// A point is at rest where it strays no further than this, cm, for so many seconds.
-    pub const REST: f64 = 1.0;
-    pub const REST_SECONDS: f64 = 0.1;
+    pub(crate) const REST: f64 = 1.0;
+    pub(crate) const REST_SECONDS: f64 = 0.1;
     /// A point at rest on either side of a gap of no more seconds rests all through it, if it is no
     /// further away, cm.
-    pub const RESTS_SECONDS: f64 = 0.5;
-    pub const RESTS_WITHIN: f64 = 2.0;
+    pub(crate) const RESTS_SECONDS: f64 = 0.5;
+    pub(crate) const RESTS_WITHIN: f64 = 2.0;
     /// Standard deviation of a coordinate in the middle of such a gap, cm.
-    pub const RESTS_SD: f64 = 0.2;
+    pub(crate) const RESTS_SD: f64 = 0.2;
     /// Simulated gaps that the deviation is measured in.
-    pub const SIMULATED: usize = 20;
+    pub(crate) const SIMULATED: usize = 20;
 }
 
 /// Reference frames.
-pub mod local_poses {
+pub(crate) mod local_poses {
     /// Frames that the mean shape of predictors is measured in.
-    pub const SHAPE_FRAMES: usize = 200;
+    pub(crate) const SHAPE_FRAMES: usize = 200;
     /// Rounds of fitting them to their mean.
-    pub const SHAPE_ROUNDS: usize = 2;
+    pub(crate) const SHAPE_ROUNDS: usize = 2;
 }
 
 /// The conditional and the processes. Prototype: the processes bring the ratio from .74 to .65,
 /// .67 without their share of time; frames, widths and the share of time were chosen there.
-pub mod regression {
+pub(crate) mod regression {
     /// Added to the variance of each predictor, cm²: what no predictor is more exact than.
-    pub const RIDGE: f64 = 0.01;
+    pub(crate) const RIDGE: f64 = 0.01;
     /// Own frames spread over the take.
-    pub const SPREAD_FRAMES: usize = 330;
+    pub(crate) const SPREAD_FRAMES: usize = 330;
     /// Other poses, nearest to the gap's.
-    pub const NEAREST_OTHERS: usize = 180;
+    pub(crate) const NEAREST_OTHERS: usize = 180;
     /// Frames of a gap that others are near to.
-    pub const NEAR_TO: usize = 6;
+    pub(crate) const NEAR_TO: usize = 6;
     /// Frames of 1/120 s from a gap's end that are training frames too.
-    pub const BESIDE: [f64; 14] = [
+    pub(crate) const BESIDE: [f64; 14] = [
         1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 14.0, 22.0, 36.0, 60.0,
     ];
     /// Share of the variance that no predictor explains.
-    pub const NUGGET: f64 = 3e-4;
+    pub(crate) const NUGGET: f64 = 3e-4;
     /// Seconds over which residuals are alike: 25 frames of the prototype.
-    pub const TIME_SCALE: f64 = 0.21;
+    pub(crate) const TIME_SCALE: f64 = 0.21;
     /// Own frames from which on the own statistics count as much as the others'.
-    pub const OWN_FRAMES: f64 = 60.0;
+    pub(crate) const OWN_FRAMES: f64 = 60.0;
     /// Frames that the covariance is computed from, at most.
-    pub const COVARIANCE_FRAMES: usize = 2000;
+    pub(crate) const COVARIANCE_FRAMES: usize = 2000;
 
     /// A Gaussian process: whose frames it learns from, and which poses it treats as alike.
     #[derive(Debug, Clone, Copy)]
-    pub struct Kernel {
+    pub(crate) struct Kernel {
         /// Whether others' poses are training frames too.
         pub others: bool,
         /// w, the width over poses.
@@ -111,103 +111,103 @@ pub mod regression {
     }
 
     /// The processes for takes of people that others' poses are known for.
-    pub const POOLED: [Kernel; 3] = [
+    pub(crate) const POOLED: [Kernel; 3] = [
         kernel(true, 2.0, 0.01),
         kernel(true, 8.0, 0.0),
         kernel(false, 8.0, 0.01),
     ];
     /// The processes that learn from the take alone.
-    pub const OWN: [Kernel; 2] = [kernel(false, 8.0, 0.01), kernel(false, 8.0, 0.0)];
+    pub(crate) const OWN: [Kernel; 2] = [kernel(false, 8.0, 0.01), kernel(false, 8.0, 0.0)];
 }
 
 /// The estimates of a gap.
-pub mod estimates {
+pub(crate) mod estimates {
     /// Seconds on either side that the regression's errors are read from.
-    pub const ERROR_REACH: f64 = 1.0 / 12.0;
+    pub(crate) const ERROR_REACH: f64 = 1.0 / 12.0;
     /// Seconds after which e⁻¹ of an error is left where a gap has one end.
-    pub const FADES: f64 = 0.25;
+    pub(crate) const FADES: f64 = 0.25;
 }
 
 /// The weights of the estimates.
-pub mod weights {
+pub(crate) mod weights {
     /// Gaps are simulated at the first of these parts of the true length of which the take has room
     /// for two.
-    pub const SHORTER: [usize; 4] = [1, 2, 4, 8];
+    pub(crate) const SHORTER: [usize; 4] = [1, 2, 4, 8];
     /// Gaps of more seconds are simulated at their own length or not at all: what is best in short
     /// ones is not in long ones.
-    pub const LONG: f64 = 0.5;
+    pub(crate) const LONG: f64 = 0.5;
     /// Simulated gaps, at most. Prototype: two give a ratio of .690, four .643, eight .645.
-    pub const SIMULATED: usize = 4;
+    pub(crate) const SIMULATED: usize = 4;
     /// A simulated gap and what is left to learn from: together at least this many lengths of it.
-    pub const ROOM: f64 = 2.5;
+    pub(crate) const ROOM: f64 = 2.5;
     /// Frames of a simulated gap at which errors are measured, as in the prototype.
-    pub const KNOTS: usize = 12;
+    pub(crate) const KNOTS: usize = 12;
     /// Seconds that a simulated gap with one end hides beyond it.
-    pub const BEYOND: f64 = 1.0;
+    pub(crate) const BEYOND: f64 = 1.0;
     /// Up to this length, seconds, PCHIP counts half where nothing can be simulated.
-    pub const BRIEF: f64 = 0.1;
+    pub(crate) const BRIEF: f64 = 0.1;
     /// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is
     /// steady, but knows no details.
-    pub const CONDITIONAL_SECONDS: f64 = 0.5;
+    pub(crate) const CONDITIONAL_SECONDS: f64 = 0.5;
     /// How strongly w is held to w₀, as in the prototype.
-    pub const SHRINKAGE: f64 = 0.1;
+    pub(crate) const SHRINKAGE: f64 = 0.1;
     /// The variance that errors usually show, over that of the processes, and how many simulated
     /// gaps that is worth.
-    pub const USUAL_FACTOR: f64 = 0.75;
-    pub const USUAL_COUNT: f64 = 1.0;
+    pub(crate) const USUAL_FACTOR: f64 = 0.75;
+    pub(crate) const USUAL_COUNT: f64 = 1.0;
     /// What is added to it for each second of a gap of which only the take's own frames tell: the
     /// longer, the more it lacks them.
-    pub const OWN_FACTOR: f64 = 1.2;
+    pub(crate) const OWN_FACTOR: f64 = 1.2;
     /// Errors of simulated gaps show no less than this.
-    pub const LEAST_FACTOR: f64 = 1e-6;
+    pub(crate) const LEAST_FACTOR: f64 = 1e-6;
 }
 
 /// What a body can follow.
-pub mod motion_limits {
+pub(crate) mod motion_limits {
     /// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s,
     /// and cm beside.
-    pub const MORE: f64 = 2.0;
-    pub const ANY_SPEED: f64 = 800.0;
-    pub const LEAST_DISTANCE: f64 = 10.0;
+    pub(crate) const MORE: f64 = 2.0;
+    pub(crate) const ANY_SPEED: f64 = 800.0;
+    pub(crate) const LEAST_DISTANCE: f64 = 10.0;
     /// Frames that tell what a point does.
-    pub const FEWEST: usize = 10;
+    pub(crate) const FEWEST: usize = 10;
     /// Frames and other points that distances are measured in.
-    pub const FRAMES: usize = 300;
-    pub const OTHERS: usize = 50;
+    pub(crate) const FRAMES: usize = 300;
+    pub(crate) const OTHERS: usize = 50;
 }
 
 /// Gaps filled by the model.
-pub mod model_fill {
+pub(crate) mod model_fill {
     /// Noise of estimates to which no end belongs, in their standard deviations: errors last for
     /// some frames.
-    pub const JUMPS: f64 = 4.0;
+    pub(crate) const JUMPS: f64 = 4.0;
     /// A point's variance: so much of the stated one, and so much of the mean over the missing
     /// points. By calibration on 51 takes of people that the model does not know, of which six
     /// joints were seen.
-    pub const OWN_SHARE: f64 = 1.5;
-    pub const COMMON_SHARE: f64 = 2.0;
+    pub(crate) const OWN_SHARE: f64 = 1.5;
+    pub(crate) const COMMON_SHARE: f64 = 2.0;
     /// Noise that is assumed, cm, as long as the estimates are no path that a body can follow.
-    pub const STRONGER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
+    pub(crate) const STRONGER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 }
 
 /// Distances that are rigid in the take. Prototype: holding them brings the ratio from .66 to .57.
-pub mod rigid_distances {
+pub(crate) mod rigid_distances {
     /// The variance of a measured coordinate, cm².
-    pub const MEASURED: f64 = 1e-10;
+    pub(crate) const MEASURED: f64 = 1e-10;
     /// Standard deviation of a rigid distance over the take, at most, cm.
-    pub const RIGID: f64 = 0.1;
+    pub(crate) const RIGID: f64 = 0.1;
     /// Frames that distances are measured in: at least, and at most.
-    pub const FEWEST_FRAMES: usize = 10;
-    pub const MOST_FRAMES: usize = 400;
+    pub(crate) const FEWEST_FRAMES: usize = 10;
+    pub(crate) const MOST_FRAMES: usize = 400;
     /// Rigid distances of one point, the most rigid first.
-    pub const MOST_PAIRS: usize = 8;
+    pub(crate) const MOST_PAIRS: usize = 8;
     /// Missing points of a frame that are solved together, at most.
-    pub const MOST_POINTS: usize = 24;
+    pub(crate) const MOST_POINTS: usize = 24;
     /// Variance added to that of a distance, cm².
-    pub const LEAST_VARIANCE: f64 = 1e-4;
+    pub(crate) const LEAST_VARIANCE: f64 = 1e-4;
     /// Steps, at most, and how often one is halved until it helps.
-    pub const STEPS: usize = 15;
-    pub const HALVINGS: usize = 4;
+    pub(crate) const STEPS: usize = 15;
+    pub(crate) const HALVINGS: usize = 4;
     /// Steps that lower −2 log of the density by less are the last.
-    pub const CONVERGED: f64 = 1e-6;
+    pub(crate) const CONVERGED: f64 = 1e-6;
 }

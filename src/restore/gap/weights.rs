@@ -18,7 +18,7 @@ use ndarray::{Array1, Array2, Axis, s};
 use std::ops::Range;
 
 /// The estimate of a gap.
-pub struct Weighed {
+pub(crate) struct Weighed {
     /// (frames, 3 T), in the regression's frame of reference, cm.
     pub mean: Array2<f64>,
     /// (frames, 3 T), cm².
@@ -28,7 +28,7 @@ pub struct Weighed {
 }
 
 /// Weighs the estimates of `gap`. `None` where there is nothing to learn from.
-pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
+pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
     let whole = GapFrames {
         gap: gap.clone(),
         frames: gap.clone().collect(),

@@ -27,7 +27,7 @@ const LEAST: f64 = 0.05;
 
 /// Which of the undecided points are outliers.
 #[derive(Debug, Clone)]
-pub struct Assignment {
+pub(crate) struct Assignment {
     /// The weights of a frame's assignments add up to one.
     pub weight: f64,
     /// One for each undecided point.
@@ -38,7 +38,7 @@ pub struct Assignment {
 
 impl Assignment {
     /// The assignment of a frame without undecided points.
-    pub const NOTHING_UNDECIDED: Assignment = Assignment {
+    pub(crate) const NOTHING_UNDECIDED: Assignment = Assignment {
         weight: 1.0,
         corrupt: Vec::new(),
         log_distances: 0.0,
@@ -216,7 +216,7 @@ fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
 }
 
 /// The likely assignments of the undecided points, the largest weight first.
-pub fn likely_assignments(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
+pub(crate) fn likely_assignments(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     let mut beam = vec![Hypothesis::of_nothing()];
     let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
     for _ in &frame.undecided {

@@ -33,7 +33,7 @@ const CHUNK: usize = 16;
 
 /// A posterior with its outliers.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub(crate) struct Found {
     /// The pose. Its evidence is that of one assignment, and not comparable.
     pub belief: Posterior,
     /// The probability of each point to be an outlier.
@@ -46,7 +46,7 @@ pub struct Found {
 
 /// Restores frames (rows of `y`, cm); `noise_variance` are the variances of clean coordinates (cm²,
 /// infinite where missing).
-pub fn restore(
+pub(crate) fn restore(
     prior: &dyn Prior,
     pairs: &RigidPairs,
     bodies: &BodyMixture,

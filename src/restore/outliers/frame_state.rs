@@ -7,12 +7,12 @@ use crate::restore::rigid::body_lengths::BodyMixture;
 use ndarray::Array2;
 
 /// A point is undecided if its probabilities to be clean and to be an outlier both exceed this.
-pub const SURE: f64 = 0.01;
+pub(crate) const SURE: f64 = 0.01;
 /// Most points hidden from the prior at a time.
-pub const MOST: usize = 12;
+pub(crate) const MOST: usize = 12;
 
 /// A frame and what is decided of it.
-pub struct FrameState {
+pub(crate) struct FrameState {
     /// (3 J), cm.
     pub y: Vec<f64>,
     /// Noise variance of each clean coordinate, cm²; infinite where missing.
@@ -27,7 +27,7 @@ pub struct FrameState {
 
 impl FrameState {
     /// Decides by the distances alone.
-    pub fn new(
+    pub(crate) fn new(
         pairs: &RigidPairs,
         bodies: &BodyMixture,
         y: Vec<f64>,
@@ -51,7 +51,7 @@ impl FrameState {
     }
 
     /// The number of points.
-    pub fn points(&self) -> usize {
+    pub(crate) fn points(&self) -> usize {
         self.y.len() / 3
     }
 
@@ -72,7 +72,7 @@ impl FrameState {
 
     /// Noise variances under an assignment. Without one, undecided points are missing, and outliers
     /// have at least the square of their worst distance.
-    pub fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
+    pub(crate) fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
         let mut out: Vec<f64> = self
             .noise_variance
             .iter()
@@ -98,7 +98,7 @@ impl FrameState {
 
     /// Log density of the distances between a clean point and the points decided to be clean so
     /// far.
-    pub fn clean_terms(&self, assigned: &[bool], p: usize) -> f64 {
+    pub(crate) fn clean_terms(&self, assigned: &[bool], p: usize) -> f64 {
         let clean = |q: usize| match self.undecided.iter().position(|d| *d == q) {
             _ if q == p => true,
             Some(at) => assigned.get(at).is_some_and(|z| !z),
@@ -115,7 +115,7 @@ impl FrameState {
 }
 
 /// The prior's posteriors of `count` frames: the values and noise variances of each.
-pub fn expected_by_prior<'a>(
+pub(crate) fn expected_by_prior<'a>(
     prior: &dyn Prior,
     count: usize,
     frame: impl Fn(usize) -> (&'a Vec<f64>, Vec<f64>),

@@ -24,7 +24,7 @@ struct LeaveOneOut {
 /// `expected` is the posterior with [`FrameState::noise`] of no assignment, which this does not
 /// change. Variances only rise; the probabilities by distances keep the variances they were
 /// computed with.
-pub fn raise_outlier_variances(frame: &mut FrameState, expected: &Posterior) {
+pub(crate) fn raise_outlier_variances(frame: &mut FrameState, expected: &Posterior) {
     let shown = frame.noise(None);
     let may = |p: &usize| frame.corrupt[*p] || frame.undecided.contains(p);
     let may: Vec<usize> = (0..frame.points()).filter(may).collect();

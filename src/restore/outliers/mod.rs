@@ -6,10 +6,10 @@
 //! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
 
 mod assignment;
-pub mod frame_posterior;
+pub(crate) mod frame_posterior;
 mod frame_state;
 mod leave_one_out;
-pub mod rigid_likelihood;
+pub(crate) mod rigid_likelihood;
 mod trajectory;
 
 use crate::numeric::parallel;
@@ -33,13 +33,13 @@ const ALONE: f64 = 3.0;
 const TOGETHER: f64 = 8.0;
 const EITHER_SIDE: f64 = 5.0;
 /// A point more likely an outlier than this is one.
-pub const LIKELY: f64 = 0.5;
+pub(crate) const LIKELY: f64 = 0.5;
 /// An outlier within this many standard deviations of where the rest of the take expects it is
 /// none.
 const EXPECTED: f64 = 3.0;
 
 /// The outliers of a take.
-pub struct Outliers {
+pub(crate) struct Outliers {
     /// Outliers of each frame, spikes included.
     pub points: Vec<Vec<usize>>,
     /// Spikes of each frame, found by `trajectory`: the path says where the point should have
@@ -49,7 +49,7 @@ pub struct Outliers {
 
 impl Outliers {
     /// No outlier in `frames` frames.
-    pub fn none(frames: usize) -> Outliers {
+    pub(crate) fn none(frames: usize) -> Outliers {
         Outliers {
             points: vec![Vec::new(); frames],
             spikes: vec![Vec::new(); frames],
@@ -57,12 +57,12 @@ impl Outliers {
     }
 
     /// Frames (3 J; cm) of the take without the outliers.
-    pub fn removed_from(&self, xyz: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn removed_from(&self, xyz: ArrayView2<'_, f64>) -> Array2<f64> {
         without(xyz, &self.points)
     }
 
     /// The gaps with a frame in which the point is an outlier; in others it may be missing.
-    pub fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
+    pub(crate) fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
         let is_outlier =
             |gap: &&Gap| (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point));
         gaps.iter().filter(is_outlier).cloned().collect()
@@ -71,7 +71,7 @@ impl Outliers {
     /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
     /// three standard deviations of what was `filled` in their `gaps`. `xyz` is what was captured,
     /// `noise` that of each point, cm. Returns whether there were any.
-    pub fn accept_expected(
+    pub(crate) fn accept_expected(
         &mut self,
         xyz: ArrayView2<'_, f64>,
         noise: &[f64],
@@ -99,7 +99,7 @@ impl Outliers {
 /// The outliers of a take in the table's order of points, and the model adapted to the take's body;
 /// `noise` is the standard deviation of a coordinate in cm if known. Without a model, and for
 /// points that it does not know, only spikes are found.
-pub fn find_outliers<'m>(
+pub(crate) fn find_outliers<'m>(
     mapping: Option<&'m PointMapping<'m>>,
     take: &Take<'_>,
     noise: Option<f64>,
@@ -173,7 +173,7 @@ fn find_by_model<'m>(
 /// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
 /// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
 /// needed.
-pub fn spikes_of_take(
+pub(crate) fn spikes_of_take(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,

@@ -24,7 +24,7 @@ const PRIOR_KNOWS: f64 = 1.0;
 const WIDTH: usize = 64;
 
 /// Prior log odds of an outlier.
-pub fn log_odds() -> f64 {
+pub(crate) fn log_odds() -> f64 {
     (OUTLIER_SHARE / (1.0 - OUTLIER_SHARE)).ln()
 }
 
@@ -35,7 +35,7 @@ fn log_normal(x: f64, v: f64) -> f64 {
 
 /// The likelihood of one distance.
 #[derive(Debug, Clone)]
-pub struct DistanceTerm {
+pub(crate) struct DistanceTerm {
     /// Its ends.
     pub ends: [usize; 2],
     /// Log density by which ends are outliers: none, the first, the second, both.
@@ -46,7 +46,7 @@ pub struct DistanceTerm {
 
 /// The likelihood of a frame's distances.
 #[derive(Debug, Clone)]
-pub struct RigidLikelihood {
+pub(crate) struct RigidLikelihood {
     /// The distances between seen points.
     pub terms: Vec<DistanceTerm>,
     /// The probability of each point to be an outlier; 0 where not seen.
@@ -144,7 +144,7 @@ fn terms(
 impl RigidLikelihood {
     /// The likelihood of a frame (3 J, cm); `noise_variance` is that of clean coordinates, cm²,
     /// infinite where missing.
-    pub fn new(
+    pub(crate) fn new(
         pairs: &RigidPairs,
         bodies: &BodyMixture,
         y: &[f64],
@@ -182,7 +182,7 @@ impl RigidLikelihood {
     }
 
     /// The probability of each point to be an outlier, given its log odds (−∞: it is none).
-    pub fn marginals(&self, unary: &[f64]) -> Vec<f64> {
+    pub(crate) fn marginals(&self, unary: &[f64]) -> Vec<f64> {
         let points = unary.len();
         let mut ending: Vec<Vec<&DistanceTerm>> = vec![Vec::new(); points];
         for term in &self.terms {

@@ -40,7 +40,7 @@ const ROUNDS: usize = 50;
 /// The spikes of each frame of a take (frames, 3 J; cm, NaN missing). `runs` are ranges of
 /// consecutive frames, `rate` is in frames a second, `noise` (J) the standard deviation of a
 /// coordinate of each point, cm.
-pub fn spikes(
+pub(crate) fn spikes(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,

@@ -18,7 +18,7 @@ use crate::prior::{Prior, Reconstruction};
 use glam::{DMat3, DVec3};
 
 /// P1 from one start.
-pub struct Alternation<'a> {
+pub(crate) struct Alternation<'a> {
     pub solver: &'a PlacementSolver,
     pub prior: &'a dyn Prior,
     pub seen: Observation<'a>,
@@ -28,7 +28,7 @@ pub struct Alternation<'a> {
 
 impl Alternation<'_> {
     /// Alternates until the objective settles. `before` is a code to place first.
-    pub fn descend(&self, before: Option<&Reconstruction>) -> PlacementSolution {
+    pub(crate) fn descend(&self, before: Option<&Reconstruction>) -> PlacementSolution {
         let mut back = vec![0.0; self.seen.values.len()];
         let noise = self.seen.pointwise_variance();
         let mut code = |placement: &Similarity, before: Option<&Reconstruction>| {

@@ -37,7 +37,7 @@ const UNDAMPED: f64 = 1e-3;
 const MOST_DAMPED: f64 = 1e6;
 
 /// How a search ended.
-pub enum Ascent {
+pub(crate) enum Ascent {
     /// Ended at a maximum.
     Top(PlacementSolution),
     /// Close to a known maximum.
@@ -47,7 +47,7 @@ pub enum Ascent {
 }
 
 /// Maximizes from one start; `tops` are the maxima found from other starts.
-pub fn maximize(
+pub(crate) fn maximize(
     solver: &PlacementSolver,
     prior: &dyn Prior,
     seen: Observation<'_>,

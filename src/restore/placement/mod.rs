@@ -8,7 +8,7 @@
 
 mod alternating;
 mod evidence;
-pub mod orthographic;
+pub(crate) mod orthographic;
 
 use crate::pose::rotation::{angle_between, angles_zyx_between};
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -61,7 +61,7 @@ pub struct PlacementSolution {
 
 impl PlacementSolution {
     /// A placement without a code, to start from.
-    pub fn from_placement(placement: Similarity) -> PlacementSolution {
+    pub(crate) fn from_placement(placement: Similarity) -> PlacementSolution {
         PlacementSolution {
             placement,
             fit: None,

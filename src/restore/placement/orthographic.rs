@@ -22,7 +22,7 @@ use ndarray::{Array1, Array2};
 
 /// The posterior of a frame with partly observed points, in world axes, and its placement: from a
 /// `known` one or else from representative poses. `None` with fewer than four points.
-pub fn restore(
+pub(crate) fn restore(
     prior: &dyn Prior,
     seen: Observation<'_>,
     solver: &PlacementSolver,
@@ -202,7 +202,7 @@ fn place(
 
 /// A pose seen from far away: (x, y) = the first two of `scale` `rotation` p + `shift`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OrthographicView {
+pub(crate) struct OrthographicView {
     /// From the model's space to the camera's.
     pub rotation: DMat3,
     /// In the picture's unit.
@@ -216,7 +216,11 @@ pub struct OrthographicView {
 ///
 /// The affine map M (2, 3) of a pose onto the picture is linear least squares; the nearest pair of
 /// orthonormal rows is the rotation.
-pub fn views(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<OrthographicView> {
+pub(crate) fn views(
+    prior: &dyn Prior,
+    seen: Observation<'_>,
+    most: usize,
+) -> Vec<OrthographicView> {
     let planar: Vec<(usize, DVec3)> = (0..seen.values.len() / 3)
         .filter(|j| seen.variance[3 * j].is_finite() && seen.variance[3 * j + 1].is_finite())
         .map(|j| {

@@ -12,7 +12,7 @@ const STRANGER: (f64, f64) = (0.02, 0.06);
 
 /// Independent Gaussians of n lengths.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lengths {
+pub(crate) struct Lengths {
     /// Means (n), cm.
     pub mean: Vec<f64>,
     /// Variances (n), cm²; never below [`EXACT_VARIANCE`].
@@ -21,7 +21,7 @@ pub struct Lengths {
 
 /// A mixture of bodies.
 #[derive(Debug, Clone, Default)]
-pub struct BodyMixture {
+pub(crate) struct BodyMixture {
     /// Log share and lengths; the unknown body, if there is one, comes last.
     pub all: Vec<(f64, Lengths)>,
     has_stranger: bool,
@@ -29,7 +29,7 @@ pub struct BodyMixture {
 
 impl BodyMixture {
     /// The known bodies alone.
-    pub fn known(pairs: &RigidPairs) -> BodyMixture {
+    pub(crate) fn known(pairs: &RigidPairs) -> BodyMixture {
         let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT_VARIANCE);
         let n = pairs.pairs.len();
         let all = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
@@ -48,7 +48,7 @@ impl BodyMixture {
     }
 
     /// The known bodies and an unknown one.
-    pub fn of(pairs: &RigidPairs) -> BodyMixture {
+    pub(crate) fn of(pairs: &RigidPairs) -> BodyMixture {
         let mut all = BodyMixture::known(pairs).all;
         let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
         let mut stranger = mixed(&all, &weights);
@@ -65,7 +65,7 @@ impl BodyMixture {
     }
 
     /// One body.
-    pub fn one(lengths: Lengths) -> BodyMixture {
+    pub(crate) fn one(lengths: Lengths) -> BodyMixture {
         BodyMixture {
             all: vec![(0.0, lengths)],
             has_stranger: false,
@@ -73,7 +73,7 @@ impl BodyMixture {
     }
 
     /// Maps the lengths of each body.
-    pub fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> BodyMixture {
+    pub(crate) fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> BodyMixture {
         BodyMixture {
             all: self.all.iter().map(|(w, l)| (*w, other(l))).collect(),
             has_stranger: self.has_stranger,
@@ -81,13 +81,13 @@ impl BodyMixture {
     }
 
     /// Whether a component is the unknown body.
-    pub fn is_stranger(&self, body: usize) -> bool {
+    pub(crate) fn is_stranger(&self, body: usize) -> bool {
         self.has_stranger && body + 1 == self.all.len()
     }
 
     /// Mean and variance of the lengths, given the log weight of each body up to a constant, shares
     /// included.
-    pub fn given(&self, logs: &[f64]) -> Lengths {
+    pub(crate) fn given(&self, logs: &[f64]) -> Lengths {
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: Vec<f64> = logs.iter().map(|l| (l - best).exp()).collect();
         mixed(&self.all, &weights)

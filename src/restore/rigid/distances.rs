@@ -5,9 +5,9 @@ use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
 /// Prior probability of a point to be an outlier.
-pub const OUTLIER_SHARE: f64 = 0.2;
+pub(crate) const OUTLIER_SHARE: f64 = 0.2;
 /// Least variance of an outlier's coordinate, cm²: (1 asf)².
-pub const MIN_OUTLIER_VARIANCE: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+pub(crate) const MIN_OUTLIER_VARIANCE: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
     (0..3)
         .map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2))
@@ -16,18 +16,18 @@ fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
 }
 
 /// Whether all three coordinates of a point are seen.
-pub fn is_seen(y: &[f64], noise_variance: &[f64], p: usize) -> bool {
+pub(crate) fn is_seen(y: &[f64], noise_variance: &[f64], p: usize) -> bool {
     (3 * p..3 * p + 3).all(|i| y[i].is_finite() && noise_variance[i].is_finite())
 }
 
 /// Noise variance of a clean point's coordinate, cm².
-pub fn base_of(noise_variance: &[f64], p: usize) -> f64 {
+pub(crate) fn base_of(noise_variance: &[f64], p: usize) -> f64 {
     (noise_variance[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
 }
 
 /// Index, distance (cm) and noise variance of the distance (cm²) of each pair whose ends are both
 /// seen.
-pub fn deviations<'a>(
+pub(crate) fn deviations<'a>(
     pairs: &'a RigidPairs,
     y: &'a [f64],
     noise_variance: &'a [f64],

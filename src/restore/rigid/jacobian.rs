@@ -7,7 +7,7 @@ use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 
 /// A row of H.
-pub struct JacobianRow {
+pub(crate) struct JacobianRow {
     /// The two points.
     pub ends: [usize; 2],
     /// Unit vector from the second point to the first.
@@ -18,7 +18,7 @@ pub struct JacobianRow {
 
 impl JacobianRow {
     /// H x for this row.
-    pub fn along(&self, x: &[f64]) -> f64 {
+    pub(crate) fn along(&self, x: &[f64]) -> f64 {
         let [i, j] = self.ends;
         (0..3)
             .map(|c| self.u[c] * (x[3 * i + c] - x[3 * j + c]))
@@ -27,7 +27,7 @@ impl JacobianRow {
 }
 
 /// The rows of H for the distances between `ends`, at a pose x (D), cm.
-pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
+pub(crate) fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
     let of = |&[i, j]: &[usize; 2]| {
         let v: [f64; 3] = std::array::from_fn(|c| x[3 * i + c] - x[3 * j + c]);
         let length = v.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-6);
@@ -42,7 +42,7 @@ pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
 
 /// H P' (n, D), where P' is the covariance with its correlations scaled, plus `extra` (D) on the
 /// diagonal.
-pub fn times_covariance(
+pub(crate) fn times_covariance(
     rows: &[JacobianRow],
     uncertainty: Uncertainty<'_>,
     extra: &[f64],
@@ -96,7 +96,7 @@ fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
 }
 
 /// H P' Hᵀ (n, n), lower triangle by rows.
-pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64> {
+pub(crate) fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64> {
     let n = rows.len();
     let mut a = vec![0.0; n * n];
     for k in 0..n {
@@ -109,7 +109,7 @@ pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64>
 
 /// The terms of H diag(i) Hᵀ: (index into the lower triangle by rows of n, the point that two
 /// distances share, factors of i for its three coordinates).
-pub fn shared_ends(rows: &[JacobianRow]) -> Vec<(usize, usize, [f64; 3])> {
+pub(crate) fn shared_ends(rows: &[JacobianRow]) -> Vec<(usize, usize, [f64; 3])> {
     let n = rows.len();
     let mut out = Vec::new();
     for (k, one) in rows.iter().enumerate() {

@@ -11,12 +11,12 @@
 //!
 //! The second line is [`super::outliers::frame_posterior`]; the projection is [`projection`].
 
-pub mod body_lengths;
-pub mod distances;
+pub(crate) mod body_lengths;
+pub(crate) mod distances;
 mod jacobian;
-pub mod noise_floor;
-pub mod projection;
-pub mod uncertainty;
+pub(crate) mod noise_floor;
+pub(crate) mod projection;
+pub(crate) mod uncertainty;
 
 use crate::Result;
 use crate::io::Model;
@@ -41,7 +41,7 @@ const MOST_MASKED: usize = 128;
 
 /// Whether outliers are searched for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OutlierMode {
+pub(crate) enum OutlierMode {
     /// The stated variances are those of the noise.
     Ignore,
     /// The stated variances are those of clean points; any point may be an outlier.
@@ -51,7 +51,7 @@ pub enum OutlierMode {
 impl OutlierMode {
     /// The mode for such noise variances: outliers are searched for where everything is seen and
     /// nearly clean.
-    pub fn for_noise(noise_variance: &[f64]) -> OutlierMode {
+    pub(crate) fn for_noise(noise_variance: &[f64]) -> OutlierMode {
         match Task::of(noise_variance) {
             Task::Sparse => OutlierMode::Search,
             _ => OutlierMode::Ignore,
@@ -61,7 +61,7 @@ impl OutlierMode {
 
 /// A posterior with rigid distances kept.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Corrected {
+pub(crate) struct Corrected {
     /// The pose.
     pub posterior: Posterior,
     /// The probability of each point to be an outlier (J); empty where none were searched for.
@@ -93,12 +93,12 @@ const ANYONES_SHARE: f64 = 0.05;
 
 impl RigidModel {
     /// Learns the rigid pairs of poses (m, 3 J), cm.
-    pub fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidModel {
+    pub(crate) fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidModel {
         RigidModel::of(RigidPairs::learn(xyz, takes))
     }
 
     /// A model of known pairs.
-    pub fn of(pairs: RigidPairs) -> RigidModel {
+    pub(crate) fn of(pairs: RigidPairs) -> RigidModel {
         if pairs.is_empty() {
             return RigidModel::default();
         }
@@ -118,14 +118,14 @@ impl RigidModel {
     ///
     /// # Errors
     /// As [`RigidPairs::read`].
-    pub fn read(model: &Model, source: &str) -> Result<RigidModel> {
+    pub(crate) fn read(model: &Model, source: &str) -> Result<RigidModel> {
         RigidPairs::read(model, source).map(RigidModel::of)
     }
 
     /// The distances of another body. `from` and `to` (k, 3 J) are poses before and after their
     /// transform to it; `length_sd` gives the standard deviation (cm) of the distance between
     /// two points.
-    pub fn mapped(
+    pub(crate) fn mapped(
         &self,
         from: ArrayView2<'_, f64>,
         to: ArrayView2<'_, f64>,
@@ -141,7 +141,7 @@ impl RigidModel {
 
     /// The distances of a person who has not been measured. The known bodies do not show how people
     /// differ: their bones were all scaled to the model's.
-    pub fn for_unknown_body(&self) -> RigidModel {
+    pub(crate) fn for_unknown_body(&self) -> RigidModel {
         let mut pairs = self.pairs.clone();
         for (pair, lengths) in pairs.pairs.iter_mut().zip(self.pairs.bodies.columns()) {
             let mean = lengths
@@ -157,19 +157,19 @@ impl RigidModel {
     }
 
     /// Whether there are no pairs.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
     /// The noise floor of a frame (3 J, cm; NaN missing). `None` where too few distances are seen,
     /// or no known body fits.
-    pub fn noise_floor(&self, y: &[f64]) -> Option<NoiseFloor> {
+    pub(crate) fn noise_floor(&self, y: &[f64]) -> Option<NoiseFloor> {
         self.noise_floors.base(&self.pairs, &self.bodies, y)
     }
 
     /// The probability of each point (J) to be an outlier by the distances alone; `noise` is the
     /// variance of clean coordinates, infinite where missing. Needs no placement.
-    pub fn outlier_probabilities(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+    pub(crate) fn outlier_probabilities(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
         if !self.can_search(y.len() / 3) {
             return vec![0.0; y.len() / 3];
         }
@@ -187,7 +187,7 @@ impl RigidModel {
     /// Restores poses in the prior's space: rows of `y` (cm) with noise variances (cm², infinite
     /// where missing). Exact coordinates stay as they are, unless their point is found to be an
     /// outlier.
-    pub fn restore(
+    pub(crate) fn restore(
         &self,
         prior: &dyn Prior,
         y: ArrayView2<'_, f64>,

@@ -36,7 +36,7 @@ const HOPELESS: f64 = 20.0;
 
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseFloor {
+pub(crate) struct NoiseFloor {
     /// Standard deviation of a coordinate, cm, outliers aside.
     pub sd: f64,
     /// Log likelihood of some outliers minus that of more noise on all points, nats.
@@ -46,14 +46,14 @@ pub struct NoiseFloor {
 impl NoiseFloor {
     /// Whether outliers explain the distances better.
     #[cfg(test)]
-    pub fn has_outliers(&self) -> bool {
+    pub(crate) fn has_outliers(&self) -> bool {
         self.outlier_evidence > 0.0
     }
 }
 
 /// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), outliers
 /// or not.
-pub fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
+pub(crate) fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
     let of = |(share, l): &(f64, Lengths)| {
         let logs = seen.iter().map(|&(k, d, base)| {
             let off = d - l.mean[k];
@@ -141,11 +141,11 @@ impl DistanceDensities {
 
 /// The densities of all distances of each body, under each noise floor.
 #[derive(Debug, Clone, Default)]
-pub struct NoiseFloorSearch(Vec<Vec<DistanceDensities>>);
+pub(crate) struct NoiseFloorSearch(Vec<Vec<DistanceDensities>>);
 
 impl NoiseFloorSearch {
     /// A search over the lengths of `bodies`.
-    pub fn of(bodies: &BodyMixture) -> NoiseFloorSearch {
+    pub(crate) fn of(bodies: &BodyMixture) -> NoiseFloorSearch {
         let under = |l: &Lengths, sd: f64| {
             DistanceDensities::of(l.variance.iter().map(|v| v + 2.0 * sd * sd))
         };
@@ -158,7 +158,12 @@ impl NoiseFloorSearch {
 
     /// The most likely noise floor of a frame. `None` where too few distances are seen, or the
     /// unknown body fits best: its lengths would explain anything.
-    pub fn base(&self, pairs: &RigidPairs, bodies: &BodyMixture, y: &[f64]) -> Option<NoiseFloor> {
+    pub(crate) fn base(
+        &self,
+        pairs: &RigidPairs,
+        bodies: &BodyMixture,
+        y: &[f64],
+    ) -> Option<NoiseFloor> {
         let all = vec![EXACT_VARIANCE; y.len()];
         let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
         if seen.len() < FEWEST {

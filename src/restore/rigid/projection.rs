@@ -38,7 +38,7 @@ const SETTLED: f64 = 2e-3;
 
 /// The body whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
-pub enum BodyChoice<'a> {
+pub(crate) enum BodyChoice<'a> {
     /// The most likely one.
     Any,
     /// One with these lengths.
@@ -47,7 +47,7 @@ pub enum BodyChoice<'a> {
 
 /// Projects a mean (D) with its uncertainty; `noise` holds the variances of the observation (cm²,
 /// infinite where missing).
-pub fn project(
+pub(crate) fn project(
     pairs: &RigidPairs,
     bodies: &BodyMixture,
     whose: BodyChoice<'_>,

@@ -5,7 +5,7 @@ use ndarray::Array2;
 
 /// How uncertain a mean (D) is.
 #[derive(Debug, Clone, Copy)]
-pub enum Uncertainty<'a> {
+pub(crate) enum Uncertainty<'a> {
     /// The variance of each coordinate.
     Variances(&'a [f64]),
     /// The covariance, and the factor of its correlations, from 0 to 1.
@@ -17,7 +17,7 @@ pub enum Uncertainty<'a> {
 
 impl Uncertainty<'_> {
     /// The variance of each coordinate.
-    pub fn variances(&self) -> Vec<f64> {
+    pub(crate) fn variances(&self) -> Vec<f64> {
         match self {
             Uncertainty::Variances(v) => v.to_vec(),
             Uncertainty::Covariance(c, _) | Uncertainty::Settled(c, _) => c.diag().to_vec(),
@@ -25,7 +25,7 @@ impl Uncertainty<'_> {
     }
 
     /// The covariance and the factor of its correlations, unless that is 0.
-    pub fn together(&self) -> Option<(&Array2<f64>, f64)> {
+    pub(crate) fn together(&self) -> Option<(&Array2<f64>, f64)> {
         match self {
             Uncertainty::Covariance(c, together) | Uncertainty::Settled(c, together)
                 if *together > 0.0 =>
@@ -37,7 +37,7 @@ impl Uncertainty<'_> {
     }
 
     /// Whether all numbers are finite.
-    pub fn is_sound(&self) -> bool {
+    pub(crate) fn is_sound(&self) -> bool {
         match self {
             Uncertainty::Variances(v) => v.iter().all(|v| v.is_finite()),
             Uncertainty::Covariance(c, _) | Uncertainty::Settled(c, _) => {
@@ -48,7 +48,7 @@ impl Uncertainty<'_> {
 }
 
 /// Sets exact coordinates to their values, with no correlation to others.
-pub fn pin_exact(belief: &mut Posterior, y: &[f64], noise: &[f64]) {
+pub(crate) fn pin_exact(belief: &mut Posterior, y: &[f64], noise: &[f64]) {
     for (i, r) in noise.iter().enumerate() {
         if *r <= EXACT_VARIANCE && y[i].is_finite() {
             belief.mean[i] = y[i];

@@ -10,7 +10,7 @@ use pulp::Simd;
 
 /// The best atom in each lane.
 #[derive(Clone, Copy)]
-pub struct LaneArgmax<S: Simd> {
+pub(crate) struct LaneArgmax<S: Simd> {
     /// c²
     over: S::f32s,
     /// e
@@ -22,7 +22,7 @@ pub struct LaneArgmax<S: Simd> {
 impl<S: Simd> LaneArgmax<S> {
     /// No atom yet.
     #[inline(always)]
-    pub fn none(simd: S) -> Self {
+    pub(crate) fn none(simd: S) -> Self {
         LaneArgmax {
             over: simd.splat_f32s(0.0),
             under: simd.splat_f32s(1.0),
@@ -33,7 +33,7 @@ impl<S: Simd> LaneArgmax<S> {
     /// Compares atoms, one per lane, with the best so far. Of equal atoms of a lane the first to be
     /// compared stays. A NaN, for an atom that is excluded, never wins.
     #[inline(always)]
-    pub fn compare(&mut self, simd: S, over: S::f32s, under: S::f32s, atoms: S::f32s) {
+    pub(crate) fn compare(&mut self, simd: S, over: S::f32s, under: S::f32s, atoms: S::f32s) {
         let (new, old) = (
             simd.mul_f32s(over, self.under),
             simd.mul_f32s(self.over, under),
@@ -46,7 +46,7 @@ impl<S: Simd> LaneArgmax<S> {
 
     /// The best atom of all lanes, the first of equal ones; `None` if no key is above 0.
     #[inline(always)]
-    pub fn best<const V: usize>(simd: S, lanes: [Self; V]) -> Option<u32> {
+    pub(crate) fn best<const V: usize>(simd: S, lanes: [Self; V]) -> Option<u32> {
         let mut keys = [simd.splat_f32s(0.0); V];
         let mut most = simd.splat_f32s(0.0);
         for v in 0..V {
@@ -69,7 +69,7 @@ impl<S: Simd> LaneArgmax<S> {
 
 /// A [`LaneArgmax`] in memory.
 #[derive(Debug, Clone, Copy)]
-pub struct StoredArgmax {
+pub(crate) struct StoredArgmax {
     over: Wide,
     under: Wide,
     atoms: Wide,
@@ -77,7 +77,7 @@ pub struct StoredArgmax {
 
 impl StoredArgmax {
     /// No atom yet.
-    pub const NONE: StoredArgmax = StoredArgmax {
+    pub(crate) const NONE: StoredArgmax = StoredArgmax {
         over: Wide::of(0.0),
         under: Wide::of(1.0),
         atoms: Wide::of(0.0),
@@ -85,7 +85,7 @@ impl StoredArgmax {
 
     /// Loads it into vectors.
     #[inline(always)]
-    pub fn load<S: Simd>(&self) -> LaneArgmax<S> {
+    pub(crate) fn load<S: Simd>(&self) -> LaneArgmax<S> {
         LaneArgmax {
             over: self.over.first::<S>(),
             under: self.under.first::<S>(),
@@ -95,7 +95,7 @@ impl StoredArgmax {
 
     /// Stores it.
     #[inline(always)]
-    pub fn store<S: Simd>(&mut self, lanes: LaneArgmax<S>) {
+    pub(crate) fn store<S: Simd>(&mut self, lanes: LaneArgmax<S>) {
         *self.over.first_mut::<S>() = lanes.over;
         *self.under.first_mut::<S>() = lanes.under;
         *self.atoms.first_mut::<S>() = lanes.atoms;

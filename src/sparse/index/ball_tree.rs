@@ -9,11 +9,11 @@ use crate::numeric::parallel;
 use ndarray::ArrayView2;
 
 /// The number of atoms in a leaf, and of balls in an inner ball.
-pub const LEAF: usize = 16;
+pub(crate) const LEAF: usize = 16;
 /// The largest number of groups of balls in the top layer; a search visits all of them.
 const TOP: usize = 8;
 /// Marks an empty place in a leaf.
-pub const NO_ATOM: u32 = u32::MAX;
+pub(crate) const NO_ATOM: u32 = u32::MAX;
 /// The largest number of atoms from which a split is computed.
 const SPLIT_SAMPLE: usize = 1024;
 /// Branches of more atoms than this are split in parallel.
@@ -22,15 +22,15 @@ const LARGE: usize = 4096;
 /// One number for each atom of a leaf, or for each ball of a group.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Lanes(pub [f32; LEAF]);
+pub(crate) struct Lanes(pub [f32; LEAF]);
 
 impl Lanes {
-    pub const ZERO: Lanes = Lanes([0.0; LEAF]);
+    pub(crate) const ZERO: Lanes = Lanes([0.0; LEAF]);
 }
 
 /// What a search reads first of a leaf.
 #[derive(Clone)]
-pub struct Leaf {
+pub(crate) struct Leaf {
     /// The first PCA coordinates, a row each.
     pub leading: [Lanes; LEADING],
     /// Upper bounds of the atoms' norms beyond them.
@@ -39,7 +39,7 @@ pub struct Leaf {
 
 /// The rest of a leaf.
 #[derive(Clone)]
-pub struct LeafDetails {
+pub(crate) struct LeafDetails {
     /// The other PCA coordinates, a row each.
     pub others: [Lanes; COORDINATES - LEADING],
     /// Upper bounds of the atoms' norms beyond all coordinates.
@@ -49,7 +49,7 @@ pub struct LeafDetails {
 
 /// A group of balls, each around one leaf or around a group of the layer below. m is a center.
 #[derive(Clone)]
-pub struct Balls {
+pub(crate) struct Balls {
     /// The first PCA coordinates of m, a row each; the others are 0.
     pub centers: [Lanes; LEADING],
     /// |m|²; infinite for an empty place.
@@ -59,7 +59,7 @@ pub struct Balls {
 }
 
 /// The ball tree over all atoms of a dictionary.
-pub struct BallTree {
+pub(crate) struct BallTree {
     pub basis: PcaProjection,
     pub leaves: Vec<Leaf>,
     pub details: Vec<LeafDetails>,
@@ -70,7 +70,7 @@ pub struct BallTree {
 
 impl BallTree {
     /// Builds the tree over atoms (n, D) of unit norm. O(n D 32 + n log n).
-    pub fn new(atoms: ArrayView2<'_, f32>) -> BallTree {
+    pub(crate) fn new(atoms: ArrayView2<'_, f32>) -> BallTree {
         let basis = PcaProjection::of(atoms);
         let n = atoms.nrows();
         let projected = basis.project_all(atoms);

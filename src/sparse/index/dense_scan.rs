@@ -24,7 +24,7 @@ use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// A tile of poses: c and e of each pose and atom, and the best atom of each pose.
-pub struct DenseScan<'a> {
+pub(crate) struct DenseScan<'a> {
     pub(super) panels: &'a PackedAtoms,
     poses: usize,
     /// c, (panels, poses).
@@ -43,7 +43,7 @@ pub struct DenseScan<'a> {
 
 impl<'a> DenseScan<'a> {
     /// Room for `poses` poses.
-    pub fn new(panels: &'a PackedAtoms, poses: usize) -> DenseScan<'a> {
+    pub(crate) fn new(panels: &'a PackedAtoms, poses: usize) -> DenseScan<'a> {
         DenseScan {
             panels,
             poses,
@@ -58,31 +58,31 @@ impl<'a> DenseScan<'a> {
     }
 
     /// How many poses there is room for.
-    pub fn poses(&self) -> usize {
+    pub(crate) fn poses(&self) -> usize {
         self.poses
     }
 
     /// Begins with atoms of norm 1.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.floors.clear();
         self.remainders.clear();
     }
 
     /// Begins with weights, D a pose.
-    pub fn begin_weighted(&mut self, weights: &[f32]) {
+    pub(crate) fn begin_weighted(&mut self, weights: &[f32]) {
         self.floors.resize(self.correlations.len(), Row::ZERO);
         self.remainders.resize(self.correlations.len(), Row::ZERO);
         self.each(Step::Norms, Some(weights));
     }
 
     /// Finds each pose's best atom for the residuals in place of the directions.
-    pub fn first(&mut self) {
+    pub(crate) fn first(&mut self) {
         self.best.fill(StoredArgmax::NONE);
         self.each(Step::First, None);
     }
 
     /// Brings c and e up to date, and finds each pose's best atom.
-    pub fn next(&mut self, rule: SelectionRule) {
+    pub(crate) fn next(&mut self, rule: SelectionRule) {
         if rule == SelectionRule::Oomp {
             let all = self.correlations.len();
             self.remainders.resize(all, Row([1.0; WIDTH]));
@@ -120,12 +120,12 @@ impl<'a> DenseScan<'a> {
     }
 
     /// The best atom of a pose, if there is one.
-    pub fn best(&self, pose: usize) -> Option<u32> {
+    pub(crate) fn best(&self, pose: usize) -> Option<u32> {
         simd::dispatch_widest(Reduce(&self.best[pose]))
     }
 
     /// Excludes an atom for a pose.
-    pub fn exclude(&mut self, pose: usize, atom: u32) {
+    pub(crate) fn exclude(&mut self, pose: usize, atom: u32) {
         let (panel, lane) = (atom as usize / WIDTH, atom as usize % WIDTH);
         // Never larger than another number, and NaN in all further steps.
         self.correlations[panel * self.poses + pose].0[lane] = f32::NAN;

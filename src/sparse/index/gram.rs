@@ -20,10 +20,10 @@ const TOGETHER: usize = 6;
 const MANY: usize = 60;
 
 /// A term of a direction: the weight of an atom, and its products with all atoms.
-pub type Term<'a> = (f32, &'a [Row]);
+pub(crate) type Term<'a> = (f32, &'a [Row]);
 
 /// The rows of the Gram matrix; each is as long as all panels.
-pub struct LazyGram {
+pub(crate) struct LazyGram {
     rows: Vec<OnceLock<StoredRow>>,
     /// All rows before this one are computed, or about to be.
     begun: AtomicUsize,
@@ -44,7 +44,7 @@ impl StoredRow {
 
 impl LazyGram {
     /// A matrix without rows; `None` if all rows would take more than [`MEMORY`].
-    pub fn new(n: usize) -> Option<LazyGram> {
+    pub(crate) fn new(n: usize) -> Option<LazyGram> {
         let fits = n.saturating_mul(n).saturating_mul(size_of::<f32>()) <= MEMORY;
         fits.then(|| LazyGram {
             rows: (0..n).map(|_| OnceLock::new()).collect(),
@@ -53,7 +53,7 @@ impl LazyGram {
     }
 
     /// The products of an atom with all atoms. `atoms` (n, D) are those of `panels`.
-    pub fn row(&self, panels: &PackedAtoms, atoms: &[f32], atom: u32) -> &[Row] {
+    pub(crate) fn row(&self, panels: &PackedAtoms, atoms: &[f32], atom: u32) -> &[Row] {
         let stored = self.rows[atom as usize].get_or_init(|| StoredRow {
             rows: Arc::new(products(panels, row_of(panels, atoms, atom))),
             from: 0,
@@ -63,7 +63,7 @@ impl LazyGram {
     }
 
     /// Computes all missing rows on all threads, but those that other threads compute already.
-    pub fn fill(&self, panels: &PackedAtoms, atoms: &[f32]) {
+    pub(crate) fn fill(&self, panels: &PackedAtoms, atoms: &[f32]) {
         let n = self.rows.len();
         if self.begun.load(Ordering::Relaxed) >= n {
             return;
@@ -77,7 +77,7 @@ impl LazyGram {
     }
 
     /// Computes the missing rows of some atoms together, which is faster than one by one.
-    pub fn prepare(&self, panels: &PackedAtoms, atoms: &[f32], some: Vec<u32>) {
+    pub(crate) fn prepare(&self, panels: &PackedAtoms, atoms: &[f32], some: Vec<u32>) {
         if !some.iter().all(|a| self.is_stored(*a)) {
             self.compute(&mut DenseScan::new(panels, TOGETHER), atoms, some);
         }
@@ -119,7 +119,7 @@ fn row_of<'a>(panels: &PackedAtoms, atoms: &'a [f32], atom: u32) -> &'a [f32] {
 }
 
 /// The products of a direction (D) with all atoms.
-pub fn products(panels: &PackedAtoms, direction: &[f32]) -> Vec<Row> {
+pub(crate) fn products(panels: &PackedAtoms, direction: &[f32]) -> Vec<Row> {
     let mut scan = DenseScan::new(panels, 1);
     scan_directions(&mut scan, direction);
     scan.correlations

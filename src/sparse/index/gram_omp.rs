@@ -11,14 +11,14 @@ use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// c and e of all atoms for one pose, a row per panel; see [`super::dense_scan`].
-pub struct GramOmp {
+pub(crate) struct GramOmp {
     correlations: Vec<Row>,
     remainders: Vec<Row>,
 }
 
 impl GramOmp {
     /// A state for any pose.
-    pub fn new(panels: &PackedAtoms) -> GramOmp {
+    pub(crate) fn new(panels: &PackedAtoms) -> GramOmp {
         let rows = vec![Row::ZERO; panels.iter().len()];
         GramOmp {
             correlations: rows.clone(),
@@ -27,7 +27,7 @@ impl GramOmp {
     }
 
     /// Starts with the correlations that a dense scan has found for a pose.
-    pub fn start(&mut self, scan: &DenseScan<'_>, pose: usize) {
+    pub(crate) fn start(&mut self, scan: &DenseScan<'_>, pose: usize) {
         simd::dispatch8(
             #[inline(always)]
             || {
@@ -39,13 +39,18 @@ impl GramOmp {
     }
 
     /// Excludes an atom.
-    pub fn exclude(&mut self, atom: u32) {
+    pub(crate) fn exclude(&mut self, atom: u32) {
         self.correlations[atom as usize / WIDTH].0[atom as usize % WIDTH] = f32::NAN;
     }
 
     /// The best atom after the newest direction, the sum of `terms`, along which the residual had
     /// `−part`.
-    pub fn next(&mut self, terms: &[Term<'_>], part: f32, rule: SelectionRule) -> Option<u32> {
+    pub(crate) fn next(
+        &mut self,
+        terms: &[Term<'_>],
+        part: f32,
+        rule: SelectionRule,
+    ) -> Option<u32> {
         simd::dispatch_widest(Step {
             rule,
             terms,

@@ -15,7 +15,7 @@ const MOST_NUMBERS: usize = 384;
 
 /// The search structures of a dictionary, and the number of poses coded with it, which decides when
 /// to build them.
-pub struct IndexCache {
+pub(crate) struct IndexCache {
     panels: OnceLock<PackedAtoms>,
     /// The Gram matrix; `None` if it would be too large.
     pub gram: Option<LazyGram>,
@@ -28,7 +28,7 @@ pub struct IndexCache {
 
 impl IndexCache {
     /// An empty cache for n atoms.
-    pub fn new(n: usize) -> IndexCache {
+    pub(crate) fn new(n: usize) -> IndexCache {
         IndexCache {
             panels: OnceLock::new(),
             gram: LazyGram::new(n),
@@ -44,13 +44,13 @@ impl IndexCache {
     }
 
     /// The atoms (n, D), packed for dense scans.
-    pub fn panels(&self, atoms: ArrayView2<'_, f32>) -> &PackedAtoms {
+    pub(crate) fn panels(&self, atoms: ArrayView2<'_, f32>) -> &PackedAtoms {
         self.panels.get_or_init(|| PackedAtoms::new(atoms))
     }
 
     /// Computes all rows of the Gram matrix, if coding `poses` more poses with up to `sparsity`
     /// atoms is likely to use many.
-    pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
+    pub(crate) fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
         let coded = self.coded.load(Ordering::Relaxed).saturating_add(poses);
         let asked = coded.saturating_mul(sparsity - 1);
         if let (Some(gram), Some(flat)) = (&self.gram, atoms.as_slice())
@@ -61,14 +61,14 @@ impl IndexCache {
     }
 
     /// Whether the ball tree pays off for this many more poses of `d` coordinates.
-    pub fn wants_tree(&self, poses: usize, d: usize) -> bool {
+    pub(crate) fn wants_tree(&self, poses: usize, d: usize) -> bool {
         let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
         self.gram.is_none() && all >= WORTH_TREE && d <= MOST_NUMBERS
     }
 
     /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread
     /// builds it.
-    pub fn tree(&self, atoms: ArrayView2<'_, f32>) -> Option<&BallTree> {
+    pub(crate) fn tree(&self, atoms: ArrayView2<'_, f32>) -> Option<&BallTree> {
         // Not inside the lock: a thread that waits for the parallel build may take up other work
         // that asks for the tree.
         if self.tree.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {

@@ -4,7 +4,7 @@ use ndarray::ArrayView2;
 use pulp::Simd;
 
 /// The number of atoms in a panel: four registers of 16 lanes, eight of 8, or sixteen of 4.
-pub const WIDTH: usize = 64;
+pub(crate) const WIDTH: usize = 64;
 
 /// One number for each atom of a panel. Aligned, because loads across two cache lines cost a third
 /// of the speed.
@@ -13,11 +13,11 @@ pub const WIDTH: usize = 64;
 pub struct Row(pub [f32; WIDTH]);
 
 impl Row {
-    pub const ZERO: Row = Row([0.0; WIDTH]);
+    pub(crate) const ZERO: Row = Row([0.0; WIDTH]);
 }
 
 /// The places of a panel's atoms, in order.
-pub const PLACES: Row = {
+pub(crate) const PLACES: Row = {
     let mut places = Row::ZERO;
     let mut i = 0;
     while i < WIDTH {
@@ -32,37 +32,37 @@ const MOST: usize = 16;
 /// One number for each lane of the widest SIMD vectors.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Wide(pub [f32; MOST]);
+pub(crate) struct Wide(pub [f32; MOST]);
 
 impl Wide {
     /// The same number in all lanes.
-    pub const fn of(value: f32) -> Wide {
+    pub(crate) const fn of(value: f32) -> Wide {
         Wide([value; MOST])
     }
 
     /// The first SIMD vector.
     #[inline(always)]
-    pub fn first<S: Simd>(&self) -> S::f32s {
+    pub(crate) fn first<S: Simd>(&self) -> S::f32s {
         S::as_simd_f32s(&self.0).0[0]
     }
 
     /// The first SIMD vector, mutable.
     #[inline(always)]
-    pub fn first_mut<S: Simd>(&mut self) -> &mut S::f32s {
+    pub(crate) fn first_mut<S: Simd>(&mut self) -> &mut S::f32s {
         &mut S::as_mut_simd_f32s(&mut self.0).0[0]
     }
 }
 
 /// Atoms in panels of [`WIDTH`], one [`Row`] per coordinate, (panels, D); 0 after the last atom.
 #[derive(Debug, Clone)]
-pub struct PackedAtoms {
+pub(crate) struct PackedAtoms {
     rows: Vec<Row>,
     width: usize,
 }
 
 impl PackedAtoms {
     /// Packs atoms (n, D).
-    pub fn new(atoms: ArrayView2<'_, f32>) -> PackedAtoms {
+    pub(crate) fn new(atoms: ArrayView2<'_, f32>) -> PackedAtoms {
         let (n, d) = atoms.dim();
         let mut rows = vec![Row::ZERO; n.div_ceil(WIDTH) * d];
         for (i, atom) in atoms.outer_iter().enumerate() {
@@ -75,12 +75,12 @@ impl PackedAtoms {
     }
 
     /// The number of coordinates of an atom, D.
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.width
     }
 
     /// The panels, each of D rows.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[Row]> {
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[Row]> {
         self.rows.chunks_exact(self.width)
     }
 }

@@ -13,14 +13,14 @@ use pulp::{Simd, WithSimd};
 /// What is left of an atom counts as at least this share of its squared norm. Below it the
 /// difference of f32 numbers is rounding; a smaller value would let a copy of a chosen atom win by
 /// noise.
-pub const FLOOR: f32 = 1e-6;
+pub(crate) const FLOOR: f32 = 1e-6;
 
 /// An atom with at most this share of its squared norm (1) on what is observed is not seen at all.
-pub const UNSEEN: f32 = 1e-20;
+pub(crate) const UNSEEN: f32 = 1e-20;
 
 /// What is done with the products.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
+pub(crate) enum Step {
     /// Those of squared atoms and weights: e, and its floor.
     Norms,
     /// c is the product itself.
@@ -30,7 +30,7 @@ pub enum Step {
 }
 
 /// One panel of atoms and all poses of a tile.
-pub struct PanelKernel<'a> {
+pub(crate) struct PanelKernel<'a> {
     pub step: Step,
     /// Which panel.
     pub panel: usize,
@@ -49,7 +49,7 @@ pub struct PanelKernel<'a> {
 }
 
 /// What is kept for a panel: one row per pose.
-pub struct State<'a> {
+pub(crate) struct State<'a> {
     /// c; no number once the atom is taken.
     pub correlations: &'a mut [Row],
     /// e; infinite if the atom is not seen. Empty where it is 1 of all atoms.
@@ -142,7 +142,7 @@ impl PanelKernel<'_> {
 }
 
 #[inline(always)]
-pub fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
+pub(crate) fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
     &mut S::as_mut_simd_f32s(&mut row.0).0[v]
 }
 
@@ -175,7 +175,7 @@ fn products<S: Simd, U: Update, const POSES: usize, const VECTORS: usize>(
 
 /// a b + c: fused wherever that is an instruction.
 #[inline(always)]
-pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+pub(crate) fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     if S::IS_SCALAR {
         simd.mul_add_e_f32s(a, b, c)
     } else {
@@ -184,14 +184,14 @@ pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f
 }
 
 /// A vector of what is kept; see [`State`].
-pub struct Vectors<'a, S: Simd> {
+pub(crate) struct Vectors<'a, S: Simd> {
     pub c: &'a mut S::f32s,
     pub e: Option<&'a mut S::f32s>,
     pub floor: Option<&'a mut S::f32s>,
 }
 
 /// What is done with a vector of products; gives c² and e where atoms are compared.
-pub trait Update {
+pub(crate) trait Update {
     /// Atoms and directions are squared.
     const SQUARED: bool = false;
 
@@ -244,7 +244,7 @@ impl<const UNIT: bool> Update for First<UNIT> {
 }
 
 /// The plain rule. `UNIT`: all atoms have norm 1.
-pub struct Plain<const UNIT: bool>;
+pub(crate) struct Plain<const UNIT: bool>;
 
 impl<const UNIT: bool> Update for Plain<UNIT> {
     #[inline(always)]
@@ -269,7 +269,7 @@ fn norm<S: Simd, const UNIT: bool>(simd: S, e: Option<&mut S::f32s>) -> S::f32s 
 }
 
 /// The optimized rule. `UNIT`: all atoms have norm 1.
-pub struct Optimized<const UNIT: bool>;
+pub(crate) struct Optimized<const UNIT: bool>;
 
 impl<const UNIT: bool> Update for Optimized<UNIT> {
     #[inline(always)]

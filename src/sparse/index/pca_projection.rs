@@ -13,13 +13,13 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::Rng;
 
 /// The number of PCA coordinates of an atom.
-pub const COORDINATES: usize = 32;
+pub(crate) const COORDINATES: usize = 32;
 /// The number of PCA coordinates of a ball's center. More do not separate balls better, which are
 /// wider than that.
-pub const LEADING: usize = 16;
+pub(crate) const LEADING: usize = 16;
 /// Added to norms that serve as upper bounds: more than the rounding of numbers up to 1 to single
 /// precision.
-pub const ROUNDING: f64 = 1e-6;
+pub(crate) const ROUNDING: f64 = 1e-6;
 /// The largest number of atoms from which the basis is computed.
 const SAMPLE: usize = 4_096;
 /// Steps of the orthogonal iteration.
@@ -27,7 +27,7 @@ const ITERATIONS: usize = 6;
 
 /// The PCA coordinates of a vector, and upper bounds of its norm beyond them.
 #[derive(Clone, Copy)]
-pub struct Projected {
+pub(crate) struct Projected {
     pub coordinates: [f32; COORDINATES],
     /// Beyond the first [`LEADING`] coordinates, and beyond all of them.
     pub beyond: [f32; 2],
@@ -35,17 +35,17 @@ pub struct Projected {
 
 impl Projected {
     /// The first [`LEADING`] coordinates.
-    pub fn leading(&self) -> &[f32; LEADING] {
+    pub(crate) fn leading(&self) -> &[f32; LEADING] {
         self.coordinates.first_chunk().expect("LEADING is smaller")
     }
 }
 
 /// (D, [`COORDINATES`]): orthonormal principal directions in columns; 0 beyond the atoms' rank.
-pub struct PcaProjection(Vec<[f64; COORDINATES]>);
+pub(crate) struct PcaProjection(Vec<[f64; COORDINATES]>);
 
 impl PcaProjection {
     /// The principal directions of atoms (n, D), without centering.
-    pub fn of(atoms: ArrayView2<'_, f32>) -> PcaProjection {
+    pub(crate) fn of(atoms: ArrayView2<'_, f32>) -> PcaProjection {
         let (n, d) = atoms.dim();
         let some = atoms.slice_axis(
             Axis(0),
@@ -62,7 +62,7 @@ impl PcaProjection {
     }
 
     /// Projects atoms (n, D).
-    pub fn project_all(&self, atoms: ArrayView2<'_, f32>) -> Vec<Projected> {
+    pub(crate) fn project_all(&self, atoms: ArrayView2<'_, f32>) -> Vec<Projected> {
         parallel::map_chunks(atoms.nrows(), 1024, |rows| {
             let mut atom = vec![0.0; atoms.ncols()];
             let mut of = |i| {
@@ -75,7 +75,7 @@ impl PcaProjection {
     }
 
     /// Projects a vector (D) of norm at most 1.
-    pub fn project(&self, vector: &[f64]) -> Projected {
+    pub(crate) fn project(&self, vector: &[f64]) -> Projected {
         simd::dispatch8(
             #[inline(always)]
             || {

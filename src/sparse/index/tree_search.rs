@@ -31,7 +31,7 @@ use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// The largest number of atoms of a code: with more directions, dense scans cost less.
-pub const MOST_ATOMS: usize = 4;
+pub(crate) const MOST_ATOMS: usize = 4;
 /// More than the rounding of both sides of a bound, which are at most about 1: sums of up to 32
 /// products of unit vectors err by at most 40 · 2^-24 (Higham, Accuracy and Stability of Numerical
 /// Algorithms, 3.1).
@@ -41,7 +41,7 @@ const SLACK: f32 = 2e-5;
 const NEAR_SPAN: f32 = 1e-3;
 
 /// Searches for one pose after the other, with their scratch memory.
-pub struct TreeSearch<'a> {
+pub(crate) struct TreeSearch<'a> {
     tree: &'a BallTree,
     /// (n, D)
     atoms: &'a [f32],
@@ -58,7 +58,7 @@ pub struct TreeSearch<'a> {
 
 impl<'a> TreeSearch<'a> {
     /// A search of the tree over `atoms` (n, D).
-    pub fn new(tree: &'a BallTree, atoms: &'a [f32], rule: SelectionRule) -> TreeSearch<'a> {
+    pub(crate) fn new(tree: &'a BallTree, atoms: &'a [f32], rule: SelectionRule) -> TreeSearch<'a> {
         TreeSearch {
             tree,
             atoms,
@@ -71,18 +71,18 @@ impl<'a> TreeSearch<'a> {
     }
 
     /// Starts with a pose that has no atoms.
-    pub fn start(&mut self) {
+    pub(crate) fn start(&mut self) {
         self.directions.clear();
     }
 
     /// Adds the direction of the newest atom of `fit`.
-    pub fn add_direction(&mut self, fit: &ActiveSet) {
+    pub(crate) fn add_direction(&mut self, fit: &ActiveSet) {
         let (direction, _) = fit.newest();
         self.directions.push(self.tree.basis.project(direction));
     }
 
     /// The best atom for a pose, without the excluded ones; `None` if no score is above 0.
-    pub fn best(&mut self, fit: &ActiveSet, excluded: &[u32]) -> Option<u32> {
+    pub(crate) fn best(&mut self, fit: &ActiveSet, excluded: &[u32]) -> Option<u32> {
         let best = simd::dispatch_widest(self.search(fit, excluded));
         self.previous[self.directions.len()] = best.leaf;
         best.atom

@@ -11,7 +11,7 @@ type At = [i32; 2];
 /// Each edge is directed. Two that run in opposite directions cancel out; what is left closes into
 /// loops, which wind around each place as often as triangles cover it, in whatever order they are
 /// linked.
-pub fn path(triangles: &[[At; 3]]) -> String {
+pub(crate) fn path(triangles: &[[At; 3]]) -> String {
     let mut left: HashMap<(At, At), u32> = HashMap::new();
     let edges = triangles
         .iter()
@@ -90,11 +90,11 @@ fn write_loop(out: &mut String, at: &mut At, lap: &[At]) {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// The loops of a path.
-    pub fn loops(path: &str) -> Vec<Vec<At>> {
+    pub(crate) fn loops(path: &str) -> Vec<Vec<At>> {
         let (mut all, mut at) = (Vec::new(), [0, 0]);
         for part in path.split('z').filter(|p| !p.is_empty()) {
             let part = part

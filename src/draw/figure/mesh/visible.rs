@@ -6,7 +6,7 @@ use ndarray::ArrayView2;
 /// Samples a unit of the picture (0.1 px). A triangle between all samples is not drawn.
 const FINE: f64 = 0.4;
 /// Shades, from dark to light.
-pub const SHADES: usize = 14;
+pub(crate) const SHADES: usize = 14;
 /// Where light comes from: right, up, towards the viewer. Of unit length.
 const LIGHT: [f64; 3] = [-0.42, 0.58, 0.698];
 /// Triangles whose normals have a smaller cosine are shaded apart: edges of a box stay sharp.
@@ -14,7 +14,7 @@ const SHARP: f64 = 0.5;
 
 /// Triangles that are painted together: they are of one shade, and nothing else of their layer
 /// covers them.
-pub struct Layer {
+pub(crate) struct Layer {
     /// From 0 (dark).
     pub shade: usize,
     /// The corners, in units of the picture, y down.
@@ -36,7 +36,11 @@ struct Triangle {
 /// is painted in the order of the mean depths of the triangles, so that of triangles which pass
 /// through each other one covers the other. Only where they lie on top of each other does the order
 /// matter: a triangle comes into the lowest layer above all others that it covers.
-pub fn layers(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) -> Vec<Layer> {
+pub(crate) fn layers(
+    vertices: ArrayView2<'_, f64>,
+    faces: &[[u32; 3]],
+    window: &Window,
+) -> Vec<Layer> {
     let mut triangles = facing(vertices, faces, window);
     let mut raster = Raster::new(window);
     for (i, triangle) in triangles.iter().enumerate() {

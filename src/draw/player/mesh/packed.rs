@@ -17,7 +17,7 @@ use std::io::Write;
 const STEPS: f64 = 25_000.0;
 
 /// The meshes of a figure, packed.
-pub struct Packed {
+pub(crate) struct Packed {
     /// The length of a step, in the unit of the vertices. No coordinate is wrong by more than half
     /// of it.
     pub step: f64,
@@ -30,7 +30,7 @@ pub struct Packed {
 }
 
 /// Packs some frames of a figure.
-pub fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
+pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
     let step = match figure.largest_side() / STEPS {
         // All vertices in one place.
         0.0 => 1.0,
@@ -182,7 +182,7 @@ pub(super) mod tests {
     }
 
     /// The faces, as the script finds them.
-    pub fn unpacked_faces(text: &str) -> Vec<[u32; 3]> {
+    pub(crate) fn unpacked_faces(text: &str) -> Vec<[u32; 3]> {
         let bytes = inflated(text);
         let n = bytes.len() / 4;
         let mut last = 0u32;
@@ -196,7 +196,7 @@ pub(super) mod tests {
     }
 
     /// The vertices, frames x vertices x 3, as the script finds them.
-    pub fn unpacked(packed: &Packed, vertices: usize) -> Array3<f64> {
+    pub(crate) fn unpacked(packed: &Packed, vertices: usize) -> Array3<f64> {
         let bytes = inflated(&packed.places);
         let frames = packed.origins.len();
         assert_eq!(bytes.len(), frames * vertices * 6);

@@ -13,7 +13,7 @@ const CLUSTERS: usize = 20;
 const LEAST: usize = 20;
 
 /// The kind `clustered`.
-pub const KIND: MixtureKind = MixtureKind {
+pub(crate) const KIND: MixtureKind = MixtureKind {
     name: "clustered",
     style: Style {
         answer: Readout::Best,

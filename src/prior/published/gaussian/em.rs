@@ -133,7 +133,12 @@ pub fn moments_of(x: ArrayView2<'_, f32>, labels: &[u32], k: usize) -> Vec<Momen
 ///
 /// # Errors
 /// Those of [`cluster::KMeans::fit`].
-pub fn clusters(x: ArrayView2<'_, f32>, k: usize, least: usize, seed: u64) -> Result<Vec<Moments>> {
+pub(crate) fn clusters(
+    x: ArrayView2<'_, f32>,
+    k: usize,
+    least: usize,
+    seed: u64,
+) -> Result<Vec<Moments>> {
     let mut k = k.min(x.nrows() / least.max(1)).max(1);
     loop {
         let kmeans = cluster::KMeans {
@@ -150,7 +155,7 @@ pub fn clusters(x: ArrayView2<'_, f32>, k: usize, least: usize, seed: u64) -> Re
 }
 
 /// The shares of each component among all, none of them 0.
-pub fn weights(moments: &[Moments]) -> Vec<f64> {
+pub(crate) fn weights(moments: &[Moments]) -> Vec<f64> {
     let counts = moments.iter().map(|m| m.count.max(1e-3));
     let sum: f64 = counts.clone().sum();
     counts.map(|c| c / sum).collect()

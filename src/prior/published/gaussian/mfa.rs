@@ -29,7 +29,7 @@ const LEAST: usize = 30;
 const STEPS: usize = 10;
 
 /// The kind `mfa`.
-pub const KIND: MixtureKind = MixtureKind::new("mfa", learn);
+pub(crate) const KIND: MixtureKind = MixtureKind::new("mfa", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(fit(xyz, (ANALYZERS, FACTORS), seed, Stop::default())?.0)

@@ -18,7 +18,7 @@ const LEAST: usize = 50;
 const OWN: f64 = 0.7;
 
 /// The kind `mixture`.
-pub const KIND: MixtureKind = MixtureKind::new("mixture", learn);
+pub(crate) const KIND: MixtureKind = MixtureKind::new("mixture", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);

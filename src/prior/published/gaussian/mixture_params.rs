@@ -22,7 +22,7 @@ pub struct MixtureParams {
 impl MixtureParams {
     /// From full covariances (D, D) of which the factors are the scaled eigenvectors: exact, and
     /// sound in f32.
-    pub fn of_covariances(
+    pub(crate) fn of_covariances(
         weights: Vec<f64>,
         means: Array2<f64>,
         covariances: &[Array2<f64>],
@@ -42,7 +42,7 @@ impl MixtureParams {
     }
 
     /// The number of Gaussians.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.weights.len()
     }
 
@@ -52,21 +52,21 @@ impl MixtureParams {
     }
 
     /// F_jᵀ F_j.
-    pub fn explained(&self, j: usize) -> Array2<f64> {
+    pub(crate) fn explained(&self, j: usize) -> Array2<f64> {
         let q = self.factors.nrows() / self.len().max(1);
         let f = self.factors.slice(s![j * q..(j + 1) * q, ..]);
         f.t().dot(&f)
     }
 
     /// C_j.
-    pub fn covariance(&self, j: usize) -> Array2<f64> {
+    pub(crate) fn covariance(&self, j: usize) -> Array2<f64> {
         let mut c = self.explained(j);
         c.diag_mut().zip_mut_with(&self.rest.row(j), |c, r| *c += r);
         c
     }
 
     /// Stores them as the arrays `weights` (K, 1), `means`, `factors` and `rest`.
-    pub fn write(&self, model: &mut Model) {
+    pub(crate) fn write(&self, model: &mut Model) {
         let weights = Array2::from_shape_fn((self.len(), 1), |(j, _)| self.weights[j]);
         for (name, array) in [
             ("weights", &weights),
@@ -129,7 +129,7 @@ pub fn roots(covariance: &Array2<f64>) -> Array2<f64> {
 
 /// For tests: three Gaussians of two points, each with two factors and a residual variance.
 #[cfg(test)]
-pub fn three() -> MixtureParams {
+pub(crate) fn three() -> MixtureParams {
     MixtureParams {
         weights: vec![0.5, 0.3, 0.2],
         means: crate::prior::testdata::normal(3, 6, 11) * 3.0,

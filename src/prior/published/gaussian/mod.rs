@@ -18,13 +18,13 @@
 //! The posterior is poor for motion unlike the training poses: far from all means the most similar
 //! component is chosen by its tails.
 
-pub mod clustered;
+pub(crate) mod clustered;
 pub mod em;
 pub mod mfa;
 pub mod mixture;
 mod mixture_params;
-pub mod pca;
-pub mod single;
+pub(crate) mod pca;
+pub(crate) mod single;
 
 use crate::Result;
 use crate::io::Model;
@@ -47,7 +47,7 @@ const MIN_WEIGHT: f64 = 1e-9;
 
 /// How the components' posteriors are combined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Readout {
+pub(crate) enum Readout {
     /// The average, weighted by evidence.
     Average,
     /// The posterior of the most likely component.
@@ -56,7 +56,7 @@ pub enum Readout {
 
 /// How a kind uses its Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Style {
+pub(crate) struct Style {
     /// How the components' posteriors are combined.
     pub answer: Readout,
     /// Whether the part of a pose outside the factors is estimated. If not, it stays the mean
@@ -76,7 +76,7 @@ struct Component {
 
 /// A Gaussian mixture prior at one inflation of its covariances.
 #[derive(Debug, Clone)]
-pub struct GaussianMixturePrior {
+pub(crate) struct GaussianMixturePrior {
     components: Vec<Component>,
     answer: Readout,
     variance: Vec<f64>,
@@ -86,7 +86,7 @@ pub struct GaussianMixturePrior {
 
 impl GaussianMixturePrior {
     /// The mixture with its covariances multiplied by `inflation`.
-    pub fn new(parts: &MixtureParams, style: Style, inflation: f64) -> GaussianMixturePrior {
+    pub(crate) fn new(parts: &MixtureParams, style: Style, inflation: f64) -> GaussianMixturePrior {
         let component = |j: usize| {
             let (covariance, unexplained) = if style.estimates_rest {
                 (parts.covariance(j), vec![0.0; parts.means.ncols()])
@@ -260,7 +260,7 @@ impl Prior for GaussianMixturePrior {
 
 /// A kind of Gaussian mixture: its name, how it is read, and how it learns from poses (n, D) with a
 /// seed.
-pub struct MixtureKind {
+pub(crate) struct MixtureKind {
     /// The name in flags and model files.
     pub name: &'static str,
     /// How the Gaussians are used.
@@ -271,7 +271,7 @@ pub struct MixtureKind {
 
 impl MixtureKind {
     /// A kind that averages Gaussians of which every part is estimated.
-    pub const fn new(
+    pub(crate) const fn new(
         name: &'static str,
         learn: fn(ArrayView2<'_, f32>, u64) -> Result<MixtureParams>,
     ) -> MixtureKind {

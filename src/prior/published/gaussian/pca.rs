@@ -18,7 +18,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 const ENERGY: f64 = 0.9;
 
 /// The kind `pca`.
-pub const KIND: MixtureKind = MixtureKind {
+pub(crate) const KIND: MixtureKind = MixtureKind {
     name: "pca",
     style: Style {
         answer: Readout::Average,

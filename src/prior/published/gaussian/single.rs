@@ -9,10 +9,10 @@ use ndarray::{Array2, ArrayView2, Axis};
 
 /// Ridge added to every variance, cm². Without it coordinates that never vary (the root in body
 /// space) have none.
-pub const RIDGE: f64 = 1e-3 * ASF2;
+pub(crate) const RIDGE: f64 = 1e-3 * ASF2;
 
 /// The kind `gaussian`.
-pub const KIND: MixtureKind = MixtureKind::new("gaussian", learn);
+pub(crate) const KIND: MixtureKind = MixtureKind::new("gaussian", learn);
 
 fn learn(xyz: ArrayView2<'_, f32>, _seed: u64) -> Result<MixtureParams> {
     let (mean, covariance) = of(xyz);

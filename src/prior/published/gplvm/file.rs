@@ -10,7 +10,7 @@ use ndarray::{Array1, Array2};
 const MOST_ACTIVE: usize = 4000;
 
 /// Stores the learned process in a model.
-pub fn write(learned: &Learned, model: &mut Model) {
+pub(crate) fn write(learned: &Learned, model: &mut Model) {
     let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
     let poses = &learned.poses + &Array1::from(learned.mean.clone());
     let mut put = |name: &str, array: Array2<f32>| model.insert(name, array);
@@ -27,7 +27,7 @@ pub fn write(learned: &Learned, model: &mut Model) {
 ///
 /// # Errors
 /// [`Error::Data`]: an array or a number is missing, of a wrong shape or not finite.
-pub fn read(model: &Model, source: &str) -> Result<Learned> {
+pub(crate) fn read(model: &Model, source: &str) -> Result<Learned> {
     let width = 3 * model.meta.points.len();
     let place = |part: &str| Place::file(source).part(part);
     let array = |name: &str, rows, columns| {

@@ -39,7 +39,7 @@ const STEPS: usize = 15;
 
 /// A scaled GPLVM of poses.
 #[derive(Debug, Clone)]
-pub struct GplvmPrior {
+pub(crate) struct GplvmPrior {
     process: Arc<Process>,
     /// a, the inverse of the paper's weight of the prior.
     inflation: f64,

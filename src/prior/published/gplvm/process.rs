@@ -24,7 +24,7 @@ pub(super) struct Learned {
 
 /// What predictions need.
 #[derive(Debug)]
-pub struct Process {
+pub(crate) struct Process {
     /// Latent points of the active poses, (M, L).
     pub latent: Array2<f64>,
     /// γ.
@@ -44,7 +44,7 @@ pub struct Process {
 }
 
 /// f and σ² at a latent point, and their derivatives by it.
-pub struct Prediction {
+pub(crate) struct Prediction {
     /// (D), about the mean pose.
     pub f: Array1<f64>,
     /// σ².
@@ -57,7 +57,7 @@ pub struct Prediction {
 
 impl Process {
     /// From what was learned: factorizes K. `None` when K is not sound.
-    pub fn new(learned: &Learned) -> Option<Process> {
+    pub(crate) fn new(learned: &Learned) -> Option<Process> {
         let (gamma, noise) = (learned.gamma, learned.noise);
         let kernel = kernel(learned.latent.view(), gamma, noise);
         let (values, vectors) = symmetric_eigen(&kernel)?;
@@ -78,7 +78,7 @@ impl Process {
     }
 
     /// f(x), σ²(x) and their derivatives. O(M² + M L D).
-    pub fn predict(&self, x: &[f64]) -> Prediction {
+    pub(crate) fn predict(&self, x: &[f64]) -> Prediction {
         let (m, l) = self.latent.dim();
         let k: Array1<f64> = (0..m).map(|i| self.nearness(x, i)).collect();
         let solved = self.inverse.dot(&k);
@@ -101,7 +101,7 @@ impl Process {
     }
 
     /// The process of poses that went through `map`.
-    pub fn mapped(&self, map: &PoseTransform) -> Process {
+    pub(crate) fn mapped(&self, map: &PoseTransform) -> Process {
         let scales = Array2::from_diag(&Array1::from(self.scales.clone()));
         let mut mean = vec![0.0; self.mean.len()];
         map.apply(&self.mean, &mut mean);
@@ -127,7 +127,7 @@ impl Process {
 }
 
 /// K of latent points (M, L).
-pub fn kernel(latent: ArrayView2<'_, f64>, gamma: f64, noise: f64) -> Array2<f64> {
+pub(crate) fn kernel(latent: ArrayView2<'_, f64>, gamma: f64, noise: f64) -> Array2<f64> {
     let m = latent.nrows();
     let mut out = Array2::zeros((m, m));
     for i in 0..m {
