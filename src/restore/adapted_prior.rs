@@ -42,6 +42,16 @@ impl<'a> AdaptedPrior<'a> {
         }
     }
 
+    /// The prior and the rigid distances of the body that `frames` (m, 3 J, in the model's order;
+    /// cm) of one take show, seen with `noise` (standard deviation of a coordinate, cm).
+    pub fn measured(
+        mapping: &'a PointMapping<'a>,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedPrior<'a> {
+        AdaptedPrior::new(mapping, frames, noise).with_lengths_from(frames, noise)
+    }
+
     /// Rigid distances of the body too, as uncertain as lengths are that were measured in `frames`
     /// with `noise` (standard deviation of a coordinate, cm).
     pub fn with_lengths_from(

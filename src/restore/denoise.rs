@@ -12,10 +12,9 @@ use super::gap::{Gap, fill_gaps, find_gaps, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation;
 use super::outliers::{LIKELY, Outliers, find_outliers};
-use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult};
-use crate::numeric::parallel;
+use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
 use crate::pose::Status;
-use ndarray::{ArrayView2, s};
+use ndarray::ArrayView2;
 
 /// Noise assumed to measure the body of one frame by, cm, where none is given.
 const UNKNOWN_NOISE: f64 = 2.0;
@@ -57,25 +56,18 @@ impl Default for Denoise {
 }
 
 impl Method for Denoise {
-    fn frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
+    fn restore_frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
         if mapping.is_other_skeleton {
             // A model of another skeleton says nothing about noise.
             return TakeResult::captured(table);
         }
-        let xyz = mapping.gather(table);
-        let found = parallel::map_chunks(xyz.nrows(), FRAMES_PER_TASK, |range| {
-            range
-                .map(|t| self.frame(mapping, xyz.slice(s![t..t + 1, ..])))
-                .collect::<Vec<_>>()
-        });
-        let mut out = TakeResult::of(xyz);
-        for (t, found) in found.into_iter().flatten().enumerate() {
-            self.put_frame(&mut out, t, &found);
-        }
-        mapping.scatter(table, &out)
+        let restore = |frame: ArrayView2<'_, f64>| self.frame(mapping, frame);
+        restore_each_frame(mapping, table, restore, |out, t, found| {
+            self.put_frame(out, t, &found);
+        })
     }
 
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,

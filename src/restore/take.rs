@@ -1,6 +1,7 @@
 //! A take of a table, the points of it that a model knows, and what becomes of its frames.
 
 use super::pose_model::PoseModel;
+use crate::numeric::parallel;
 use crate::pose::{FillMethod, NameMap, Status};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};
@@ -27,16 +28,36 @@ pub struct Take<'a> {
 /// [`super::Complete`], [`super::Denoise`] or [`super::Clean`].
 pub trait Method {
     /// Restores each frame of `xyz` (frames, 3 J; cm, NaN missing) by itself.
-    fn frames(&self, mapping: &PointMapping<'_>, xyz: ArrayView2<'_, f64>) -> TakeResult;
+    fn restore_frames(&self, mapping: &PointMapping<'_>, xyz: ArrayView2<'_, f64>) -> TakeResult;
 
     /// Restores one take, with a model or without. `done` is called with numbers of frames that are
     /// finished.
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult;
+}
+
+/// Restores each frame of a table (frames, 3 J; cm, NaN missing) by itself, in the model's order of
+/// points: `restore` is given a frame (1, 3 J), and `put` puts what it found in place.
+pub fn restore_each_frame<F: Send>(
+    mapping: &PointMapping<'_>,
+    table: ArrayView2<'_, f64>,
+    restore: impl Fn(ArrayView2<'_, f64>) -> F + Sync,
+    put: impl Fn(&mut TakeResult, usize, F),
+) -> TakeResult {
+    let xyz = mapping.gather(table);
+    let found = parallel::map_chunks(xyz.nrows(), FRAMES_PER_TASK, |range| {
+        let frame = |t: usize| restore(xyz.slice(s![t..t + 1, ..]));
+        range.map(frame).collect::<Vec<F>>()
+    });
+    let mut out = TakeResult::of(xyz);
+    for (t, found) in found.into_iter().flatten().enumerate() {
+        put(&mut out, t, found);
+    }
+    mapping.scatter(table, &out)
 }
 
 /// The points of a table that are those of a model.

@@ -3,8 +3,8 @@
 
 use super::path::PathVariances;
 use super::tuning::filler::BREAK;
-use super::{Gap, put};
-use ndarray::{Array2, ArrayView2};
+use super::Gap;
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// Frames of one word.
@@ -42,7 +42,8 @@ impl Known {
 
     /// Puts a filled gap in place.
     pub fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
-        put(&mut self.xyz, gap, xyz);
+        let columns = 3 * gap.point..3 * gap.point + 3;
+        (self.xyz.slice_mut(s![gap.frames.clone(), columns])).assign(xyz);
         self.frames.add(gap.point, gap.frames.clone());
     }
 }

@@ -196,12 +196,6 @@ pub fn empty_gaps<'a>(
     }
 }
 
-/// Puts values of a gap (frames, 3) in place in `xyz` (frames, 3 J).
-fn put(xyz: &mut Array2<f64>, gap: &Gap, values: &Array2<f64>) {
-    let columns = 3 * gap.point..3 * gap.point + 3;
-    (xyz.slice_mut(s![gap.frames.clone(), columns])).assign(values);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -161,8 +161,7 @@ fn find_by_model<'m>(
     // The median: the noise of a single point may be meaningless.
     by_point.sort_by(f64::total_cmp);
     let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
-    let prior = AdaptedPrior::new(mapping, clean.view(), typical);
-    let adapted = prior.with_lengths_from(clean.view(), typical);
+    let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
     let mut points = by_distances(&adapted, &clean, take.runs, typical);
     for (points, spikes) in points.iter_mut().zip(&spikes) {
         points.extend(spikes);
