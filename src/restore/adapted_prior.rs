@@ -82,14 +82,14 @@ impl<'a> AdaptedPrior<'a> {
         self.prior.is_none()
     }
 
-    /// The training poses as the body would take them, in the order of the `points` points of the
-    /// table (n, 3 J), cm; points that the model does not know are NaN. `None` where the model
-    /// keeps none, or not in the pelvis's frame.
-    pub fn training_poses(&self, points: usize) -> Option<Array2<f64>> {
+    /// The training poses as the body would take them, in the table's order of points (n, 3 J), cm;
+    /// points that the model does not know are NaN. `None` where the model keeps none, or not in
+    /// the pelvis's frame.
+    pub fn training_poses(&self) -> Option<Array2<f64>> {
         let estimator = self.estimator();
         estimator.anchor.filter(|a| a.root.is_some())?;
         let poses = estimator.prior.training_poses()?;
-        Some(self.mapping.rows_of_table(poses.view(), points))
+        Some(self.mapping.rows_of_table(poses.view()))
     }
 
     /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;

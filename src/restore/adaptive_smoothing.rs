@@ -46,19 +46,18 @@ pub struct SmoothedTake {
 }
 
 impl SmoothedTake {
-    /// Smooths the paths of a take, of which `seen` (frames, 3 J; cm) are no outliers; `noise` is
-    /// the standard deviation of a coordinate, cm, if known.
+    /// Smooths the paths of a take without outliers; `noise` is the standard deviation of a
+    /// coordinate, cm, if known.
     pub fn new(
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
-        seen: Array2<f64>,
         noise: Option<f64>,
     ) -> SmoothedTake {
-        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(seen.view())));
+        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(take.xyz)));
         let model = (in_model.as_ref()).map(|(model, seen)| (*model, seen.view()));
-        let noise = noise_estimation::by_point(model, seen.view(), take.runs, noise);
+        let noise = noise_estimation::by_point(model, take, noise);
         let columns = parallel::map_chunks(noise.len(), 1, |range| {
-            let path = path_of(seen.view(), range.start);
+            let path = path_of(take.xyz, range.start);
             // Less what motion without noise reads as: a clean take stays as it is.
             let r = noise[range.start] * noise[range.start];
             let r = (r * r / (r + MOTION_VARIANCE)).max(LEAST_VARIANCE);
@@ -77,8 +76,8 @@ impl SmoothedTake {
             smooth
         });
         let mut out = SmoothedTake {
-            mean: seen.clone(),
-            variance: seen,
+            mean: take.xyz.to_owned(),
+            variance: take.xyz.to_owned(),
             noise,
         };
         for (i, smooth) in columns.into_iter().flatten().enumerate() {

@@ -10,9 +10,7 @@ use super::frame_estimator::FrameEstimate;
 use super::gap::{empty_gaps, fill_gaps, find_gaps, put_filled};
 use super::noise_estimation::{typical_noise, variances};
 use super::outliers::find_outliers;
-use super::take::{
-    FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame,
-};
+use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame};
 use crate::numeric::parallel;
 use crate::pose::{Similarity, Status};
 use crate::{Error, Result};
@@ -92,7 +90,7 @@ impl Method for Complete {
             adapted = Some(AdaptedPrior::measured(mapping, seen.view(), noise));
         }
         let known = adapted.as_ref().filter(|_| !out.take_alone);
-        let filled = fill_gaps(known, take, captured.view(), &gaps, done);
+        let filled = fill_gaps(known, &take.with_xyz(captured.view()), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);
         }

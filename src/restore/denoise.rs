@@ -82,15 +82,13 @@ impl Method for Denoise {
         };
         // 2. The paths of the other points, smoothed. Outliers that are where the rest of the take
         // expects them are none: then with them.
-        let smooth = |seen| SmoothedTake::new(mapping, take, seen, self.noise);
-        let mut smoothed = smooth(outliers.removed_from(take.xyz));
-        if outliers.points != outliers.spikes {
-            let seen = smoothed.mean.view();
-            let gaps = outliers.gaps(&find_gaps(seen, take.runs));
-            let filled = fill_gaps(adapted.as_ref(), take, seen, &gaps, &|_| ());
-            if outliers.accept_expected(take.xyz, &smoothed.noise, &gaps, &filled) {
-                smoothed = smooth(outliers.removed_from(take.xyz));
-            }
+        let smooth = |outliers: &Outliers| {
+            let seen = outliers.removed_from(take.xyz);
+            SmoothedTake::new(mapping, &take.with_xyz(seen.view()), self.noise)
+        };
+        let mut smoothed = smooth(&outliers);
+        if outliers.accept_expected(adapted.as_ref(), take, &smoothed) {
+            smoothed = smooth(&outliers);
         }
         // 3. The model for the body that the smoothed frames show.
         let noise_left = smoothed.noise_left();
@@ -114,7 +112,7 @@ impl Method for Denoise {
         let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
         gaps.retain(|gap| is_filled(gap) || of_outliers.contains(gap));
         if !gaps.is_empty() {
-            let filled = fill_gaps(known, take, seen.view(), &gaps, &|_| ());
+            let filled = fill_gaps(known, &take.with_xyz(seen.view()), &gaps, &|_| ());
             for (gap, filled) in gaps.iter().zip(&filled) {
                 put_filled(&mut out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
             }

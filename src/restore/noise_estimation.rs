@@ -3,6 +3,7 @@
 use super::frame_estimator::{FrameEstimator, displacement};
 use super::pose_model::PoseModel;
 use super::rigid::noise_floor::NoiseFloor;
+use super::take::Take;
 use crate::numeric::statistics::median;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
@@ -126,14 +127,13 @@ pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<
 /// where there is none, `model` measures some frames, given beside it in its own order of points.
 pub fn by_point(
     model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
+    take: &Take<'_>,
     given: Option<f64>,
 ) -> Vec<f64> {
     if let Some(noise) = given {
-        return vec![noise; xyz.ncols() / 3];
+        return vec![noise; take.xyz.ncols() / 3];
     }
-    let measured = from_time(xyz, runs);
+    let measured = from_time(take.xyz, take.runs);
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if let Some((model, in_model)) = model.filter(|_| known.is_empty()) {
         let step = in_model.nrows().div_ceil(SAMPLED_FRAMES).max(1);

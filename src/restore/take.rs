@@ -24,6 +24,16 @@ pub struct Take<'a> {
     pub rate: f64,
 }
 
+impl<'a> Take<'a> {
+    /// The take with other values for its points, some of which may be missing.
+    pub fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
+    where
+        'a: 'b,
+    {
+        Take { xyz, ..*self }
+    }
+}
+
 /// A method that restores the frames of a table, in the table's order of points:
 /// [`super::Complete`], [`super::Denoise`] or [`super::Clean`].
 pub trait Method {
@@ -66,6 +76,8 @@ pub struct PointMapping<'a> {
     pub model: &'a PoseModel,
     /// The table's point that is each of the model's.
     points: Vec<Option<usize>>,
+    /// The number of points of the table.
+    table_points: usize,
     /// Whether the points are those of another skeleton: the model knows roughly what their poses
     /// look like, and nothing of how they are placed on the body.
     pub is_other_skeleton: bool,
@@ -100,6 +112,7 @@ impl<'a> PointMapping<'a> {
         Ok(PointMapping {
             model,
             points,
+            table_points: names.len(),
             is_other_skeleton,
         })
     }
@@ -144,10 +157,10 @@ impl<'a> PointMapping<'a> {
         out
     }
 
-    /// Rows in the model's order of points (n, 3 J) as rows of a table of `points` points; those
-    /// that the model does not know are NaN.
-    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>, points: usize) -> Array2<f64> {
-        moved(rows, points, self.pairs())
+    /// Rows in the model's order of points (n, 3 J) as rows of the table; points that the model does
+    /// not know are NaN.
+    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        moved(rows, self.table_points, self.pairs())
     }
 
     /// Rows of the table in the model's order of points; points that the table lacks are missing.
