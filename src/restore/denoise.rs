@@ -75,22 +75,9 @@ impl Method for Denoise {
     ) -> TakeResult {
         // A model of another skeleton says nothing about noise.
         let mapping = mapping.filter(|mapping| !mapping.is_other_skeleton);
-        // 1. Outliers.
-        let (mut outliers, adapted) = match self.outliers {
-            true => find_outliers(mapping, take, self.noise),
-            false => (Outliers::none(take.xyz.nrows()), None),
-        };
-        // 2. The paths of the other points, smoothed. Outliers that are where the rest of the take
-        // expects them are none: then with them.
-        let smooth = |outliers: &Outliers| {
-            let seen = outliers.removed_from(take.xyz);
-            SmoothedTake::new(mapping, &take.with_xyz(seen.view()), self.noise)
-        };
-        let mut smoothed = smooth(&outliers);
-        if outliers.accept_expected(adapted.as_ref(), take, &smoothed) {
-            smoothed = smooth(&outliers);
-        }
-        // 3. The model for the body that the smoothed frames show.
+        // 1. The outliers, and the paths of the other points, smoothed.
+        let (outliers, smoothed) = self.smooth(mapping, take);
+        // 2. The model for the body that the smoothed frames show.
         let noise_left = smoothed.noise_left();
         let adapted = mapping.map(|mapping| {
             let seen = mapping.gather(smoothed.mean.view());
@@ -98,25 +85,15 @@ impl Method for Denoise {
             prior.with_lengths_from(seen.view(), noise_left)
         });
         let known = (adapted.as_ref()).filter(|a| a.knows(smoothed.mean.view(), noise_left));
-        // 4. What the model expects in each frame.
+        // 3. What the model expects in each frame.
         let expected = known.map(|adapted| ModelEstimates::new(adapted, &smoothed, take, done));
-        // 5. The smoothed points, drawn there by as much as they are noisy.
+        // 4. The smoothed points, drawn there by as much as they are noisy.
         let mut out = TakeResult::captured(take.xyz);
         out.take_alone = adapted.is_some() && known.is_none();
         out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
         put_denoised(&mut out, take, &smoothed, expected.as_ref());
-        // 6. Outliers filled, and what was missing where that is wanted.
-        let seen = outliers.removed_from(out.xyz.view());
-        let mut gaps = find_gaps(seen.view(), take.runs);
-        let of_outliers = outliers.gaps(&gaps);
-        let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
-        gaps.retain(|gap| is_filled(gap) || of_outliers.contains(gap));
-        if !gaps.is_empty() {
-            let filled = fill_gaps(known, &take.with_xyz(seen.view()), &gaps, &|_| ());
-            for (gap, filled) in gaps.iter().zip(&filled) {
-                put_filled(&mut out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
-            }
-        }
+        // 5. Outliers filled, and what was missing where that is wanted.
+        self.fill(&mut out, take, &outliers, known);
         out
     }
 }
@@ -187,6 +164,50 @@ impl DenoisedFrame {
 }
 
 impl Denoise {
+    /// The outliers of a take, and the paths of the other points smoothed. Outliers that are where
+    /// the rest of the take expects them are none: then with them.
+    fn smooth(
+        &self,
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+    ) -> (Outliers, SmoothedTake) {
+        let (mut outliers, adapted) = match self.outliers {
+            true => find_outliers(mapping, take, self.noise),
+            false => (Outliers::none(take.xyz.nrows()), None),
+        };
+        let smooth = |outliers: &Outliers| {
+            let seen = outliers.removed_from(take.xyz);
+            SmoothedTake::new(mapping, &take.with_xyz(seen.view()), self.noise)
+        };
+        let mut smoothed = smooth(&outliers);
+        if outliers.accept_expected(adapted.as_ref(), take, &smoothed) {
+            smoothed = smooth(&outliers);
+        }
+        (outliers, smoothed)
+    }
+
+    /// Fills the outliers of a denoised take; with [`Denoise::fill`] its missing points too.
+    fn fill(
+        &self,
+        out: &mut TakeResult,
+        take: &Take<'_>,
+        outliers: &Outliers,
+        known: Option<&AdaptedPrior<'_>>,
+    ) {
+        let seen = outliers.removed_from(out.xyz.view());
+        let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
+        let mut gaps = find_gaps(seen.view(), take.runs);
+        gaps.retain(|gap| is_filled(gap) || outliers.is_in(gap));
+        if gaps.is_empty() {
+            return;
+        }
+        let seen = take.with_xyz(seen.view());
+        let filled = fill_gaps(known, &seen, &gaps, &|_| ());
+        for (gap, filled) in gaps.iter().zip(&filled) {
+            put_filled(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
+        }
+    }
+
     /// Denoises one frame (1, 3 J).
     fn frame(&self, mapping: &PointMapping<'_>, frame: ArrayView2<'_, f64>) -> DenoisedFrame {
         let y = frame.row(0).to_vec();

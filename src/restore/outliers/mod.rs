@@ -62,11 +62,9 @@ impl Outliers {
         without(xyz, &self.points)
     }
 
-    /// The gaps with a frame in which the point is an outlier; in others it may be missing.
-    pub fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
-        let is_outlier =
-            |gap: &&Gap| (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point));
-        gaps.iter().filter(is_outlier).cloned().collect()
+    /// Whether a gap has a frame in which the point is an outlier; in others it may be missing.
+    pub fn is_in(&self, gap: &Gap) -> bool {
+        (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point))
     }
 
     /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
@@ -83,7 +81,8 @@ impl Outliers {
         }
         let (xyz, noise) = (take.xyz, &smoothed.noise);
         let rest = take.with_xyz(smoothed.mean.view());
-        let gaps = self.gaps(&find_gaps(rest.xyz, rest.runs));
+        let mut gaps = find_gaps(rest.xyz, rest.runs);
+        gaps.retain(|gap| self.is_in(gap));
         let filled = fill_gaps(adapted, &rest, &gaps, &|_| ());
         let mut is_any = false;
         for (gap, filled) in gaps.iter().zip(&filled) {
@@ -143,8 +142,8 @@ fn find_by_model<'m>(
     noise: Option<f64>,
 ) -> (Outliers, AdaptedPrior<'m>) {
     let xyz = mapping.gather(take.xyz);
-    let take = take.with_xyz(xyz.view());
-    let (spikes, clean, typical) = spikes_in_rounds(mapping.model, &take, noise);
+    let take = &take.with_xyz(xyz.view());
+    let (spikes, clean, typical) = spikes_in_rounds(mapping.model, take, noise);
     let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
     let mut points = by_distances(&adapted, &take.with_xyz(clean.view()), typical);
     for (points, spikes) in points.iter_mut().zip(&spikes) {
