@@ -11,6 +11,7 @@ mod frame_state;
 mod leave_one_out;
 pub mod rigid_likelihood;
 mod trajectory;
+mod tuning;
 
 use crate::numeric::parallel;
 use crate::restore::adapted_prior::AdaptedPrior;
@@ -22,22 +23,8 @@ use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
 pub use trajectory::spikes_of_take;
 use trajectory::{spikes_by_time, spikes_in_rounds, without};
-
-/// Least noise of a clean point, cm.
-const LEAST_NOISE: f64 = 0.01;
-/// Frames on either side that count as evidence. In frames, not seconds: each is a measurement of
-/// its own.
-const NEIGHBORS: usize = 10;
-/// Evidence for outliers that suffices, in nats: of the frame alone; of the frame and its
-/// neighbors; of the neighbors on each side, where the frame has none itself.
-const ALONE: f64 = 3.0;
-const TOGETHER: f64 = 8.0;
-const EITHER_SIDE: f64 = 5.0;
-/// A point more likely an outlier than this is one.
-pub const LIKELY: f64 = 0.5;
-/// An outlier within this many standard deviations of where the rest of the take expects it is
-/// none.
-const EXPECTED: f64 = 3.0;
+pub use tuning::search::LIKELY;
+use tuning::search::*;
 
 /// The outliers of a take.
 pub struct Outliers {
@@ -156,7 +143,7 @@ fn find_by_model<'m>(
 /// coordinates, cm.
 fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<Vec<usize>> {
     let xyz = take.xyz;
-    let floors = parallel::map_chunks(xyz.nrows(), 64, |range| {
+    let floors = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
         let floor = |t: usize| adapted.rigid.noise_floor(&xyz.row(t).to_vec());
         range.map(floor).collect::<Vec<_>>()
     })

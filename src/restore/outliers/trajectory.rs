@@ -10,6 +10,7 @@
 //! 3. Spikes after which the path does not continue as before are none: the point jumped and stays
 //!    where it is.
 
+use super::tuning::trajectory::*;
 use crate::numeric::parallel;
 use crate::restore::noise_estimation;
 use crate::restore::pose_model::PoseModel;
@@ -17,30 +18,6 @@ use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::{Deref, Range};
-
-/// Largest acceleration, cm/s²: that of a heel that strikes the ground.
-const MOST: f64 = 2e4;
-/// Largest acceleration for as long as spikes last, cm/s².
-const MOST_LONG: f64 = 5e3;
-/// Largest fourth derivative of a path, cm/s⁴.
-const MOST_BENT: f64 = 4e8;
-/// Least deviation of a spike, cm.
-const LEAST: f64 = 1.5;
-/// Standard deviations of noise that are allowed for.
-const SURE: f64 = 5.0;
-/// Neighbors on each side, and how far away they may be in seconds; at least as many frames.
-const NEIGHBORS: usize = 3;
-const REACH: f64 = 0.05;
-/// A point that agrees with fewer than one in this many pairs of neighbors is a spike.
-const AGREE: usize = 3;
-/// Frames within which only the largest deviation is a spike.
-const APART: usize = 3;
-/// Rounds of the first test. Spikes found in one are no neighbors in the next.
-const TIMES: usize = 3;
-/// Largest number of rounds of the second test.
-const ROUNDS: usize = 50;
-/// Rounds of both tests, each with the noise that is left without the spikes of the one before.
-const NOISE_ROUNDS: usize = 2;
 
 /// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
 /// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
