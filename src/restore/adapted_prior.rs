@@ -4,16 +4,12 @@ use super::frame_estimator::FrameEstimator;
 use super::pose_model::length_sd;
 use super::rigid::RigidModel;
 use super::take::PointMapping;
+use super::tuning::adapted_prior::*;
 use crate::numeric::parallel;
 use crate::pose::Similarity;
 use crate::prior::Prior;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
-
-/// Frames by which a model is judged to know a take.
-const JUDGED_FRAMES: usize = 50;
-/// Noise under which that can be judged, cm.
-const JUDGED_NOISE: f64 = 0.3;
 
 /// A model's prior and rigid distances, carried to the body of one take.
 pub struct AdaptedPrior<'a> {

@@ -16,24 +16,11 @@
 use super::kalman_smoother::{Smoothed, smooth};
 use super::noise_estimation;
 use super::take::{PointMapping, Take};
+use super::tuning::adaptive_smoothing::*;
 use crate::numeric::parallel;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::{Array1, Array2, ArrayView2};
 use std::ops::Range;
-
-/// Densities of white acceleration, cm²/s³: from a body at rest to a punch.
-const DENSITIES: [f64; 16] = [
-    1e1, 3e1, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 1e9,
-];
-/// Frames that risks are averaged over, at least, and λ^¼ times.
-const LEAST_FRAMES: f64 = 6.0;
-const FRAMES: f64 = 8.0;
-/// Sharpness of the weights: the variance of risks, in noise variances.
-const SPREAD: f64 = 4.0;
-/// The noise variance that motion without any reads as, cm².
-const MOTION_VARIANCE: f64 = 2e-4;
-/// The least noise variance that a path is smoothed by, cm².
-pub const LEAST_VARIANCE: f64 = 1e-8;
 
 /// The paths of a take, smoothed point by point, in the table's order of points.
 pub struct SmoothedTake {

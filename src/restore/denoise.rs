@@ -13,17 +13,9 @@ use super::model_estimates::ModelEstimates;
 use super::noise_estimation;
 use super::outliers::{LIKELY, Outliers, find_outliers};
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
+use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
 use crate::pose::Status;
 use ndarray::ArrayView2;
-
-/// Noise assumed to measure the body of one frame by, cm, where none is given.
-const UNKNOWN_NOISE: f64 = 2.0;
-/// A point that moves by no more, cm, is unchanged.
-const UNCHANGED: f64 = 1e-9;
-/// The variance of a coordinate about the model's estimate that the noise is weighed against, cm².
-/// On 9 CMU takes of subjects 01, 02, 07 and 6 of other people, under noise of .1 to 5.6 cm, takes
-/// so denoised are nowhere worse than captured, smoothed alone or filtered (Butterworth).
-const MODEL_VARIANCE: f64 = 0.04;
 
 /// How to denoise.
 #[derive(Debug, Clone, PartialEq)]
@@ -216,7 +208,7 @@ impl Denoise {
             // A noise that is given is that of clean points where it is small, and of all points
             // otherwise.
             let noise = match self.noise {
-                Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise),
+                Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise),
                 None => noise_estimation::is_worth_searching(floor)
                     .then(|| noise_estimation::rounded(floor.sd)),
             };

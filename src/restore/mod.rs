@@ -39,6 +39,7 @@ pub mod restoration;
 mod restorer;
 pub mod rigid;
 mod take;
+mod tuning;
 
 pub use clean::Clean;
 pub use complete::Complete;

@@ -4,16 +4,11 @@ use super::frame_estimator::{FrameEstimator, displacement};
 use super::pose_model::PoseModel;
 use super::rigid::noise_floor::NoiseFloor;
 use super::take::Take;
+use super::tuning::noise_estimation::*;
 use crate::numeric::statistics::median;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
-
-/// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
-/// everything is noise unless the distances say otherwise.
-pub const NEARLY_CLEAN: f64 = 1.0;
-/// Frames that the model measures the noise of where motion says nothing.
-const SAMPLED_FRAMES: usize = 20;
 
 /// Whether a frame with this noise floor is searched for outliers.
 pub fn is_worth_searching(floor: &NoiseFloor) -> bool {
