@@ -157,8 +157,8 @@ impl<'a> PointMapping<'a> {
         out
     }
 
-    /// Rows in the model's order of points (n, 3 J) as rows of the table; points that the model does
-    /// not know are NaN.
+    /// Rows in the model's order of points (n, 3 J) as rows of the table; points that the model
+    /// does not know are NaN.
     pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
         moved(rows, self.table_points, self.pairs())
     }

@@ -29,8 +29,7 @@ pub struct GapFiller<'a, 't> {
 }
 
 impl<'a, 't> GapFiller<'a, 't> {
-    /// Fills the `gaps` of a take; `others` are training poses of a model in the pelvis's frame
-    /// (n, 3 J), cm, where points that it does not know are NaN.
+    /// Measures what is known of a take and its points, to fill its `gaps`.
     pub fn new(
         take: &'a Take<'t>,
         gaps: &'a [Gap],
@@ -45,9 +44,9 @@ impl<'a, 't> GapFiller<'a, 't> {
         }
     }
 
-    /// `None` for a gap that cannot be filled: there is nothing to learn from, or no body could
-    /// follow the estimate, and the point's path is not smooth enough. Beside it the last estimate
-    /// of each gap that no body could follow.
+    /// Fills the gaps. `None` for one that cannot be filled: there is nothing to learn from, or no
+    /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
+    /// last estimate of each gap that no body could follow.
     pub fn fill(
         mut self,
         done: &(dyn Fn(usize) + Sync),
