@@ -14,8 +14,9 @@ use super::tuning::rigid_likelihood::*;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
-use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations, is_seen};
+use crate::restore::rigid::distances::{deviations, is_seen};
 use crate::restore::rigid::noise_floor;
+use crate::restore::rigid::tuning::outliers::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE};
 
 /// Prior log odds of an outlier.
 pub fn log_odds() -> f64 {

@@ -82,7 +82,7 @@ pub mod leave_one_out {
 
 /// Assignments of undecided points.
 pub mod assignment {
-    use crate::restore::rigid::distances::MIN_OUTLIER_VARIANCE;
+    use crate::restore::rigid::tuning::outliers::MIN_OUTLIER_VARIANCE;
 
     /// How wrong a prior may be: weight, factor of its variance, variance added (cm²).
     pub const SCALES: [(f64, f64, f64); 4] = [

@@ -1,6 +1,5 @@
 //! Observed distances between rigid pairs of points.
 
-pub use super::tuning::distances::*;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 

@@ -16,7 +16,7 @@ pub mod distances;
 mod jacobian;
 pub mod noise_floor;
 pub mod projection;
-mod tuning;
+pub(super) mod tuning;
 pub mod uncertainty;
 
 use crate::Result;

@@ -10,8 +10,8 @@
 //! b and the body (L, V) maximize it over a grid.
 
 use super::body_lengths::{BodyMixture, Lengths};
-use super::distances::{OUTLIER_SHARE, deviations};
-use super::tuning::noise_floor::*;
+use super::distances::deviations;
+use super::tuning::{noise_floor::*, outliers::OUTLIER_SHARE};
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_product;
 use crate::prior::EXACT_VARIANCE;

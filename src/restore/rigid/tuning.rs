@@ -21,8 +21,8 @@ pub mod model {
     pub const CORRELATED: f64 = 0.5;
 }
 
-/// Outliers of a frame.
-pub mod distances {
+/// Outliers of a frame, here and in [`crate::restore::outliers`].
+pub mod outliers {
     use crate::pose::ASF_UNIT_CM;
 
     /// Prior probability of a point to be an outlier.
@@ -40,7 +40,7 @@ pub mod body_lengths {
 
 /// The noise of a frame.
 pub mod noise_floor {
-    use super::distances::MIN_OUTLIER_VARIANCE;
+    use crate::restore::rigid::tuning::outliers::MIN_OUTLIER_VARIANCE;
 
     /// Noise floors tried, cm.
     pub const BASES: [f64; 12] = [
