@@ -4,11 +4,9 @@
 //! prints Δyₚ where ỹₚ must stand; with Δ the bones would not hang together.) Cost: one pass over
 //! the points.
 
+use super::tuning::bones::*;
 use crate::pose::Skeleton;
 use glam::DVec3;
-
-/// Shorter than this (centimeters) a segment has no direction.
-const NO_LENGTH: f64 = 1e-9;
 
 /// Bones of fixed length between points.
 #[derive(Debug, Clone, PartialEq)]

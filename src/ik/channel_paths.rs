@@ -1,6 +1,7 @@
 //! The missing values of a BVH file by time alone, as an animator's curve has them, and how far
 //! joints are off then.
 
+use super::tuning::channel_paths::*;
 use crate::io::Bvh;
 use crate::io::bvh::BvhSkeleton;
 use crate::numeric::pchip::pchip;
@@ -10,15 +11,6 @@ use glam::DVec3;
 use ndarray::Array2;
 use std::collections::HashMap;
 use std::ops::Range;
-
-/// Gaps that are simulated for one that is there.
-const SIMULATED: usize = 12;
-/// Fewer say nothing.
-const LEAST_SIMULATED: usize = 3;
-/// Places that are tried for them.
-const TRIED: usize = 400;
-/// Frames on either side of a gap that its path is led by.
-const SIDE: usize = 2;
 
 /// The motion of `bvh` (frames, channels; radians and centimeters) with each missing value on a
 /// smooth path (PCHIP) from those before to those after, angles unwound; at the ends of the take

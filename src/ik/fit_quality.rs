@@ -6,20 +6,11 @@
 //! cm already: the smaller limit counts. (A leg of 40 cm has both limits equal; 5% of an adult's is
 //! twice 2 cm.) The shares are what remains for bodies in another unit.
 
+use super::tuning::fit_quality::*;
 use crate::numeric::statistics::median;
 use crate::pose::{PointNaming, Poses, joints};
 use glam::DVec3;
 
-/// Mean distance over which a fit is poor: share of the leg, and cm.
-const POOR: (f64, f64) = (0.05, 2.0);
-/// Mean distance over which a fit is none.
-const FAILED: (f64, f64) = (0.25, 10.0);
-/// The leg's share of a body's largest extent, where the names tell no leg.
-const LEG: f64 = 0.5;
-/// A smaller share of the joints of a whole body's skeleton is half a body. Skeletons of fewer
-/// joints are parts anyway.
-const FEWEST_DRIVEN: f64 = 0.5;
-const WHOLE_BODY: usize = 12;
 /// Words in the names of points that hang on the skeleton and do not drive it: skin, or joints too
 /// small to tell a fit by.
 const HANGING: [&str; 11] = [

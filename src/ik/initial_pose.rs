@@ -8,19 +8,12 @@
 //! skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the
 //! solution.
 
+use super::tuning::{bones::*, initial_pose::*};
 use crate::pose::kinematics::Posture;
 use crate::pose::rotation::{Axis, decompose, nearest_equivalent_angle, shortest_arc};
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
-
-/// Shorter than this (centimeters) a bone has no direction.
-const NO_LENGTH: f64 = 1e-9;
-/// What holds a bone's twist to the frame before, and to that of its parent, against the next
-/// joints, as shares of its squared length. A neck bent by ten degrees has .03, an elbow at a right
-/// angle .3. The second is for straight limbs: it takes a hundred frames.
-const TWIST_HELD: f64 = 0.1;
-const TWIST_REST: f64 = 0.001;
 
 /// A joint that a bone carries: the target and its place from the bone's start in the rest posture.
 type Carried = (usize, DVec3);

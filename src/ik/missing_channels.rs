@@ -9,6 +9,7 @@
 
 use super::channel_paths::{Joints, interpolated, variances};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
+use super::tuning::missing_channels::*;
 use crate::io::Bvh;
 use crate::io::bvh::{BvhPoints, BvhSkeleton};
 use crate::numeric::parallel;
@@ -16,13 +17,6 @@ use crate::pose::Poses;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
-
-/// Holds what the joints leave open to the path, cm² a squared radian.
-const PATH_WEIGHT: f64 = 1e-2;
-/// No position is surer than this, cm².
-const LEAST_VARIANCE: f64 = 1e-2;
-/// Frames of one parallel task.
-const CHUNK: usize = 8;
 
 /// How sure positions are.
 #[derive(Debug, Clone, Copy)]

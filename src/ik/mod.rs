@@ -12,6 +12,7 @@ pub(crate) mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
+mod tuning;
 
 pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::{PositionSd, solve_missing_channels};

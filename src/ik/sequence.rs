@@ -8,25 +8,13 @@
 use super::bone_normalization::BoneNormalizer;
 use super::initial_pose::InitialPose;
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
+use super::tuning::sequence::*;
 use crate::pose::Skeleton;
 use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-
-/// Weight that holds the values that the joints leave open to the frame before, cm² a squared
-/// radian.
-const PREVIOUS_WEIGHT: f64 = 1e-4;
-/// Weight that draws them to the rest posture: so little that it takes a hundred frames.
-const REST_WEIGHT: f64 = 1e-6;
-/// A noisy take's share of its mean squared misfit: one centimeter of noise is about 0.4 radians of
-/// twist.
-const NOISE_WEIGHT: f64 = 5.0;
-/// How often the first frame follows itself.
-const FIRST_FRAME_ROUNDS: usize = 100;
-/// A root-mean-square misfit (centimeters a joint) below which nothing is searched for.
-const FITS: f64 = 1e-4;
 
 /// How a take is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -233,15 +221,15 @@ impl<'a> SequenceFitter<'a> {
     /// Finds the first posture, from many starts.
     fn solve_first_frame(&mut self, y: &[f64]) {
         self.bones.normalize(y, &mut self.targets);
-        let far = self.settings.restarts.saturating_mul(4);
+        let far = self.settings.restarts.saturating_mul(FIRST_FRAME_STARTS);
         let mut q = self.rest.clone();
         // The twist of each bone follows the frame before, here itself: settle it before it can be
         // seen to move.
         for _ in 0..FIRST_FRAME_ROUNDS {
             self.initial_pose.apply(&self.targets, &mut q);
         }
-        let mut best = self.solve(q, 0.0, 1e-4);
-        self.restart(&mut best, far, 0.0, 1e-4, FITS);
+        let mut best = self.solve(q, 0.0, FIRST_REST_WEIGHT);
+        self.restart(&mut best, far, 0.0, FIRST_REST_WEIGHT, FITS);
         if self.settings.solve.limits {
             self.solver.clamp(&mut best.q);
         } else {
@@ -324,11 +312,11 @@ impl<'a> SequenceFitter<'a> {
             let tries = self.settings.restarts;
             self.restart(&mut best, tries, previous_weight, REST_WEIGHT, limit);
             // A skeleton that cannot fit must not cost a search every frame.
-            let helped = best.misfit < 0.25 * found;
+            let helped = best.misfit < HELPED * found;
             let pause = if helped {
                 0
             } else {
-                (2 * self.pause.1).clamp(2, 64)
+                (2 * self.pause.1).clamp(PAUSE.0, PAUSE.1)
             };
             self.pause = (pause, pause);
         }
@@ -337,8 +325,8 @@ impl<'a> SequenceFitter<'a> {
         }
         out.unconverged += usize::from(!best.converged && !fits(&best));
         if seen > 0 {
-            // About the last twenty frames.
-            self.typical_misfit += 0.05 * (best.misfit / seen as f64 - self.typical_misfit);
+            self.typical_misfit +=
+                TYPICAL_SHARE * (best.misfit / seen as f64 - self.typical_misfit);
         }
         self.q = best.q;
     }

@@ -15,15 +15,13 @@
 //! the start.
 
 use super::tree_cholesky::solve_tree;
+use super::tuning::solver::*;
 use crate::pose::Skeleton;
 use crate::pose::kinematics::{DofMotion, Posture};
 use glam::DVec3;
 
 /// The most values a skeleton may have: the normal equations are stored as a full matrix.
 pub(crate) const MAX_DOFS: usize = 1200;
-
-/// Ends when a step lowers E by less than this share of it: noise leaves an E that no step removes.
-const RELATIVE_TOLERANCE: f64 = 1e-4;
 
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,8 +37,8 @@ pub struct IkSettings {
 impl Default for IkSettings {
     fn default() -> Self {
         IkSettings {
-            iterations: 40,
-            tolerance: 1e-9,
+            iterations: STEPS,
+            tolerance: TOLERANCE,
             limits: false,
         }
     }
@@ -158,7 +156,7 @@ impl<'a> IkSolver<'a> {
 
     /// The weight of a value in the terms that regularization it.
     fn weight(&self, i: usize, w: f64) -> f64 {
-        if self.angle[i] { w } else { 0.01 * w }
+        if self.angle[i] { w } else { LENGTH_WEIGHT * w }
     }
 
     /// Σ w |f − y|² over the targets that are there, for the values `q`.
@@ -214,14 +212,14 @@ impl<'a> IkSolver<'a> {
             iterations: 0,
             converged: self.free.is_empty(),
         };
-        let mut damping = 1e-6;
+        let mut damping = DAMPING;
         while !out.converged && out.iterations < self.settings.iterations {
             if !self.set_normal_equations(targets, regularization, q) {
                 break;
             }
             // Steps that do not lower E are tried again, shorter; the step after one of them starts
             // from what did.
-            let mut relax = 0.1;
+            let mut relax = RELAX;
             loop {
                 out.iterations += 1;
                 let moved = self.step(damping, q);
@@ -239,17 +237,17 @@ impl<'a> IkSolver<'a> {
                     out.converged = energy - e <= self.settings.tolerance + RELATIVE_TOLERANCE * e;
                     q.copy_from_slice(&trial);
                     (energy, misfit) = (e, m);
-                    damping = (damping * relax).max(1e-12);
+                    damping = (damping * relax).max(LEAST_DAMPING);
                 }
                 self.trial = trial;
                 if better {
                     break;
                 }
-                damping = (damping * 10.0).max(1e-3);
-                relax = 0.5;
+                damping = (damping * RAISE).max(LEAST_RAISED);
+                relax = RELAX_RETRIED;
                 // Nothing gets better even a hair's breadth away: this is a minimum, to rounding.
-                if damping > 1e8 || out.iterations >= self.settings.iterations {
-                    out.converged = damping > 1e8 || e - energy <= self.settings.tolerance;
+                if damping > MOST_DAMPING || out.iterations >= self.settings.iterations {
+                    out.converged = damping > MOST_DAMPING || e - energy <= self.settings.tolerance;
                     (out.energy, out.misfit) = (energy, misfit);
                     return out;
                 }
@@ -351,7 +349,7 @@ impl<'a> IkSolver<'a> {
         let mut step = self.gradient.clone();
         for (a, &i) in self.free.iter().enumerate() {
             // The floor damps what no target moves: cm² a squared radian.
-            normal[a * n + a] += damping * (normal[a * n + a] + 1e-3);
+            normal[a * n + a] += damping * (normal[a * n + a] + FLOOR);
             // At a limit that the step would cross: stay there.
             let held = self.limits.get(i).is_some_and(|&(low, high)| {
                 (q[i] <= low && step[a] > 0.0) || (q[i] >= high && step[a] < 0.0)

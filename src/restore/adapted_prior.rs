@@ -4,16 +4,12 @@ use super::frame_estimator::FrameEstimator;
 use super::pose_model::length_sd;
 use super::rigid::RigidModel;
 use super::take::PointMapping;
+use super::tuning::adapted_prior::*;
 use crate::numeric::parallel;
 use crate::pose::Similarity;
 use crate::prior::Prior;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
-
-/// Frames by which a model is judged to know a take.
-const JUDGED_FRAMES: usize = 50;
-/// Noise under which that can be judged, cm.
-const JUDGED_NOISE: f64 = 0.3;
 
 /// A model's prior and rigid distances, carried to the body of one take.
 pub(crate) struct AdaptedPrior<'a> {
@@ -40,6 +36,16 @@ impl<'a> AdaptedPrior<'a> {
             prior: model.prior_for(frames, noise),
             rigid: Cow::Borrowed(&model.rigid),
         }
+    }
+
+    /// The prior and the rigid distances of the body that `frames` (m, 3 J, in the model's order;
+    /// cm) of one take show, seen with `noise` (standard deviation of a coordinate, cm).
+    pub fn measured(
+        mapping: &'a PointMapping<'a>,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedPrior<'a> {
+        AdaptedPrior::new(mapping, frames, noise).with_lengths_from(frames, noise)
     }
 
     /// Rigid distances of the body too, as uncertain as lengths are that were measured in `frames`
@@ -72,14 +78,14 @@ impl<'a> AdaptedPrior<'a> {
         self.prior.is_none()
     }
 
-    /// The training poses as the body would take them, in the order of the `points` points of the
-    /// table (n, 3 J), cm; points that the model does not know are NaN. `None` where the model
-    /// keeps none, or not in the pelvis's frame.
-    pub(crate) fn training_poses(&self, points: usize) -> Option<Array2<f64>> {
+    /// The training poses as the body would take them, in the table's order of points (n, 3 J), cm;
+    /// points that the model does not know are NaN. `None` where the model keeps none, or not in
+    /// the pelvis's frame.
+    pub fn training_poses(&self) -> Option<Array2<f64>> {
         let estimator = self.estimator();
         estimator.anchor.filter(|a| a.root.is_some())?;
         let poses = estimator.prior.training_poses()?;
-        Some(self.mapping.rows_of_table(poses.view(), points))
+        Some(self.mapping.rows_of_table(poses.view()))
     }
 
     /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;

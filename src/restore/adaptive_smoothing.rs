@@ -16,24 +16,11 @@
 use super::kalman_smoother::{Smoothed, smooth};
 use super::noise_estimation;
 use super::take::{PointMapping, Take};
+use super::tuning::adaptive_smoothing::*;
 use crate::numeric::parallel;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::{Array1, Array2, ArrayView2};
 use std::ops::Range;
-
-/// Densities of white acceleration, cm²/s³: from a body at rest to a punch.
-const DENSITIES: [f64; 16] = [
-    1e1, 3e1, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 1e9,
-];
-/// Frames that risks are averaged over, at least, and λ^¼ times.
-const LEAST_FRAMES: f64 = 6.0;
-const FRAMES: f64 = 8.0;
-/// Sharpness of the weights: the variance of risks, in noise variances.
-const SPREAD: f64 = 4.0;
-/// The noise variance that motion without any reads as, cm².
-const MOTION_VARIANCE: f64 = 2e-4;
-/// The least noise variance that a path is smoothed by, cm².
-pub(crate) const LEAST_VARIANCE: f64 = 1e-8;
 
 /// The paths of a take, smoothed point by point, in the table's order of points.
 pub(crate) struct SmoothedTake {
@@ -46,19 +33,18 @@ pub(crate) struct SmoothedTake {
 }
 
 impl SmoothedTake {
-    /// Smooths the paths of a take, of which `seen` (frames, 3 J; cm) are no outliers; `noise` is
-    /// the standard deviation of a coordinate, cm, if known.
-    pub(crate) fn new(
+    /// Smooths the paths of a take without outliers; `noise` is the standard deviation of a
+    /// coordinate, cm, if known.
+    pub fn new(
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
-        seen: Array2<f64>,
         noise: Option<f64>,
     ) -> SmoothedTake {
-        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(seen.view())));
+        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(take.xyz)));
         let model = (in_model.as_ref()).map(|(model, seen)| (*model, seen.view()));
-        let noise = noise_estimation::by_point(model, seen.view(), take.runs, noise);
+        let noise = noise_estimation::by_point(model, take, noise);
         let columns = parallel::map_chunks(noise.len(), 1, |range| {
-            let path = path_of(seen.view(), range.start);
+            let path = path_of(take.xyz, range.start);
             // Less what motion without noise reads as: a clean take stays as it is.
             let r = noise[range.start] * noise[range.start];
             let r = (r * r / (r + MOTION_VARIANCE)).max(LEAST_VARIANCE);
@@ -77,8 +63,8 @@ impl SmoothedTake {
             smooth
         });
         let mut out = SmoothedTake {
-            mean: seen.clone(),
-            variance: seen,
+            mean: take.xyz.to_owned(),
+            variance: take.xyz.to_owned(),
             noise,
         };
         for (i, smooth) in columns.into_iter().flatten().enumerate() {

@@ -1,14 +1,12 @@
 //! A body of an absurd size is a table in another unit.
 
+use super::tuning::body_size::*;
 use super::typical_noise;
 use crate::pose::Poses;
 use crate::pose::body::stature;
 use crate::pose::stray::points_apart;
 use crate::{Error, Place, Result};
 use ndarray::s;
-
-/// The statures of people, from the foot along the bones to the head, cm.
-const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
 
 /// Fails where the body of a table named `name`, which was read as centimeters, is not of a
 /// person's size. `points` are the names of its points at bone ends, as CMU has them; without a

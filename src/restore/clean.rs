@@ -68,19 +68,19 @@ impl Clean {
 }
 
 impl Method for Clean {
-    fn frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
-        self.complete().frames(mapping, table)
+    fn restore_frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
+        self.complete().restore_frames(mapping, table)
     }
 
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
         let mut out = match typical_noise(take.xyz, take.runs) > self.noise_limit {
-            true => self.denoise().take(mapping, take, done),
-            false => self.complete().take(mapping, take, done),
+            true => self.denoise().restore_take(mapping, take, done),
+            false => self.complete().restore_take(mapping, take, done),
         };
         let gaps = find_gaps(take.xyz, take.runs);
         let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out));

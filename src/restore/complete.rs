@@ -10,11 +10,11 @@ use super::frame_estimator::FrameEstimate;
 use super::gap::{empty_gaps, fill_gaps, find_gaps, put_filled};
 use super::noise_estimation::{typical_noise, variances};
 use super::outliers::find_outliers;
-use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult};
+use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame};
 use crate::numeric::parallel;
 use crate::pose::{Similarity, Status};
 use crate::{Error, Result};
-use ndarray::{ArrayView2, s};
+use ndarray::ArrayView2;
 
 /// How to complete.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -47,38 +47,31 @@ impl Complete {
 }
 
 impl Method for Complete {
-    fn frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
-        let xyz = mapping.gather(table);
-        let found = parallel::map_chunks(xyz.nrows(), FRAMES_PER_TASK, |range| {
-            let complete = |t: usize| {
-                let y = xyz.row(t).to_vec();
-                let is_missing = |(p, _): (usize, usize)| has_missing(&y, p);
-                if !mapping.pairs().any(is_missing) {
-                    return (None, f64::NAN);
-                }
-                let seen = xyz.slice(s![t..t + 1, ..]);
-                let adapted = AdaptedPrior::new(mapping, seen, 0.0).with_lengths_from(seen, 0.0);
-                let estimator = adapted.rigid_estimator();
-                let found = estimator.estimate(&y, &variances(&y, 0.0, &[]));
-                let novelty = found.as_ref().map_or(f64::NAN, |found| {
-                    // What the frame still lacks is that of the estimate.
-                    let all = y.iter().zip(&found.mean);
-                    let pose = all.map(|(y, m)| if y.is_finite() { *y } else { *m });
-                    estimator.novelty(&pose.collect::<Vec<_>>(), &found.placement)
-                });
-                (found, novelty)
-            };
-            range.map(complete).collect::<Vec<_>>()
-        });
-        let mut out = TakeResult::of(xyz);
-        for (t, (found, novelty)) in found.into_iter().flatten().enumerate() {
-            fill_frame(mapping, &mut out, t, found.as_ref());
+    fn restore_frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
+        let complete = |frame: ArrayView2<'_, f64>| {
+            let y = frame.row(0).to_vec();
+            let is_missing = |(p, _): (usize, usize)| has_missing(&y, p);
+            if !mapping.pairs().any(is_missing) {
+                return (None, f64::NAN);
+            }
+            let adapted = AdaptedPrior::measured(mapping, frame, 0.0);
+            let estimator = adapted.rigid_estimator();
+            let found = estimator.estimate(&y, &variances(&y, 0.0, &[]));
+            let novelty = found.as_ref().map_or(f64::NAN, |found| {
+                // What the frame still lacks is that of the estimate.
+                let all = y.iter().zip(&found.mean);
+                let pose = all.map(|(y, m)| if y.is_finite() { *y } else { *m });
+                estimator.novelty(&pose.collect::<Vec<_>>(), &found.placement)
+            });
+            (found, novelty)
+        };
+        restore_each_frame(mapping, table, complete, |out, t, (found, novelty)| {
+            fill_frame(mapping, out, t, found.as_ref());
             out.novelty[t] = novelty;
-        }
-        mapping.scatter(table, &out)
+        })
     }
 
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
@@ -94,11 +87,10 @@ impl Method for Complete {
         out.take_alone = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
         if let Some(mapping) = mapping.filter(|mapping| mapping.is_other_skeleton) {
             let seen = mapping.gather(captured.view());
-            let prior = AdaptedPrior::new(mapping, seen.view(), noise);
-            adapted = Some(prior.with_lengths_from(seen.view(), noise));
+            adapted = Some(AdaptedPrior::measured(mapping, seen.view(), noise));
         }
         let known = adapted.as_ref().filter(|_| !out.take_alone);
-        let filled = fill_gaps(known, take, captured.view(), &gaps, done);
+        let filled = fill_gaps(known, &take.with_xyz(captured.view()), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);
         }

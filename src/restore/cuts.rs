@@ -1,27 +1,11 @@
 //! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two
 //! captures, and nothing is interpolated across.
 
+use super::tuning::cuts::*;
 use crate::numeric::statistics::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
-
-/// Largest acceleration of a body, cm/s²: that of a heel that strikes the ground, and one that
-/// lasts for some frames.
-const MOST: f64 = 2e4;
-const MOST_LONG: f64 = 5e3;
-/// Least jump, cm, and least jump in medians of what the points of the take do otherwise.
-const LEAST: f64 = 5.0;
-const UNUSUAL: f64 = 5.0;
-/// Least jump at an end of a run, cm, where another pose may stand before or behind the take.
-const LEAST_AT_END: f64 = 3.0;
-/// Share of the points that jump, and how many of them there must be.
-const SHARE: f64 = 0.8;
-const POINTS: usize = 3;
-/// A body that is back within so many seconds, or frames, was never gone: all of its points were
-/// measured wrongly.
-const BACK: f64 = 0.05;
-const BACK_FRAMES: usize = 3;
 
 /// The runs of a take (frames, 3 J; cm, NaN missing) divided where the body jumps. `rate`: frames a
 /// second.

@@ -12,19 +12,10 @@ use super::gap::{Gap, fill_gaps, find_gaps, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation;
 use super::outliers::{LIKELY, Outliers, find_outliers};
-use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult};
-use crate::numeric::parallel;
+use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
+use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
 use crate::pose::Status;
-use ndarray::{ArrayView2, s};
-
-/// Noise assumed to measure the body of one frame by, cm, where none is given.
-const UNKNOWN_NOISE: f64 = 2.0;
-/// A point that moves by no more, cm, is unchanged.
-const UNCHANGED: f64 = 1e-9;
-/// The variance of a coordinate about the model's estimate that the noise is weighed against, cm².
-/// On 9 CMU takes of subjects 01, 02, 07 and 6 of other people, under noise of .1 to 5.6 cm, takes
-/// so denoised are nowhere worse than captured, smoothed alone or filtered (Butterworth).
-const MODEL_VARIANCE: f64 = 0.04;
+use ndarray::ArrayView2;
 
 /// How to denoise.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,25 +48,18 @@ impl Default for Denoise {
 }
 
 impl Method for Denoise {
-    fn frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
+    fn restore_frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
         if mapping.is_other_skeleton {
             // A model of another skeleton says nothing about noise.
             return TakeResult::captured(table);
         }
-        let xyz = mapping.gather(table);
-        let found = parallel::map_chunks(xyz.nrows(), FRAMES_PER_TASK, |range| {
-            range
-                .map(|t| self.frame(mapping, xyz.slice(s![t..t + 1, ..])))
-                .collect::<Vec<_>>()
-        });
-        let mut out = TakeResult::of(xyz);
-        for (t, found) in found.into_iter().flatten().enumerate() {
-            self.put_frame(&mut out, t, &found);
-        }
-        mapping.scatter(table, &out)
+        let restore = |frame: ArrayView2<'_, f64>| self.frame(mapping, frame);
+        restore_each_frame(mapping, table, restore, |out, t, found| {
+            self.put_frame(out, t, &found);
+        })
     }
 
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
@@ -83,24 +67,9 @@ impl Method for Denoise {
     ) -> TakeResult {
         // A model of another skeleton says nothing about noise.
         let mapping = mapping.filter(|mapping| !mapping.is_other_skeleton);
-        // 1. Outliers.
-        let (mut outliers, adapted) = match self.outliers {
-            true => find_outliers(mapping, take, self.noise),
-            false => (Outliers::none(take.xyz.nrows()), None),
-        };
-        // 2. The paths of the other points, smoothed. Outliers that are where the rest of the take
-        // expects them are none: then with them.
-        let smooth = |seen| SmoothedTake::new(mapping, take, seen, self.noise);
-        let mut smoothed = smooth(outliers.removed_from(take.xyz));
-        if outliers.points != outliers.spikes {
-            let seen = smoothed.mean.view();
-            let gaps = outliers.gaps(&find_gaps(seen, take.runs));
-            let filled = fill_gaps(adapted.as_ref(), take, seen, &gaps, &|_| ());
-            if outliers.accept_expected(take.xyz, &smoothed.noise, &gaps, &filled) {
-                smoothed = smooth(outliers.removed_from(take.xyz));
-            }
-        }
-        // 3. The model for the body that the smoothed frames show.
+        // 1. The outliers, and the paths of the other points, smoothed.
+        let (outliers, smoothed) = self.smooth(mapping, take);
+        // 2. The model for the body that the smoothed frames show.
         let noise_left = smoothed.noise_left();
         let adapted = mapping.map(|mapping| {
             let seen = mapping.gather(smoothed.mean.view());
@@ -108,25 +77,15 @@ impl Method for Denoise {
             prior.with_lengths_from(seen.view(), noise_left)
         });
         let known = (adapted.as_ref()).filter(|a| a.knows(smoothed.mean.view(), noise_left));
-        // 4. What the model expects in each frame.
+        // 3. What the model expects in each frame.
         let expected = known.map(|adapted| ModelEstimates::new(adapted, &smoothed, take, done));
-        // 5. The smoothed points, drawn there by as much as they are noisy.
+        // 4. The smoothed points, drawn there by as much as they are noisy.
         let mut out = TakeResult::captured(take.xyz);
         out.take_alone = adapted.is_some() && known.is_none();
         out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
         put_denoised(&mut out, take, &smoothed, expected.as_ref());
-        // 6. Outliers filled, and what was missing where that is wanted.
-        let seen = outliers.removed_from(out.xyz.view());
-        let mut gaps = find_gaps(seen.view(), take.runs);
-        let of_outliers = outliers.gaps(&gaps);
-        let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
-        gaps.retain(|gap| is_filled(gap) || of_outliers.contains(gap));
-        if !gaps.is_empty() {
-            let filled = fill_gaps(known, take, seen.view(), &gaps, &|_| ());
-            for (gap, filled) in gaps.iter().zip(&filled) {
-                put_filled(&mut out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
-            }
-        }
+        // 5. Outliers filled, and what was missing where that is wanted.
+        self.fill(&mut out, take, &outliers, known);
         out
     }
 }
@@ -197,6 +156,50 @@ impl DenoisedFrame {
 }
 
 impl Denoise {
+    /// The outliers of a take, and the paths of the other points smoothed. Outliers that are where
+    /// the rest of the take expects them are none: then with them.
+    fn smooth(
+        &self,
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+    ) -> (Outliers, SmoothedTake) {
+        let (mut outliers, adapted) = match self.outliers {
+            true => find_outliers(mapping, take, self.noise),
+            false => (Outliers::none(take.xyz.nrows()), None),
+        };
+        let smooth = |outliers: &Outliers| {
+            let seen = outliers.removed_from(take.xyz);
+            SmoothedTake::new(mapping, &take.with_xyz(seen.view()), self.noise)
+        };
+        let mut smoothed = smooth(&outliers);
+        if outliers.accept_expected(adapted.as_ref(), take, &smoothed) {
+            smoothed = smooth(&outliers);
+        }
+        (outliers, smoothed)
+    }
+
+    /// Fills the outliers of a denoised take; with [`Denoise::fill`] its missing points too.
+    fn fill(
+        &self,
+        out: &mut TakeResult,
+        take: &Take<'_>,
+        outliers: &Outliers,
+        known: Option<&AdaptedPrior<'_>>,
+    ) {
+        let seen = outliers.removed_from(out.xyz.view());
+        let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
+        let mut gaps = find_gaps(seen.view(), take.runs);
+        gaps.retain(|gap| is_filled(gap) || outliers.is_in(gap));
+        if gaps.is_empty() {
+            return;
+        }
+        let seen = take.with_xyz(seen.view());
+        let filled = fill_gaps(known, &seen, &gaps, &|_| ());
+        for (gap, filled) in gaps.iter().zip(&filled) {
+            put_filled(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
+        }
+    }
+
     /// Denoises one frame (1, 3 J).
     fn frame(&self, mapping: &PointMapping<'_>, frame: ArrayView2<'_, f64>) -> DenoisedFrame {
         let y = frame.row(0).to_vec();
@@ -205,7 +208,7 @@ impl Denoise {
             // A noise that is given is that of clean points where it is small, and of all points
             // otherwise.
             let noise = match self.noise {
-                Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise),
+                Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise),
                 None => noise_estimation::is_worth_searching(floor)
                     .then(|| noise_estimation::rounded(floor.sd)),
             };

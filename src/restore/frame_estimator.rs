@@ -11,15 +11,11 @@
 use super::placement::orthographic;
 use super::placement::{PlacementSolution, PlacementSolver};
 use super::rigid::{Corrected, OutlierMode, RigidModel};
+use super::tuning::frame_estimator::*;
 use crate::pose::{Anchor, Observation, Similarity};
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want};
 use glam::DVec3;
 use ndarray::ArrayView2;
-
-/// A noisier pelvis (variance of a coordinate, cm²) gives no placement to start from alone.
-const NOISY: f64 = 0.25;
-/// A point more likely an outlier than this does not place a pose.
-const SUSPECT: f64 = 0.05;
 
 /// The estimate of a frame, in world space.
 #[derive(Debug, Clone, PartialEq)]

@@ -39,6 +39,7 @@ pub(crate) mod restoration;
 mod restorer;
 pub(crate) mod rigid;
 mod take;
+mod tuning;
 
 pub use clean::Clean;
 pub use complete::Complete;

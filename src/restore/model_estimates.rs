@@ -1,19 +1,14 @@
 //! What the model expects in the smoothed frames of a take.
 
 use super::adapted_prior::AdaptedPrior;
-use super::adaptive_smoothing::{LEAST_VARIANCE, SmoothedTake, path_of, smooth_path};
+use super::adaptive_smoothing::{SmoothedTake, path_of, smooth_path};
 use super::frame_estimator::{FrameEstimate, FrameEstimator};
 use super::take::{FRAMES_PER_TASK, Take};
+use super::tuning::{adaptive_smoothing::LEAST_VARIANCE, model_estimates::*};
 use crate::numeric::parallel;
 use crate::pose::Observation;
 use glam::DVec3;
 use ndarray::{Array1, Array2};
-
-/// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to
-/// hold poses to them.
-const MEASURES_LENGTHS: f64 = 0.3;
-/// The share of the noise's variance that trembles in the estimates.
-const SHARE_LEFT: f64 = 0.02;
 
 /// The model's estimates of the smoothed frames of a take, in the table's order of points.
 pub(crate) struct ModelEstimates {

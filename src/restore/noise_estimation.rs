@@ -3,16 +3,12 @@
 use super::frame_estimator::{FrameEstimator, displacement};
 use super::pose_model::PoseModel;
 use super::rigid::noise_floor::NoiseFloor;
+use super::take::Take;
+use super::tuning::noise_estimation::*;
 use crate::numeric::statistics::median;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
-
-/// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
-/// everything is noise unless the distances say otherwise.
-pub(crate) const NEARLY_CLEAN: f64 = 1.0;
-/// Frames that the model measures the noise of where motion says nothing.
-const SAMPLED_FRAMES: usize = 20;
 
 /// Whether a frame with this noise floor is searched for outliers.
 pub(crate) fn is_worth_searching(floor: &NoiseFloor) -> bool {
@@ -126,14 +122,13 @@ pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<
 /// where there is none, `model` measures some frames, given beside it in its own order of points.
 pub(crate) fn by_point(
     model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
+    take: &Take<'_>,
     given: Option<f64>,
 ) -> Vec<f64> {
     if let Some(noise) = given {
-        return vec![noise; xyz.ncols() / 3];
+        return vec![noise; take.xyz.ncols() / 3];
     }
-    let measured = from_time(xyz, runs);
+    let measured = from_time(take.xyz, take.runs);
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if let Some((model, in_model)) = model.filter(|_| known.is_empty()) {
         let step = in_model.nrows().div_ceil(SAMPLED_FRAMES).max(1);

@@ -11,16 +11,12 @@ use super::frame_estimator::FrameEstimator;
 use super::placement::PlacementSolver;
 use super::rigid::RigidModel;
 use super::rigid::noise_floor::NoiseFloor;
+use super::tuning::pose_model::*;
 use crate::Result;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Poses, joints};
 use crate::prior::{self, OpenOptions, Prior};
 use ndarray::ArrayView2;
-
-/// A body whose bones differ from the model's by no more than this share is the model's.
-const SAME_BODY: f64 = 0.002;
-/// Standard deviation of the log ratio of bone lengths between people.
-const PEOPLE_DIFFER: f64 = 0.1;
 
 /// A pose model in memory, for poses in world space or in the model's own.
 pub struct PoseModel {

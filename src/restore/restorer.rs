@@ -28,7 +28,7 @@ use crate::io::Table;
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, s};
+use ndarray::{Array2, CowArray, Ix2, s};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -228,11 +228,11 @@ impl<'m> Restorer<'m> {
             Some((mapping, names)) if !mapping.is_other_skeleton => names,
             _ => &poses.points[..],
         };
+        let seen = hide(&poses.xyz, hidden);
         let mut out = Restoration::unchanged(table);
         let Some(rate) = rate else {
-            let xyz = hide(poses.xyz.to_owned(), hidden);
             let mapping = mapping.ok_or_else(no_model)?;
-            out.add(0, &method.frames(mapping, xyz.view()));
+            out.add(0, &method.restore_frames(mapping, seen.view()));
             return Ok(out);
         };
         let runs = poses.runs();
@@ -248,14 +248,13 @@ impl<'m> Restorer<'m> {
             let uncut = runs.len();
             let runs = split_at_cuts(poses.xyz.slice(s![frames.clone(), ..]), &runs, rate);
             out.count_cuts(runs.len() - uncut);
-            let xyz = hide(poses.xyz.slice(s![frames.clone(), ..]).to_owned(), hidden);
             let take = Take {
                 names,
-                xyz: xyz.view(),
+                xyz: seen.slice(s![frames.clone(), ..]),
                 runs: &runs,
                 rate,
             };
-            out.add(frames.start, &method.take(mapping, &take, progress));
+            out.add(frames.start, &method.restore_take(mapping, &take, progress));
         }
         Ok(out)
     }
@@ -302,7 +301,9 @@ fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
     hidden.flat_map(|p| 3 * p..3 * p + 3).collect()
 }
 
-fn hide(mut xyz: Array2<f64>, columns: &[usize]) -> Array2<f64> {
+/// The frames with some columns missing.
+fn hide<'a>(xyz: &'a Array2<f64>, columns: &[usize]) -> CowArray<'a, f64, Ix2> {
+    let mut xyz = CowArray::from(xyz);
     for &i in columns {
         xyz.column_mut(i).fill(f64::NAN);
     }

@@ -1,6 +1,7 @@
 //! A take of a table, the points of it that a model knows, and what becomes of its frames.
 
 use super::pose_model::PoseModel;
+use crate::numeric::parallel;
 use crate::pose::{FillMethod, NameMap, Status};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};
@@ -23,20 +24,50 @@ pub(crate) struct Take<'a> {
     pub rate: f64,
 }
 
+impl<'a> Take<'a> {
+    /// The take with other values for its points, some of which may be missing.
+    pub fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
+    where
+        'a: 'b,
+    {
+        Take { xyz, ..*self }
+    }
+}
+
 /// A method that restores the frames of a table, in the table's order of points:
 /// [`super::Complete`], [`super::Denoise`] or [`super::Clean`].
 pub trait Method {
     /// Restores each frame of `xyz` (frames, 3 J; cm, NaN missing) by itself.
-    fn frames(&self, mapping: &PointMapping<'_>, xyz: ArrayView2<'_, f64>) -> TakeResult;
+    fn restore_frames(&self, mapping: &PointMapping<'_>, xyz: ArrayView2<'_, f64>) -> TakeResult;
 
     /// Restores one take, with a model or without. `done` is called with numbers of frames that are
     /// finished.
-    fn take(
+    fn restore_take(
         &self,
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult;
+}
+
+/// Restores each frame of a table (frames, 3 J; cm, NaN missing) by itself, in the model's order of
+/// points: `restore` is given a frame (1, 3 J), and `put` puts what it found in place.
+pub fn restore_each_frame<F: Send>(
+    mapping: &PointMapping<'_>,
+    table: ArrayView2<'_, f64>,
+    restore: impl Fn(ArrayView2<'_, f64>) -> F + Sync,
+    put: impl Fn(&mut TakeResult, usize, F),
+) -> TakeResult {
+    let xyz = mapping.gather(table);
+    let found = parallel::map_chunks(xyz.nrows(), FRAMES_PER_TASK, |range| {
+        let frame = |t: usize| restore(xyz.slice(s![t..t + 1, ..]));
+        range.map(frame).collect::<Vec<F>>()
+    });
+    let mut out = TakeResult::of(xyz);
+    for (t, found) in found.into_iter().flatten().enumerate() {
+        put(&mut out, t, found);
+    }
+    mapping.scatter(table, &out)
 }
 
 /// The points of a table that are those of a model.
@@ -45,6 +76,8 @@ pub(crate) struct PointMapping<'a> {
     pub model: &'a PoseModel,
     /// The table's point that is each of the model's.
     points: Vec<Option<usize>>,
+    /// The number of points of the table.
+    table_points: usize,
     /// Whether the points are those of another skeleton: the model knows roughly what their poses
     /// look like, and nothing of how they are placed on the body.
     pub is_other_skeleton: bool,
@@ -79,6 +112,7 @@ impl<'a> PointMapping<'a> {
         Ok(PointMapping {
             model,
             points,
+            table_points: names.len(),
             is_other_skeleton,
         })
     }
@@ -123,10 +157,10 @@ impl<'a> PointMapping<'a> {
         out
     }
 
-    /// Rows in the model's order of points (n, 3 J) as rows of a table of `points` points; those
-    /// that the model does not know are NaN.
-    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>, points: usize) -> Array2<f64> {
-        moved(rows, points, self.pairs())
+    /// Rows in the model's order of points (n, 3 J) as rows of the table; points that the model
+    /// does not know are NaN.
+    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        moved(rows, self.table_points, self.pairs())
     }
 
     /// Rows of the table in the model's order of points; points that the table lacks are missing.

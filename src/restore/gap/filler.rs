@@ -11,44 +11,53 @@ use super::tuning::filler::*;
 use super::{FilledGap, Gap, path, weights};
 use crate::numeric::parallel;
 use crate::pose::FillMethod;
+use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 /// A take whose gaps are filled.
-pub(crate) struct GapFiller<'a> {
-    /// The names of the points (J).
-    pub names: &'a [String],
-    /// (frames, 3 J), cm; NaN missing.
-    pub captured: ArrayView2<'a, f64>,
-    /// Ranges of consecutive frames.
-    pub runs: &'a [Range<usize>],
-    /// Frames a second.
-    pub rate: f64,
+pub struct GapFiller<'a, 't> {
+    take: &'a Take<'t>,
+    gaps: &'a [Gap],
     /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does
     /// not know are NaN.
-    pub others: Option<ArrayView2<'a, f64>>,
+    others: Option<ArrayView2<'a, f64>>,
+    limits: MotionLimits,
+    known: Known,
 }
 
-impl GapFiller<'_> {
-    /// Fills `gaps`, which are those of the captured frames. `None` for a gap that cannot be
-    /// filled: there is nothing to learn from, or no body could follow the estimate, and the
-    /// point's path is not smooth enough. Beside it the last estimate of each gap that no body
-    /// could follow.
-    pub(crate) fn fill(
-        &self,
-        gaps: &[Gap],
+impl<'a, 't> GapFiller<'a, 't> {
+    /// Measures what is known of a take and its points, to fill its `gaps`.
+    pub fn new(
+        take: &'a Take<'t>,
+        gaps: &'a [Gap],
+        others: Option<ArrayView2<'a, f64>>,
+    ) -> GapFiller<'a, 't> {
+        GapFiller {
+            take,
+            gaps,
+            others,
+            limits: MotionLimits::measure(take, gaps),
+            known: Known::new(take),
+        }
+    }
+
+    /// Fills the gaps. `None` for one that cannot be filled: there is nothing to learn from, or no
+    /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
+    /// last estimate of each gap that no body could follow.
+    pub fn fill(
+        mut self,
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Option<FilledGap>>, Vec<Option<FilledGap>>) {
-        let mut known = Known::new(self.captured, self.runs, self.rate);
-        let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
+        let gaps = self.gaps;
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
         let mut implausible = filled.clone();
         for (gap, filled) in gaps.iter().zip(&mut filled) {
-            *filled = path::interpolate_rest(self.captured, gap, self.rate);
+            *filled = path::interpolate_rest(self.take.xyz, gap, self.take.rate);
             if let Some(rest) = filled {
-                known.put(gap, &rest.xyz);
+                self.known.put(gap, &rest.xyz);
             }
         }
         for mut open in by_length(gaps) {
@@ -56,8 +65,8 @@ impl GapFiller<'_> {
             let mut rounds = vec![0; gaps.len()];
             let mut now = open.clone();
             while !now.is_empty() {
-                for (gap, estimate) in self.fill_groups(gaps, &now, &known, done) {
-                    match limits.allow(self.captured, &gaps[gap], &estimate) {
+                for (gap, estimate) in self.fill_groups(&now, done) {
+                    match self.limits.allow(self.take.xyz, &gaps[gap], &estimate) {
                         true => filled[gap] = Some(estimate),
                         false => implausible[gap] = Some(estimate),
                     }
@@ -65,10 +74,10 @@ impl GapFiller<'_> {
                 for &gap in &now {
                     rounds[gap] += 1;
                     if filled[gap].is_none() {
-                        filled[gap] = self.by_path(&gaps[gap], &known);
+                        filled[gap] = self.by_path(&gaps[gap]);
                     }
                     if let Some(filled) = &filled[gap] {
-                        known.put(&gaps[gap], &filled.xyz);
+                        self.known.put(&gaps[gap], &filled.xyz);
                     }
                 }
                 let is_new = |gap: &&usize| filled[**gap].is_some();
@@ -88,32 +97,31 @@ impl GapFiller<'_> {
     }
 
     /// A gap filled by its point's own path, if that is smooth enough.
-    fn by_path(&self, gap: &Gap, known: &Known) -> Option<FilledGap> {
-        path::interpolate(self.captured, gap, self.rate, &known.paths)
+    fn by_path(&self, gap: &Gap) -> Option<FilledGap> {
+        path::interpolate(self.take.xyz, gap, self.take.rate, &self.known.paths)
     }
 
     /// Those of the gaps `open` that can be filled by what other points say; brief ones over time
     /// where there are too many.
     fn fill_groups(
         &self,
-        gaps: &[Gap],
         open: &[usize],
-        known: &Known,
         done: &(dyn Fn(usize) + Sync),
     ) -> Vec<(usize, FilledGap)> {
-        let groups = groups(gaps, open.to_vec());
+        let groups = groups(self.gaps, open.to_vec());
         let filled = parallel::map_chunks(groups.len(), 1, |range| {
             done(1);
             let (mut found, mut left) = (Vec::new(), Vec::new());
             for &k in &groups[range.start] {
-                let is_brief = groups.len() > MANY_GROUPS && gaps[k].frames.len() < SAME_LENGTH;
-                let path = is_brief.then(|| self.by_path(&gaps[k], known));
+                let gap = &self.gaps[k];
+                let is_brief = groups.len() > MANY_GROUPS && gap.frames.len() < SAME_LENGTH;
+                let path = is_brief.then(|| self.by_path(gap));
                 match path.flatten() {
                     Some(filled) => found.push((k, filled)),
                     None => left.push(k),
                 }
             }
-            found.extend(self.fill_group(gaps, &left, known));
+            found.extend(self.fill_group(&left));
             found
         });
         filled.into_iter().flatten().collect()
@@ -121,13 +129,13 @@ impl GapFiller<'_> {
 
     /// Fills the gaps of one group by what other points say, together or else each alone, if
     /// enough is known.
-    fn fill_group(&self, gaps: &[Gap], group: &[usize], known: &Known) -> Vec<(usize, FilledGap)> {
-        if let Some(filled) = self.regress(gaps, group, known) {
+    fn fill_group(&self, group: &[usize]) -> Vec<(usize, FilledGap)> {
+        if let Some(filled) = self.regress(group) {
             return group.iter().copied().zip(filled).collect();
         }
         match group {
             [_, _, ..] => {
-                let alone = |gap: &usize| self.fill_group(gaps, &[*gap], known);
+                let alone = |gap: &usize| self.fill_group(&[*gap]);
                 group.iter().flat_map(alone).collect()
             }
             _ => Vec::new(),
@@ -135,7 +143,8 @@ impl GapFiller<'_> {
     }
 
     /// Fills the gaps of one group by what other points say. `None` where too little is known.
-    fn regress(&self, gaps: &[Gap], group: &[usize], known: &Known) -> Option<Vec<FilledGap>> {
+    fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
+        let (gaps, known) = (self.gaps, &self.known);
         let of = |k: &usize| &gaps[*k].frames;
         let start = group.iter().map(|k| of(k).start).min()?;
         let end = group.iter().map(|k| of(k).end).max()?;
@@ -145,8 +154,8 @@ impl GapFiller<'_> {
         let (predictors, frames) =
             predictors(known, self.others, &around, &targets, &(start..end))?;
         let xyz = known.xyz.slice(s![around.clone(), ..]);
-        let captured = self.captured.slice(s![around.clone(), ..]);
-        let anchor = anchor(self.names, xyz, &predictors, &frames)?;
+        let captured = self.take.xyz.slice(s![around.clone(), ..]);
+        let anchor = anchor(self.take.names, xyz, &predictors, &frames)?;
         let own = LocalPoses::new(&anchor, xyz, &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
         frames
@@ -158,7 +167,7 @@ impl GapFiller<'_> {
             own: &own,
             complete: &complete,
             seconds: &known.seconds[around],
-            rate: self.rate,
+            rate: self.take.rate,
             others: others.as_ref(),
         };
         let found = weights::weigh(
@@ -179,7 +188,7 @@ impl GapFiller<'_> {
             };
             // Where the gap is shorter than the group, its own ends were estimated too.
             let error = |t: usize| {
-                let seen = self.captured.slice(s![t, 3 * point..3 * point + 3]);
+                let seen = self.take.xyz.slice(s![t, 3 * point..3 * point + 3]);
                 let error = DVec3::new(seen[0], seen[1], seen[2]) - place(t)?;
                 Some(error).filter(|e| e.is_finite())
             };
@@ -213,8 +222,8 @@ impl GapFiller<'_> {
 
     /// The frames around a gap that are learned from.
     fn window(&self, gap: &Range<usize>) -> Range<usize> {
-        let reach = (WINDOW * self.rate).ceil() as usize;
-        gap.start.saturating_sub(reach)..(gap.end + reach).min(self.captured.nrows())
+        let reach = (WINDOW * self.take.rate).ceil() as usize;
+        gap.start.saturating_sub(reach)..(gap.end + reach).min(self.take.xyz.nrows())
     }
 }
 
@@ -303,16 +312,15 @@ mod tests {
         }
         let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
         let run = 0..frames;
-        let filler = GapFiller {
+        let take = Take {
             names: &names,
-            captured: captured.view(),
+            xyz: captured.view(),
             runs: std::slice::from_ref(&run),
             rate: 120.0,
-            others: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
-        let (filled, _) = filler.fill(&gaps, &|_| {});
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| {});
         for (gap, filled) in gaps.iter().zip(&filled) {
             // At the ends of the take nothing is known on one side.
             if gap.before.is_none() || gap.after.is_none() {
@@ -324,11 +332,11 @@ mod tests {
                 assert!(off.abs() <= 0.05, "{off} at {:?}", gap.frames);
             }
         }
-        let known = Known::new(filler.captured, filler.runs, filler.rate);
+        let filler = GapFiller::new(&take, &gaps, None);
         gaps.iter().for_each(|gap| {
-            filler.by_path(gap, &known);
+            filler.by_path(gap);
         });
-        assert_eq!(known.paths.len(), points);
+        assert_eq!(filler.known.paths.len(), points);
     }
 
     #[test]
@@ -359,15 +367,14 @@ mod tests {
         }
         let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
         let run = 0..frames;
-        let filler = GapFiller {
+        let take = Take {
             names: &names,
-            captured: captured.view(),
+            xyz: captured.view(),
             runs: std::slice::from_ref(&run),
             rate: 100.0,
-            others: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
-        let (filled, _) = filler.fill(&gaps, &|_| ());
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             let filled = filled.as_ref().expect("a gap stays");
             for (i, t) in gap.frames.clone().enumerate() {

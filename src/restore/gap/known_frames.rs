@@ -1,10 +1,11 @@
 //! What is known of a take while its gaps are filled. The frames in which each point is known are a
 //! bit each: to count those that some points have in common takes a word for 64.
 
+use super::Gap;
 use super::path::PathVariances;
 use super::tuning::filler::BREAK;
-use super::{Gap, put};
-use ndarray::{Array2, ArrayView2};
+use crate::restore::take::Take;
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// Frames of one word.
@@ -25,24 +26,25 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// What the captured frames (frames, 3 J) show; `rate` in frames a second.
-    pub(crate) fn new(captured: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Known {
-        let mut seconds = vec![0.0; captured.nrows()];
-        for (k, run) in runs.iter().enumerate() {
-            (run.clone()).for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / rate);
+    /// What the captured frames show.
+    pub fn new(take: &Take<'_>) -> Known {
+        let mut seconds = vec![0.0; take.xyz.nrows()];
+        for (k, run) in take.runs.iter().enumerate() {
+            (run.clone()).for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / take.rate);
         }
         Known {
-            xyz: captured.to_owned(),
-            frames: KnownFrames::of(captured),
-            captured: KnownFrames::of(captured),
+            xyz: take.xyz.to_owned(),
+            frames: KnownFrames::of(take.xyz),
+            captured: KnownFrames::of(take.xyz),
             seconds,
             paths: PathVariances::default(),
         }
     }
 
     /// Puts a filled gap in place.
-    pub(crate) fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
-        put(&mut self.xyz, gap, xyz);
+    pub fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
+        let columns = 3 * gap.point..3 * gap.point + 3;
+        (self.xyz.slice_mut(s![gap.frames.clone(), columns])).assign(xyz);
         self.frames.add(gap.point, gap.frames.clone());
     }
 }

@@ -103,38 +103,22 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
-/// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them,
-/// else by the model.
-pub(crate) fn fill_gaps(
+/// Fills the gaps of a take: by the frames around them, else by the model.
+pub fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     take: &Take<'_>,
-    captured: ArrayView2<'_, f64>,
     gaps: &[Gap],
     done: &(dyn Fn(usize) + Sync),
 ) -> Vec<Option<FilledGap>> {
     // How the points of another skeleton go together, the take itself knows best.
     let own = adapted.filter(|adapted| !adapted.mapping.is_other_skeleton);
-    let poses = own.and_then(|adapted| adapted.training_poses(take.names.len()));
-    let filler = GapFiller {
-        names: take.names,
-        captured,
-        runs: take.runs,
-        rate: take.rate,
-        others: poses.as_ref().map(|p| p.view()),
-    };
-    let (mut filled, implausible) = filler.fill(gaps, done);
+    let poses = own.and_then(AdaptedPrior::training_poses);
+    let others = poses.as_ref().map(|p| p.view());
+    let (mut filled, implausible) = GapFiller::new(take, gaps, others).fill(done);
     if let Some(adapted) = adapted {
-        model_fill::fill(
-            adapted,
-            take,
-            captured,
-            gaps,
-            &mut filled,
-            implausible,
-            done,
-        );
+        model_fill::fill(adapted, take, gaps, &mut filled, implausible, done);
     }
-    rigid_distances::hold(captured, gaps, &mut filled);
+    rigid_distances::hold(take.xyz, gaps, &mut filled);
     filled
 }
 
@@ -194,12 +178,6 @@ pub(crate) fn empty_gaps<'a>(
             out.novelty[t] = f64::NAN;
         }
     }
-}
-
-/// Puts values of a gap (frames, 3) in place in `xyz` (frames, 3 J).
-fn put(xyz: &mut Array2<f64>, gap: &Gap, values: &Array2<f64>) {
-    let columns = 3 * gap.point..3 * gap.point + 3;
-    (xyz.slice_mut(s![gap.frames.clone(), columns])).assign(values);
 }
 
 #[cfg(test)]

@@ -24,13 +24,11 @@ use std::collections::{BTreeMap, BTreeSet};
 /// (frame, points hidden there)
 type Key = (usize, Vec<usize>);
 
-/// Fills the gaps of `captured` (frames, 3 J, in the table's order) that are left in `filled` by
-/// the model, frame by frame; one whose estimate by the frames around it was `implausible`, by the
-/// surer of both.
-pub(crate) fn fill(
+/// Fills the gaps of a take that are left in `filled` by the model, frame by frame; one whose
+/// estimate by the frames around it was `implausible`, by the surer of both.
+pub fn fill(
     adapted: &AdaptedPrior<'_>,
     take: &Take<'_>,
-    captured: ArrayView2<'_, f64>,
     gaps: &[Gap],
     filled: &mut [Option<FilledGap>],
     mut implausible: Vec<Option<FilledGap>>,
@@ -42,18 +40,18 @@ pub(crate) fn fill(
         filled[k].is_none().then_some((k, Gap { point, ..gap }))
     };
     let (left, gaps): (Vec<usize>, Vec<Gap>) = (0..gaps.len()).filter_map(of_model).unzip();
-    let estimator = adapted.rigid_estimator();
-    let seen = adapted.mapping.gather(captured);
-    let limits = MotionLimits::measure(seen.view(), take.runs, take.rate, &gaps);
+    let seen = adapted.mapping.gather(take.xyz);
+    let take = take.with_xyz(seen.view());
     let model = ModelFill {
         seen: seen.view(),
         rate: take.rate,
+        limits: MotionLimits::measure(&take, &gaps),
         estimates: BTreeMap::new(),
     };
-    let model = model.estimated(&estimator, &gaps, done);
+    let model = model.estimated(&adapted.rigid_estimator(), &gaps, done);
     let variance = |filled: &FilledGap| filled.variance.iter().sum::<f64>();
     for (k, gap) in left.into_iter().zip(&gaps) {
-        let by_model = model.fill_gap(gap, &limits);
+        let by_model = model.fill_gap(gap);
         let both = by_model.into_iter().chain(implausible[k].take());
         filled[k] = both.min_by(|a, b| variance(a).total_cmp(&variance(b)));
     }
@@ -65,6 +63,8 @@ struct ModelFill<'a> {
     seen: ArrayView2<'a, f64>,
     /// Frames a second.
     rate: f64,
+    /// What the points that have gaps can do.
+    limits: MotionLimits,
     /// Those of all frames of gaps, and of the frames at their ends with what is missing beside
     /// hidden.
     estimates: BTreeMap<Key, FrameEstimate>,
@@ -108,7 +108,7 @@ impl ModelFill<'_> {
     }
 
     /// Fills a gap; `None` where a frame of it shows too little.
-    fn fill_gap(&self, gap: &Gap, limits: &MotionLimits) -> Option<FilledGap> {
+    fn fill_gap(&self, gap: &Gap) -> Option<FilledGap> {
         let at = |values: &[f64]| DVec3::from_slice(&values[3 * gap.point..]);
         // The estimates at the gap's ends, and their errors.
         let ends: Vec<(usize, DVec3, DVec3)> = (self.ends(gap).into_iter())
@@ -150,13 +150,13 @@ impl ModelFill<'_> {
             method: FillMethod::Model,
         };
         let plain = filled(with_noise(measured), 0.0);
-        if limits.allow(self.seen, gap, &plain) {
+        if self.limits.allow(self.seen, gap, &plain) {
             return Some(plain);
         }
         let mut stronger = STRONGER
             .iter()
             .map(|&noise| filled(with_noise(noise), noise));
-        let followed = stronger.find(|f| limits.allow(self.seen, gap, f));
+        let followed = stronger.find(|f| self.limits.allow(self.seen, gap, f));
         Some(followed.unwrap_or(plain))
     }
 

@@ -3,10 +3,10 @@
 
 use super::tuning::motion_limits::*;
 use super::{FilledGap, Gap};
+use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 /// The limits of the points that have gaps.
 pub(crate) struct MotionLimits {
@@ -24,16 +24,12 @@ struct PointLimits {
 }
 
 impl MotionLimits {
-    /// Measures them in a take (frames, 3 J; cm) of `rate` frames a second.
-    pub(crate) fn measure(
-        captured: ArrayView2<'_, f64>,
-        runs: &[Range<usize>],
-        rate: f64,
-        gaps: &[Gap],
-    ) -> MotionLimits {
+    /// Measures them in a take.
+    pub fn measure(take: &Take<'_>, gaps: &[Gap]) -> MotionLimits {
+        let captured = take.xyz;
         let points: BTreeMap<usize, ()> = gaps.iter().map(|g| (g.point, ())).collect();
         let limits = |(point, ()): (usize, ())| {
-            let steps = runs.iter().flat_map(|r| r.start + 1..r.end);
+            let steps = take.runs.iter().flat_map(|r| r.start + 1..r.end);
             let steps = steps.map(|t| at(captured, t, point).distance(at(captured, t - 1, point)));
             let spread = captured.nrows().div_ceil(FRAMES).max(1);
             let stride = (captured.ncols() / 3).div_ceil(OTHERS).max(1);
@@ -55,7 +51,7 @@ impl MotionLimits {
         };
         MotionLimits {
             points: points.into_iter().map(limits).collect(),
-            any_step: ANY_SPEED / rate,
+            any_step: ANY_SPEED / take.rate,
         }
     }
 
@@ -114,12 +110,13 @@ mod tests {
             before: Some(39),
             after: Some(50),
         };
-        let limits = MotionLimits::measure(
-            xyz.view(),
-            std::slice::from_ref(&(0..100)),
-            120.0,
-            std::slice::from_ref(&gap),
-        );
+        let take = Take {
+            names: &[],
+            xyz: xyz.view(),
+            runs: std::slice::from_ref(&(0..100)),
+            rate: 120.0,
+        };
+        let limits = MotionLimits::measure(&take, std::slice::from_ref(&gap));
         let allows = |path: Array2<f64>| {
             let filled = FilledGap {
                 xyz: path,

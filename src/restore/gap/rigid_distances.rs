@@ -11,21 +11,15 @@
 //! ```
 
 use super::tuning::rigid_distances::*;
-use super::{FilledGap, Gap, put};
+use super::{FilledGap, Gap};
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::BTreeMap;
 
 /// Holds filled gaps of `captured` (frames, 3 J) to the rigid distances of the take.
-pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
-    let mut known = captured.to_owned();
-    for (gap, filled) in gaps.iter().zip(filled.iter()) {
-        if let Some(filled) = filled {
-            put(&mut known, gap, &filled.xyz);
-        }
-    }
+pub fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
     // frame -> gaps that are filled there
     let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (k, gap) in (gaps.iter().enumerate()).filter(|(k, _)| filled[*k].is_some()) {
@@ -39,20 +33,18 @@ pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Op
     let held = parallel::map_chunks(frames.len(), 16, |range| {
         let hold = |(t, here): &(usize, Vec<usize>)| {
             let points: Vec<usize> = here.iter().map(|k| gaps[*k].point).collect();
-            let mut frame = known.row(*t).to_vec();
+            let mut frame = captured.row(*t).to_vec();
             let mut variance = Vec::with_capacity(3 * here.len());
             for k in here {
                 let Some(filled) = &filled[*k] else { continue };
-                for i in 3 * gaps[*k].point..3 * gaps[*k].point + 3 {
+                let (row, first) = (t - gaps[*k].frames.start, 3 * gaps[*k].point);
+                for axis in 0..3 {
                     // What was measured of a point seen in part stays.
-                    let measured = captured[[*t, i]];
-                    let is_measured = measured.is_finite();
-                    variance.push(match is_measured {
-                        true => MEASURED,
-                        false => filled.variance[t - gaps[*k].frames.start],
-                    });
-                    if is_measured {
-                        frame[i] = measured;
+                    if frame[first + axis].is_finite() {
+                        variance.push(MEASURED);
+                    } else {
+                        frame[first + axis] = filled.xyz[[row, axis]];
+                        variance.push(filled.variance[row]);
                     }
                 }
             }
@@ -62,13 +54,13 @@ pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Op
         frames[range].iter().map(hold).collect::<Vec<_>>()
     });
     for ((t, here), (frame, variance)) in frames.iter().zip(held.into_iter().flatten()) {
-        known.row_mut(*t).assign(&ArrayView1::from(&frame));
         for (k, variance) in here.iter().zip(variance.chunks_exact(3)) {
             let gap = &gaps[*k];
             if let Some(filled) = &mut filled[*k] {
-                filled.variance[t - gap.frames.start] = variance.iter().sum::<f64>() / 3.0;
-                let columns = s![*t, 3 * gap.point..3 * gap.point + 3];
-                (filled.xyz.row_mut(t - gap.frames.start)).assign(&known.slice(columns));
+                let row = t - gap.frames.start;
+                filled.variance[row] = variance.iter().sum::<f64>() / 3.0;
+                let held = ArrayView1::from(&frame[3 * gap.point..3 * gap.point + 3]);
+                filled.xyz.row_mut(row).assign(&held);
             }
         }
     }

@@ -6,24 +6,11 @@
 
 use super::frame_state::FrameState;
 use super::rigid_likelihood::log_odds;
+use super::tuning::assignment::*;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::Posterior;
-use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, base_of};
-
-/// How wrong a prior may be: weight, factor of its variance, variance added (cm²).
-const SCALES: [(f64, f64, f64); 4] = [
-    (0.4, 1.0, 0.01 * MIN_OUTLIER_VARIANCE),
-    (0.3, 4.0, 0.05 * MIN_OUTLIER_VARIANCE),
-    (0.2, 16.0, 0.2 * MIN_OUTLIER_VARIANCE),
-    (0.1, 64.0, 0.5 * MIN_OUTLIER_VARIANCE),
-];
-/// Assignments in the beam.
-const WIDTH: usize = 16;
-/// Most assignments that are kept.
-const MOST_KEPT: usize = 8;
-/// Assignments of a smaller weight relative to the largest are dropped.
-const LEAST: f64 = 0.05;
+use crate::restore::rigid::distances::base_of;
 
 /// Which of the undecided points are outliers.
 #[derive(Debug, Clone)]

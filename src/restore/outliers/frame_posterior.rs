@@ -16,8 +16,9 @@
 //! Cost: one posterior for each likely assignment, and one more.
 
 use super::assignment::{Assignment, likely_assignments};
-use super::frame_state::{FrameState, SURE, expected_by_prior};
+use super::frame_state::{FrameState, expected_by_prior};
 use super::leave_one_out::raise_outlier_variances;
+use super::tuning::{frame_posterior::*, frame_state::SURE};
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::rigid_pairs::RigidPairs;
@@ -25,11 +26,6 @@ use crate::prior::{EXACT_VARIANCE, Posterior, Prior};
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::uncertainty;
 use ndarray::{Array2, ArrayView2, Axis, arr1};
-
-/// Factor of the log evidence of assignments: priors are too sure.
-const TEMPERATURE: f64 = 0.3;
-/// Frames of one parallel task.
-const CHUNK: usize = 16;
 
 /// A posterior with its outliers.
 #[derive(Debug, Clone)]

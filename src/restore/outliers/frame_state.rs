@@ -1,15 +1,11 @@
 //! A frame in the search for outliers: which points are undecided, and what the others are.
 
 use super::rigid_likelihood::{DistanceTerm, RigidLikelihood};
+use super::tuning::frame_state::*;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want, posterior_rows};
 use crate::restore::rigid::body_lengths::BodyMixture;
 use ndarray::Array2;
-
-/// A point is undecided if its probabilities to be clean and to be an outlier both exceed this.
-pub(crate) const SURE: f64 = 0.01;
-/// Most points hidden from the prior at a time.
-pub(crate) const MOST: usize = 12;
 
 /// A frame and what is decided of it.
 pub(crate) struct FrameState {

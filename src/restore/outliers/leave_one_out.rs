@@ -1,12 +1,9 @@
 //! A point's expectation without its own observation, and how far off an outlier is by it.
 
 use super::frame_state::FrameState;
+use super::tuning::leave_one_out::*;
 use crate::prior::Posterior;
 use glam::DMat3;
-
-/// A posterior that keeps more than this share of the observation's variance has no information but
-/// that observation.
-const MOST_OWN: f64 = 0.98;
 
 /// The expectation of a point from all observations but its own.
 struct LeaveOneOut {

@@ -11,32 +11,20 @@ mod frame_state;
 mod leave_one_out;
 pub(crate) mod rigid_likelihood;
 mod trajectory;
+mod tuning;
 
 use crate::numeric::parallel;
 use crate::restore::adapted_prior::AdaptedPrior;
-use crate::restore::gap::{FilledGap, Gap};
-use crate::restore::noise_estimation::{self, rounded};
+use crate::restore::adaptive_smoothing::SmoothedTake;
+use crate::restore::gap::{Gap, fill_gaps, find_gaps};
+use crate::restore::noise_estimation::rounded;
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
-use ndarray::{Array2, ArrayView2, Axis, s};
+use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
-
-/// Least noise of a clean point, cm.
-const LEAST_NOISE: f64 = 0.01;
-/// Rounds of spike detection. Spikes inflate the noise estimate, which hides others.
-const ROUNDS: usize = 2;
-/// Frames on either side that count as evidence. In frames, not seconds: each is a measurement of
-/// its own.
-const NEIGHBORS: usize = 10;
-/// Evidence for outliers that suffices, in nats: of the frame alone; of the frame and its
-/// neighbors; of the neighbors on each side, where the frame has none itself.
-const ALONE: f64 = 3.0;
-const TOGETHER: f64 = 8.0;
-const EITHER_SIDE: f64 = 5.0;
-/// A point more likely an outlier than this is one.
-pub(crate) const LIKELY: f64 = 0.5;
-/// An outlier within this many standard deviations of where the rest of the take expects it is
-/// none.
-const EXPECTED: f64 = 3.0;
+pub use trajectory::spikes_of_take;
+use trajectory::{spikes_by_time, spikes_in_rounds, without};
+pub use tuning::search::LIKELY;
+use tuning::search::*;
 
 /// The outliers of a take.
 pub(crate) struct Outliers {
@@ -61,25 +49,30 @@ impl Outliers {
         without(xyz, &self.points)
     }
 
-    /// The gaps with a frame in which the point is an outlier; in others it may be missing.
-    pub(crate) fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
-        let is_outlier =
-            |gap: &&Gap| (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point));
-        gaps.iter().filter(is_outlier).cloned().collect()
+    /// Whether a gap has a frame in which the point is an outlier; in others it may be missing.
+    pub fn is_in(&self, gap: &Gap) -> bool {
+        (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point))
     }
 
     /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
-    /// three standard deviations of what was `filled` in their `gaps`. `xyz` is what was captured,
-    /// `noise` that of each point, cm. Returns whether there were any.
-    pub(crate) fn accept_expected(
+    /// three standard deviations of what fills their gaps in the take `smoothed` without them.
+    /// Returns whether there were any.
+    pub fn accept_expected(
         &mut self,
-        xyz: ArrayView2<'_, f64>,
-        noise: &[f64],
-        gaps: &[Gap],
-        filled: &[Option<FilledGap>],
+        adapted: Option<&AdaptedPrior<'_>>,
+        take: &Take<'_>,
+        smoothed: &SmoothedTake,
     ) -> bool {
+        if self.points == self.spikes {
+            return false;
+        }
+        let (xyz, noise) = (take.xyz, &smoothed.noise);
+        let rest = take.with_xyz(smoothed.mean.view());
+        let mut gaps = find_gaps(rest.xyz, rest.runs);
+        gaps.retain(|gap| self.is_in(gap));
+        let filled = fill_gaps(adapted, &rest, &gaps, &|_| ());
         let mut is_any = false;
-        for (gap, filled) in gaps.iter().zip(filled) {
+        for (gap, filled) in gaps.iter().zip(&filled) {
             let Some(filled) = filled else { continue };
             for (k, t) in gap.frames.clone().enumerate() {
                 let p = gap.point;
@@ -108,8 +101,7 @@ pub(crate) fn find_outliers<'m>(
     let foreign: Vec<usize> = (0..take.names.len()).filter(is_foreign).collect();
     let columns: Vec<usize> = foreign.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
     let xyz = take.xyz.select(Axis(1), &columns);
-    let by_point = noise_estimation::by_point(None, xyz.view(), take.runs, noise);
-    let spikes = trajectory::spikes(xyz.view(), take.runs, take.rate, &by_point);
+    let spikes = spikes_by_time(&take.with_xyz(xyz.view()), noise);
     let named = |found: Vec<usize>| found.into_iter().map(|p| foreign[p]).collect();
     let spikes: Vec<Vec<usize>> = spikes.into_iter().map(named).collect();
     let Some(mapping) = mapping else {
@@ -137,71 +129,21 @@ fn find_by_model<'m>(
     noise: Option<f64>,
 ) -> (Outliers, AdaptedPrior<'m>) {
     let xyz = mapping.gather(take.xyz);
-    let noise_of = |xyz: ArrayView2<'_, f64>| {
-        noise_estimation::by_point(Some((mapping.model, xyz)), xyz, take.runs, noise)
-    };
-    let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
-    let mut clean = xyz.clone();
-    let mut by_point = noise_of(xyz.view());
-    for _ in 0..ROUNDS {
-        let before = spikes.clone();
-        let found = trajectory::spikes(xyz.view(), take.runs, take.rate, &by_point);
-        for (spikes, found) in spikes.iter_mut().zip(found) {
-            // With a smaller noise a path may no longer be one: what was found stays.
-            spikes.extend(found);
-            spikes.sort_unstable();
-            spikes.dedup();
-        }
-        if spikes == before {
-            break;
-        }
-        clean = without(xyz.view(), &spikes);
-        by_point = noise_of(clean.view());
-    }
-    // The median: the noise of a single point may be meaningless.
-    by_point.sort_by(f64::total_cmp);
-    let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
-    let prior = AdaptedPrior::new(mapping, clean.view(), typical);
-    let adapted = prior.with_lengths_from(clean.view(), typical);
-    let mut points = by_distances(&adapted, &clean, take.runs, typical);
+    let take = &take.with_xyz(xyz.view());
+    let (spikes, clean, typical) = spikes_in_rounds(mapping.model, take, noise);
+    let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
+    let mut points = by_distances(&adapted, &take.with_xyz(clean.view()), typical);
     for (points, spikes) in points.iter_mut().zip(&spikes) {
         points.extend(spikes);
     }
     (Outliers { points, spikes }, adapted)
 }
 
-/// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
-/// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
-/// needed.
-pub(crate) fn spikes_of_take(
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
-    rate: f64,
-) -> Vec<Vec<usize>> {
-    let noise = noise_estimation::by_point(None, xyz, runs, None);
-    trajectory::spikes(xyz, runs, rate, &noise)
-}
-
-/// Frames (3 J) with the given points of each missing.
-fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
-    let mut out = xyz.to_owned();
-    for (t, points) in points.iter().enumerate() {
-        for &p in points {
-            out.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
-        }
-    }
-    out
-}
-
 /// The outliers of each frame by rigid distances and the prior; `noise` is that of most
 /// coordinates, cm.
-fn by_distances(
-    adapted: &AdaptedPrior<'_>,
-    xyz: &Array2<f64>,
-    runs: &[Range<usize>],
-    noise: f64,
-) -> Vec<Vec<usize>> {
-    let floors = parallel::map_chunks(xyz.nrows(), 64, |range| {
+fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<Vec<usize>> {
+    let xyz = take.xyz;
+    let floors = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
         let floor = |t: usize| adapted.rigid.noise_floor(&xyz.row(t).to_vec());
         range.map(floor).collect::<Vec<_>>()
     })
@@ -210,9 +152,11 @@ fn by_distances(
         .iter()
         .map(|f| f.map_or(0.0, |f| f.outlier_evidence.max(0.0)))
         .collect();
-    let searched: Vec<(usize, f64)> = (pooled_over_time(&evidence, runs).into_iter().enumerate())
-        .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
-        .collect();
+    let searched: Vec<(usize, f64)> = (pooled_over_time(&evidence, take.runs)
+        .into_iter()
+        .enumerate())
+    .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
+    .collect();
     let estimator = adapted.rigid_estimator();
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {

@@ -10,18 +10,13 @@
 //!
 //! Marginals of z come from the best assignments of a beam search over the points.
 
+use super::tuning::rigid_likelihood::*;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
-use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations, is_seen};
+use crate::restore::rigid::distances::{deviations, is_seen};
 use crate::restore::rigid::noise_floor;
-
-/// Probability that an outlier's distance deviates more than its variance says.
-const FAR: f64 = 0.3;
-/// Variance of a distance under a prior that knows no bones, cm²: the lengths count beyond that.
-const PRIOR_KNOWS: f64 = 1.0;
-/// Assignments in the beam.
-const WIDTH: usize = 64;
+use crate::restore::rigid::tuning::outliers::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE};
 
 /// Prior log odds of an outlier.
 pub(crate) fn log_odds() -> f64 {

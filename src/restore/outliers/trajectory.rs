@@ -10,48 +10,92 @@
 //! 3. Spikes after which the path does not continue as before are none: the point jumped and stays
 //!    where it is.
 
+use super::tuning::trajectory::*;
 use crate::numeric::parallel;
+use crate::restore::noise_estimation;
+use crate::restore::pose_model::PoseModel;
+use crate::restore::take::Take;
 use glam::DVec3;
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::{Deref, Range};
 
-/// Largest acceleration, cm/s²: that of a heel that strikes the ground.
-const MOST: f64 = 2e4;
-/// Largest acceleration for as long as spikes last, cm/s².
-const MOST_LONG: f64 = 5e3;
-/// Largest fourth derivative of a path, cm/s⁴.
-const MOST_BENT: f64 = 4e8;
-/// Least deviation of a spike, cm.
-const LEAST: f64 = 1.5;
-/// Standard deviations of noise that are allowed for.
-const SURE: f64 = 5.0;
-/// Neighbors on each side, and how far away they may be in seconds; at least as many frames.
-const NEIGHBORS: usize = 3;
-const REACH: f64 = 0.05;
-/// A point that agrees with fewer than one in this many pairs of neighbors is a spike.
-const AGREE: usize = 3;
-/// Frames within which only the largest deviation is a spike.
-const APART: usize = 3;
-/// Rounds of the first test. Spikes found in one are no neighbors in the next.
-const TIMES: usize = 3;
-/// Largest number of rounds of the second test.
-const ROUNDS: usize = 50;
-
-/// The spikes of each frame of a take (frames, 3 J; cm, NaN missing). `runs` are ranges of
-/// consecutive frames, `rate` is in frames a second, `noise` (J) the standard deviation of a
-/// coordinate of each point, cm.
-pub(crate) fn spikes(
+/// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
+/// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
+/// needed.
+pub fn spikes_of_take(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,
-    noise: &[f64],
 ) -> Vec<Vec<usize>> {
+    let take = Take {
+        names: &[],
+        xyz,
+        runs,
+        rate,
+    };
+    spikes_by_time(&take, None)
+}
+
+/// The spikes of each frame of a take; `noise` is the standard deviation of a coordinate, cm, if
+/// known.
+pub fn spikes_by_time(take: &Take<'_>, noise: Option<f64>) -> Vec<Vec<usize>> {
+    spikes(take, &noise_estimation::by_point(None, take, noise))
+}
+
+/// The spikes of each frame of a take in the order of a model's points, the frames without them,
+/// and the noise of most points there, cm. Spikes inflate the noise estimate, which hides others.
+pub fn spikes_in_rounds(
+    model: &PoseModel,
+    take: &Take<'_>,
+    noise: Option<f64>,
+) -> (Vec<Vec<usize>>, Array2<f64>, f64) {
+    let noise_of = |xyz: ArrayView2<'_, f64>| {
+        noise_estimation::by_point(Some((model, xyz)), &take.with_xyz(xyz), noise)
+    };
+    let mut all: Vec<Vec<usize>> = vec![Vec::new(); take.xyz.nrows()];
+    let mut clean = take.xyz.to_owned();
+    let mut by_point = noise_of(take.xyz);
+    for _ in 0..NOISE_ROUNDS {
+        let before = all.clone();
+        for (all, found) in all.iter_mut().zip(spikes(take, &by_point)) {
+            // With a smaller noise a path may no longer be one: what was found stays.
+            all.extend(found);
+            all.sort_unstable();
+            all.dedup();
+        }
+        if all == before {
+            break;
+        }
+        clean = without(take.xyz, &all);
+        by_point = noise_of(clean.view());
+    }
+    // The median: the noise of a single point may be meaningless.
+    by_point.sort_by(f64::total_cmp);
+    let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
+    (all, clean, typical)
+}
+
+/// Frames (3 J) with the given points of each missing.
+pub fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
+    let mut out = xyz.to_owned();
+    for (t, points) in points.iter().enumerate() {
+        for &p in points {
+            out.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+        }
+    }
+    out
+}
+
+/// The spikes of each frame of a take; `noise` (J) is the standard deviation of a coordinate of
+/// each point, cm.
+fn spikes(take: &Take<'_>, noise: &[f64]) -> Vec<Vec<usize>> {
+    let (xyz, rate) = (take.xyz, take.rate);
     let reach = ((REACH * rate) as usize).max(NEIGHBORS);
     let of_points = parallel::map_chunks(noise.len(), 1, |points| {
         let p = points.start;
         let at = |t: usize| DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]]);
         let mut found = Vec::new();
-        for run in runs {
+        for run in take.runs {
             let path = Path {
                 places: run.clone().map(at).collect(),
                 step: 1.0 / rate,
@@ -274,7 +318,6 @@ impl Path {
 mod tests {
     use super::*;
     use crate::numeric::parallel;
-    use ndarray::{Array2, s};
     use rand::Rng;
 
     const RATE: f64 = 120.0;
@@ -295,7 +338,13 @@ mod tests {
     }
 
     fn found_in(runs: &[Range<usize>], xyz: &Array2<f64>, noise: f64) -> Vec<(usize, usize)> {
-        let spikes = spikes(xyz.view(), runs, RATE, &[noise; 2]);
+        let take = Take {
+            names: &[],
+            xyz: xyz.view(),
+            runs,
+            rate: RATE,
+        };
+        let spikes = spikes(&take, &[noise; 2]);
         let each = spikes.into_iter().enumerate();
         each.flat_map(|(t, points)| points.into_iter().map(move |p| (t, p)))
             .collect()

@@ -10,6 +10,7 @@
 //! x the placement is P1b: closed form (Horn) without a rotation prior W, damped Gauss-Newton with
 //! one. The code keeps its support where a new one would be worse, so the objective never rises.
 
+use super::tuning::alternating::*;
 use super::{PlacementSolution, PlacementSolver};
 use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -142,7 +143,7 @@ impl Alternation<'_> {
         };
         let mut tau = angles_zyx_between(&start, now);
         let mut value = cost(tau);
-        for _ in 0..10 {
+        for _ in 0..STEPS {
             let derivatives = rotation_zyx_derivatives(tau);
             let (mut normal, mut gradient) = (DMat3::from_diagonal(weights), weights * tau);
             for (a, b, w) in pairs.clone() {
@@ -162,14 +163,14 @@ impl Alternation<'_> {
                     break Some((next, next_value));
                 }
                 share /= 2.0;
-                if share < 1e-3 {
+                if share < LEAST_SHARE {
                     break None;
                 }
             };
             let Some((next, next_value)) = better else {
                 break;
             };
-            let done = value - next_value <= 1e-12 * value;
+            let done = value - next_value <= SETTLED * value;
             (tau, value) = (next, next_value);
             if done {
                 break;

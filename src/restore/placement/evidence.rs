@@ -12,6 +12,7 @@
 //! radians) and ε (shift, cm) move y to Rᵀ (exp(−δ) (y − c − ε) + c − t), with c the center of the
 //! observed points.
 
+use super::tuning::evidence::*;
 use super::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
@@ -21,20 +22,6 @@ use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_deriv
 use crate::prior::{EvidenceGradient, Prior};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
-
-/// A step expected to gain less, nats, is the last: it moves the points by a seventieth of the
-/// placement's uncertainty.
-const SETTLED: f64 = 1e-4;
-/// A search that comes this close to a known maximum, radians and cm, would end there.
-const SAME_TOP: (f64, f64) = (0.1, 3.0);
-/// Evidence has single precision: smaller gains, nats, are accepted by the gradient alone.
-const ROUGH: f64 = 1e-3;
-/// Largest rotation (radians) and shift (cm) of a step: the gradient is local.
-const FARTHEST: (f64, f64) = (0.35, 20.0);
-/// Up to this damping a step counts as Newton's own.
-const UNDAMPED: f64 = 1e-3;
-/// Damping at which the search ends.
-const MOST_DAMPED: f64 = 1e6;
 
 /// How a search ended.
 pub(crate) enum Ascent {

@@ -8,7 +8,8 @@
 
 mod alternating;
 mod evidence;
-pub(crate) mod orthographic;
+pub mod orthographic;
+mod tuning;
 
 use crate::pose::rotation::{angle_between, angles_zyx_between};
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -17,9 +18,7 @@ use crate::prior::{Prior, Reconstruction};
 use alternating::Alternation;
 use evidence::Ascent;
 use glam::DVec3;
-
-/// Starting rotations that differ by less are one, radians.
-const SAME_HEADING: f64 = 0.35;
+use tuning::solver::*;
 
 /// Parameters of the placement search.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,9 +36,9 @@ pub struct PlacementSolver {
 impl Default for PlacementSolver {
     fn default() -> Self {
         PlacementSolver {
-            headings: 4,
-            iterations: 30,
-            tolerance: 1e-5,
+            headings: HEADINGS,
+            iterations: ITERATIONS,
+            tolerance: TOLERANCE,
             rotation_prior: DVec3::ZERO,
         }
     }

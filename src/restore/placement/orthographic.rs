@@ -12,6 +12,7 @@
 //! atoms pass through the origin.
 
 use super::PlacementSolver;
+use super::tuning::orthographic::*;
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
 use crate::pose::rotation::from_rotation_vector;
@@ -33,7 +34,7 @@ pub(crate) fn restore(
         .chunks_exact(3)
         .filter(|n| n.iter().any(|v| v.is_finite()))
         .count();
-    if count < 4 {
+    if count < FEWEST_POINTS {
         return None;
     }
     let mut best: Option<(Reconstruction, DMat3, DVec3)> = None;
@@ -45,7 +46,7 @@ pub(crate) fn restore(
             .collect(),
     };
     for start in starts {
-        let solved = descend(prior, seen, start, solver.iterations.min(12));
+        let solved = descend(prior, seen, start, solver.iterations.min(ITERATIONS));
         if best
             .as_ref()
             .is_none_or(|(b, ..)| solved.0.objective < b.objective)
@@ -129,7 +130,7 @@ fn descend(
         if !(next.objective < fit.objective) {
             break;
         }
-        let settled = fit.objective - next.objective <= 1e-5 * fit.objective;
+        let settled = fit.objective - next.objective <= SETTLED * fit.objective;
         (rotation, shift, fit) = (r, t, next);
         if settled {
             break;
@@ -157,8 +158,8 @@ fn place(
     };
     let (mut turn, mut t) = (DMat3::IDENTITY, shift);
     let mut value = cost(turn, t);
-    let mut damping = 1e-3;
-    for _ in 0..15 {
+    let mut damping = DAMPING;
+    for _ in 0..STEPS {
         let mut normal = Array2::zeros((6, 6));
         let mut gradient = Array1::zeros(6);
         for &(i, y, w) in coordinates {
@@ -184,7 +185,7 @@ fn place(
         let next_t = t - DVec3::new(step[3], step[4], step[5]);
         let next = cost(next_turn, next_t);
         if next < value {
-            let settled = value - next <= 1e-9 * value;
+            let settled = value - next <= STEP_SETTLED * value;
             (turn, t, value) = (next_turn, next_t, next);
             damping /= 10.0;
             if settled {
@@ -192,7 +193,7 @@ fn place(
             }
         } else {
             damping *= 10.0;
-            if damping > 1e6 {
+            if damping > MOST_DAMPED {
                 break;
             }
         }

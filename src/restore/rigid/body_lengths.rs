@@ -3,12 +3,9 @@
 //! Each known body has a share and a Gaussian N(L, V) of its n lengths (cm, cm²); an unknown body
 //! has the mean of the known lengths and 6% of each as its standard deviation.
 
+use super::tuning::body_lengths::*;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
-
-/// Share of unknown bodies, and the standard deviation of their lengths relative to the mean of the
-/// known ones.
-const STRANGER: (f64, f64) = (0.02, 0.06);
 
 /// Independent Gaussians of n lengths.
 #[derive(Debug, Clone, PartialEq)]

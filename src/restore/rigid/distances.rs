@@ -1,13 +1,8 @@
 //! Observed distances between rigid pairs of points.
 
-use crate::pose::ASF_UNIT_CM;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
-/// Prior probability of a point to be an outlier.
-pub(crate) const OUTLIER_SHARE: f64 = 0.2;
-/// Least variance of an outlier's coordinate, cm²: (1 asf)².
-pub(crate) const MIN_OUTLIER_VARIANCE: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
     (0..3)
         .map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2))

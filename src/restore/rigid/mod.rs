@@ -14,9 +14,10 @@
 pub(crate) mod body_lengths;
 pub(crate) mod distances;
 mod jacobian;
-pub(crate) mod noise_floor;
-pub(crate) mod projection;
-pub(crate) mod uncertainty;
+pub mod noise_floor;
+pub mod projection;
+pub(super) mod tuning;
+pub mod uncertainty;
 
 use crate::Result;
 use crate::io::Model;
@@ -32,10 +33,9 @@ use ndarray::ArrayView2;
 use noise_floor::{NoiseFloor, NoiseFloorSearch};
 use projection::BodyChoice;
 use std::ops::Range;
+use tuning::model::*;
 use uncertainty::Uncertainty;
 
-/// Frames of one parallel task.
-const CHUNK: usize = 16;
 /// Largest number of points: one bit each in a 128-bit mask.
 const MOST_MASKED: usize = 128;
 
@@ -84,12 +84,6 @@ pub struct RigidModel {
     bodies: BodyMixture,
     noise_floors: NoiseFloorSearch,
 }
-
-/// Standard deviation of a person's lengths relative to the model's. Chosen among 0, .02, .04, .05
-/// and .06 on single frames of subjects 02, 07, 08, 35 and 49, one take each, with the built-in
-/// model: at .05 clean frames change by an MSE of 5e-7 to .005 asf² (.007 to .09 at 0), and sparse
-/// noise leaves .016 to .033 (.023 to .11).
-const ANYONES_SHARE: f64 = 0.05;
 
 impl RigidModel {
     /// Learns the rigid pairs of poses (m, 3 J), cm.
@@ -244,7 +238,7 @@ impl RigidModel {
                 let covariance = &posterior.covariance;
                 let uncertainty = match dense {
                     true => Uncertainty::Settled(covariance, known),
-                    false => Uncertainty::Covariance(covariance, 0.5),
+                    false => Uncertainty::Covariance(covariance, CORRELATED),
                 };
                 keep(&posterior.mean, uncertainty).into()
             },
@@ -265,17 +259,11 @@ impl RigidModel {
     }
 }
 
-/// The share of the noise variance that a posterior leaves open, for a pose like the training poses
-/// and for one unlike them.
-const KNOWN: f64 = 0.09;
-const UNKNOWN: f64 = 0.15;
-
 /// How much of a posterior's correlations the projection uses under dense noise, from 0 to 1.
 ///
 /// A posterior that leaves little open ([`KNOWN`] of the noise variance) is that of a pose like the
 /// training poses, and its correlations hold. One that leaves much ([`UNKNOWN`]) is that of a pose
-/// unlike any, and its correlations are wrong more often than right. Measured: using them always
-/// costs 7% on unseen takes; using them never costs 10% on frames of training takes.
+/// unlike any, and its correlations are wrong more often than right.
 fn known(variance: f64, noise_variance: &[f64]) -> f64 {
     let left = variance / noise_variance.iter().sum::<f64>();
     ((UNKNOWN - left) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)

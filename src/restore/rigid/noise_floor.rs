@@ -10,29 +10,12 @@
 //! b and the body (L, V) maximize it over a grid.
 
 use super::body_lengths::{BodyMixture, Lengths};
-use super::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations};
+use super::distances::deviations;
+use super::tuning::{noise_floor::*, outliers::OUTLIER_SHARE};
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_product;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
-
-/// Noise floors tried, cm.
-const BASES: [f64; 12] = [
-    0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
-];
-/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker mistaken for
-/// another is off by much more than one shifted by a few pixels.
-const SLABS: [(f64, f64); 4] = [
-    (0.5, MIN_OUTLIER_VARIANCE),
-    (0.25, 4.0 * MIN_OUTLIER_VARIANCE),
-    (0.15, 16.0 * MIN_OUTLIER_VARIANCE),
-    (0.1, 64.0 * MIN_OUTLIER_VARIANCE),
-];
-/// Least number of distances that determine a noise floor.
-const FEWEST: usize = 6;
-
-/// A body less likely than the best so far by this many nats is not tried with other noise floors.
-const HOPELESS: f64 = 20.0;
 
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -16,6 +16,7 @@
 
 use super::body_lengths::{BodyMixture, Lengths};
 use super::jacobian::{JacobianRow, jacobian, products, shared_ends, times_covariance};
+use super::tuning::projection::*;
 use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
@@ -23,18 +24,6 @@ use crate::numeric::small_linalg::{backward, factorize, forward};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{EXACT_VARIANCE, Posterior};
-
-/// Values of i tried, asf².
-const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
-/// Most steps. From the third on a step is halved where steps do not shrink, except for the last.
-const STEPS: usize = 10;
-/// Steps that compute the Jacobian anew; later steps are too small to need it.
-const TURNS: usize = 3;
-/// Largest move of a coordinate in a step, cm: on a straight limb the gradient of a distance is
-/// misleading.
-const FARTHEST: f64 = 3.0;
-/// A step that moves no coordinate by more, cm, is the last.
-const SETTLED: f64 = 2e-3;
 
 /// The body whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
