@@ -1,9 +1,10 @@
-//! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS, Gaussians,
-//! SIMD, deterministic parallelism.
+//! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS,
+//! Levenberg-Marquardt, Gaussians, SIMD, deterministic parallelism.
 
 pub mod butterworth;
 pub mod gaussian;
 pub mod lbfgs;
+pub(crate) mod levenberg_marquardt;
 pub mod linalg;
 pub mod nnls;
 pub mod parallel;
