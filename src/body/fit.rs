@@ -16,6 +16,7 @@
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};
 use crate::Result;
+use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg::Cholesky;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -26,9 +27,16 @@ use ndarray::{Array1, Array2, s};
 pub(crate) const MARKER_WEIGHT: f64 = 3.0;
 /// Markers that determine a pose at all.
 pub const FEWEST: usize = 4;
+/// Steps accepted at most.
 const MOST_STEPS: usize = 60;
 /// A step that lowers the energy by less than this share is the last.
 const SMALL: f64 = 1e-8;
+const DAMPING: Damping = Damping {
+    start: 1e-4,
+    accepted: |damping, _| (damping / 10.0).max(1e-10),
+    rejected: |damping| damping * 10.0,
+    most: 5e7,
+};
 
 /// A pose and a shape.
 #[derive(Debug, Clone, PartialEq)]
@@ -203,34 +211,24 @@ impl<'a> FitProblem<'a> {
         vec![state(vec![whole; self.model.parts()]), state(by_part)]
     }
 
-    fn descend(&self, mut state: BodyState) -> Fit {
-        let mut now = self.evaluate(&state);
-        let mut energies = vec![now.energy];
-        let mut damping = 1e-4;
-        for _ in 0..MOST_STEPS {
-            let normal = self.normal_equations(&now, &state);
-            let mut fell = None;
-            while damping < 1e8 {
-                let step = damped_step(&normal, damping);
-                let next = step.map(|step| self.moved(&state, &step));
-                let next = next.map(|next| (self.evaluate(&next), next));
-                match next {
-                    Some((at, next)) if at.energy < now.energy => {
-                        fell = Some((at, next));
-                        break;
-                    }
-                    _ => damping *= 10.0,
-                }
+    fn descend(&self, state: BodyState) -> Fit {
+        let now = self.evaluate(&state);
+        let (mut normal, mut energies) = (NormalEquations::zeros(0), Vec::new());
+        let start = (now.energy, (now, state));
+        let step = |(now, state): &(Evaluation, BodyState), damping, fresh| {
+            if fresh {
+                normal = self.normal_equations(now, state);
+                energies.push(now.energy);
             }
-            let Some((at, next)) = fell else { break };
-            damping = (damping / 10.0).max(1e-10);
-            let gain = now.energy - at.energy;
-            (now, state) = (at, next);
-            energies.push(now.energy);
-            if gain < SMALL * now.energy {
-                break;
-            }
-        }
+            let next = self.moved(state, &damped_step(&normal, damping)?);
+            let at = self.evaluate(&next);
+            Some((at.energy, (at, next)))
+        };
+        let ((now, state), _) =
+            DAMPING.minimize((MOST_STEPS, usize::MAX), (0.0, SMALL), start, step);
+        // The end is there already if steps from it were rejected.
+        energies.push(now.energy);
+        energies.dedup();
         self.finish(state, &now, energies)
     }
 

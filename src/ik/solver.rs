@@ -15,13 +15,23 @@
 //! the start.
 
 use super::tree_cholesky::solve_tree;
-use super::tuning::solver::*;
+use crate::numeric::levenberg_marquardt::Damping;
 use crate::pose::Skeleton;
 use crate::pose::kinematics::{DofMotion, Posture};
 use glam::DVec3;
 
 /// The most values a skeleton may have: the normal equations are stored as a full matrix.
-pub(crate) const MAX_DOFS: usize = 1200;
+pub const MAX_DOFS: usize = 1200;
+
+/// Ends when a step lowers E by less than this share of it: noise leaves an E that no step removes.
+const RELATIVE_TOLERANCE: f64 = 1e-4;
+/// The step after rejected ones starts from close to the damping that did.
+const DAMPING: Damping = Damping {
+    start: 1e-6,
+    accepted: |damping, first| (damping * if first { 0.1 } else { 0.5 }).max(1e-12),
+    rejected: |damping| (damping * 10.0).max(1e-3),
+    most: 1e8,
+};
 
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +99,6 @@ pub struct IkSolver<'a> {
     motions: Vec<DofMotion>,
     /// The columns of the Jacobian that move one joint, from the root on.
     columns: Vec<(usize, DVec3)>,
-    trial: Vec<f64>,
     /// Where each value stands in the system being solved.
     place: Vec<Option<usize>>,
     free: Vec<usize>,
@@ -100,6 +109,7 @@ pub struct IkSolver<'a> {
     normal: Vec<f64>,
     gradient: Vec<f64>,
     factor: Vec<f64>,
+    step: Vec<f64>,
 }
 
 impl<'a> IkSolver<'a> {
@@ -132,13 +142,13 @@ impl<'a> IkSolver<'a> {
             posture: Posture::default(),
             motions: Vec::new(),
             columns: Vec::new(),
-            trial: Vec::new(),
             place: Vec::new(),
             free: Vec::new(),
             parents: Vec::new(),
             normal: Vec::new(),
             gradient: Vec::new(),
             factor: Vec::new(),
+            step: Vec::new(),
         }
     }
 
@@ -205,60 +215,27 @@ impl<'a> IkSolver<'a> {
     ) -> IkSolution {
         self.clamp(q);
         self.select_free_values(targets, fixed);
-        let (mut energy, mut misfit) = self.energy(q, targets, regularization);
-        let mut out = IkSolution {
+        let now = self.energy(q, targets, regularization);
+        let start = (now.0, (now, q.to_vec()));
+        let (most, mut iterations) = ((self.settings.iterations, self.settings.iterations), 0);
+        let tolerance = (self.settings.tolerance, RELATIVE_TOLERANCE);
+        let (end, converged) = DAMPING.minimize(most, tolerance, start, |at, damping, fresh| {
+            iterations += 1;
+            if fresh {
+                self.set_normal_equations(targets, regularization, &at.1);
+            }
+            let next = self.step(damping, &at.1)?;
+            let now = self.energy(&next, targets, regularization);
+            Some((now.0, (now, next)))
+        });
+        let ((energy, misfit), best) = end;
+        q.copy_from_slice(&best);
+        IkSolution {
             energy,
             misfit,
-            iterations: 0,
-            converged: self.free.is_empty(),
-        };
-        let mut damping = DAMPING;
-        while !out.converged && out.iterations < self.settings.iterations {
-            if !self.set_normal_equations(targets, regularization, q) {
-                break;
-            }
-            // Steps that do not lower E are tried again, shorter; the step after one of them starts
-            // from what did.
-            let mut relax = RELAX;
-            loop {
-                out.iterations += 1;
-                let moved = self.step(damping, q);
-                if moved == Some(false) {
-                    out.converged = true;
-                    break;
-                }
-                let trial = std::mem::take(&mut self.trial);
-                let (e, m) = match moved {
-                    Some(_) => self.energy(&trial, targets, regularization),
-                    None => (f64::INFINITY, f64::INFINITY),
-                };
-                let better = e < energy;
-                if better {
-                    out.converged = energy - e <= self.settings.tolerance + RELATIVE_TOLERANCE * e;
-                    q.copy_from_slice(&trial);
-                    (energy, misfit) = (e, m);
-                    damping = (damping * relax).max(LEAST_DAMPING);
-                }
-                self.trial = trial;
-                if better {
-                    break;
-                }
-                damping = (damping * RAISE).max(LEAST_RAISED);
-                relax = RELAX_RETRIED;
-                // Nothing gets better even a hair's breadth away: this is a minimum, to rounding.
-                if damping > MOST_DAMPING || out.iterations >= self.settings.iterations {
-                    out.converged = damping > MOST_DAMPING || e - energy <= self.settings.tolerance;
-                    (out.energy, out.misfit) = (energy, misfit);
-                    return out;
-                }
-                if e - energy <= self.settings.tolerance {
-                    out.converged = true;
-                    break;
-                }
-            }
+            iterations,
+            converged: converged && energy.is_finite(),
         }
-        (out.energy, out.misfit) = (energy, misfit);
-        out
     }
 
     /// The values that a target is there for.
@@ -286,21 +263,18 @@ impl<'a> IkSolver<'a> {
         self.parents = self.free.iter().map(parent).collect();
     }
 
-    /// Sets the normal equations at `q`. `false` when something is not finite.
+    /// Sets the normal equations at `q`.
     fn set_normal_equations(
         &mut self,
         targets: &[f64],
         regularization: &Regularization,
         q: &[f64],
-    ) -> bool {
+    ) {
         self.skeleton.posture_into(q, &mut self.posture);
         self.skeleton
             .dof_motions(q, &self.posture, &mut self.motions);
         let n = self.free.len();
-        let (mut normal, mut gradient) = (
-            std::mem::take(&mut self.normal),
-            std::mem::take(&mut self.gradient),
-        );
+        let (normal, gradient) = (&mut self.normal, &mut self.gradient);
         normal.clear();
         normal.resize(n * n, 0.0);
         gradient.clear();
@@ -332,21 +306,18 @@ impl<'a> IkSolver<'a> {
                 self.weight(i, regularization.previous_weight),
                 self.weight(i, regularization.rest_weight),
             );
-            normal[a * n + a] += before + rest;
-            gradient[a] += before * (q[i] - regularization.previous[i])
+            self.normal[a * n + a] += before + rest;
+            self.gradient[a] += before * (q[i] - regularization.previous[i])
                 + rest * (q[i] - regularization.rest[i]);
         }
-        (self.normal, self.gradient) = (normal, gradient);
-        self.gradient.iter().all(|v| v.is_finite())
     }
 
-    /// Sets the next trial values: whether anything moves, or `None` when the system cannot be
-    /// solved.
-    fn step(&mut self, damping: f64, q: &[f64]) -> Option<bool> {
+    /// The values after a damped step from `q`; `None` when the system cannot be solved.
+    fn step(&mut self, damping: f64, q: &[f64]) -> Option<Vec<f64>> {
         let n = self.free.len();
-        let mut normal = std::mem::take(&mut self.factor);
-        normal.clone_from(&self.normal);
-        let mut step = self.gradient.clone();
+        self.factor.clone_from(&self.normal);
+        self.step.clone_from(&self.gradient);
+        let (normal, step) = (&mut self.factor, &mut self.step);
         for (a, &i) in self.free.iter().enumerate() {
             // The floor damps what no target moves: cm² a squared radian.
             normal[a * n + a] += damping * (normal[a * n + a] + FLOOR);
@@ -362,29 +333,19 @@ impl<'a> IkSolver<'a> {
                 step[a] = 0.0;
             }
         }
-        let solved = solve_tree(&mut normal, &self.parents, &mut step);
-        self.factor = normal;
-        if !solved {
+        if !solve_tree(normal, &self.parents, step) {
             return None;
         }
         // No joint turns by more than a radian a step: beyond that the linear model says nothing.
-        let longest = self
-            .free
-            .iter()
-            .zip(&step)
+        let moves = || self.free.iter().zip(&self.step);
+        let longest = moves()
             .filter(|(i, _)| self.angle[**i])
             .fold(0.0, |z: f64, (_, s)| z.max(s.abs()));
         let scale = if longest > 1.0 { 1.0 / longest } else { 1.0 };
-        let mut trial = std::mem::take(&mut self.trial);
-        trial.clear();
-        trial.extend_from_slice(q);
-        for (&i, s) in self.free.iter().zip(&step) {
-            trial[i] -= scale * s;
-        }
+        let mut trial = q.to_vec();
+        moves().for_each(|(&i, s)| trial[i] -= scale * s);
         self.clamp(&mut trial);
-        let moved = trial.iter().zip(q).any(|(a, b)| a != b);
-        self.trial = trial;
-        Some(moved)
+        Some(trial)
     }
 
     /// Where the joints stand for `q`.

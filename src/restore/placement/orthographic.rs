@@ -12,7 +12,7 @@
 //! atoms pass through the origin.
 
 use super::PlacementSolver;
-use super::tuning::orthographic::*;
+use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
 use crate::pose::rotation::from_rotation_vector;
@@ -20,6 +20,13 @@ use crate::pose::{PoseTransform, Similarity};
 use crate::prior::{Posterior, Prior, Reconstruction, Want};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
+
+const DAMPING: Damping = Damping {
+    start: 1e-3,
+    accepted: |damping, _| damping / 10.0,
+    rejected: |damping| damping * 10.0,
+    most: 1e6,
+};
 
 /// The posterior of a frame with partly observed points, in world axes, and its placement: from a
 /// `known` one or else from representative poses. `None` with fewer than four points.
@@ -147,7 +154,7 @@ fn place(
     rotation: DMat3,
     shift: DVec3,
 ) -> (DMat3, DVec3) {
-    let cost = |r: DMat3, t: DVec3| -> f64 {
+    let cost = |&(r, t): &(DMat3, DVec3)| -> f64 {
         coordinates
             .iter()
             .map(|&(i, y, w)| {
@@ -156,10 +163,7 @@ fn place(
             })
             .sum()
     };
-    let (mut turn, mut t) = (DMat3::IDENTITY, shift);
-    let mut value = cost(turn, t);
-    let mut damping = DAMPING;
-    for _ in 0..STEPS {
+    let step = |&(turn, t): &(DMat3, DVec3), damping: f64, _| {
         let mut normal = Array2::zeros((6, 6));
         let mut gradient = Array1::zeros(6);
         for &(i, y, w) in coordinates {
@@ -178,26 +182,14 @@ fn place(
         }
         let mut diagonal = normal.diag_mut();
         diagonal.mapv_inplace(|v| v + damping * v + 1e-9);
-        let Some(step) = cholesky_solve(normal, gradient) else {
-            break;
-        };
-        let next_turn = from_rotation_vector(-DVec3::new(step[0], step[1], step[2])) * turn;
-        let next_t = t - DVec3::new(step[3], step[4], step[5]);
-        let next = cost(next_turn, next_t);
-        if next < value {
-            let settled = value - next <= STEP_SETTLED * value;
-            (turn, t, value) = (next_turn, next_t, next);
-            damping /= 10.0;
-            if settled {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-            if damping > MOST_DAMPED {
-                break;
-            }
-        }
-    }
+        let step = cholesky_solve(normal, gradient)?;
+        let by = from_rotation_vector(-DVec3::new(step[0], step[1], step[2]));
+        let next = (by * turn, t - DVec3::new(step[3], step[4], step[5]));
+        Some((cost(&next), next))
+    };
+    let start = (DMat3::IDENTITY, shift);
+    let start = (cost(&start), start);
+    let ((turn, t), _) = DAMPING.minimize((15, 15), (0.0, 1e-9), start, step);
     (turn * rotation, t)
 }
 
