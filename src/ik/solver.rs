@@ -15,22 +15,23 @@
 //! the start.
 
 use super::tree_cholesky::solve_tree;
+use super::tuning::solver::*;
 use crate::numeric::levenberg_marquardt::Damping;
 use crate::pose::Skeleton;
 use crate::pose::kinematics::{DofMotion, Posture};
 use glam::DVec3;
 
 /// The most values a skeleton may have: the normal equations are stored as a full matrix.
-pub const MAX_DOFS: usize = 1200;
+pub(crate) const MAX_DOFS: usize = 1200;
 
-/// Ends when a step lowers E by less than this share of it: noise leaves an E that no step removes.
-const RELATIVE_TOLERANCE: f64 = 1e-4;
 /// The step after rejected ones starts from close to the damping that did.
-const DAMPING: Damping = Damping {
-    start: 1e-6,
-    accepted: |damping, first| (damping * if first { 0.1 } else { 0.5 }).max(1e-12),
-    rejected: |damping| (damping * 10.0).max(1e-3),
-    most: 1e8,
+const SCHEDULE: Damping = Damping {
+    start: DAMPING,
+    accepted: |damping, first| {
+        (damping * if first { RELAX } else { RELAX_RETRIED }).max(LEAST_DAMPING)
+    },
+    rejected: |damping| (damping * RAISE).max(LEAST_RAISED),
+    most: MOST_DAMPING,
 };
 
 /// When a solution counts as found.
@@ -219,7 +220,7 @@ impl<'a> IkSolver<'a> {
         let start = (now.0, (now, q.to_vec()));
         let (most, mut iterations) = ((self.settings.iterations, self.settings.iterations), 0);
         let tolerance = (self.settings.tolerance, RELATIVE_TOLERANCE);
-        let (end, converged) = DAMPING.minimize(most, tolerance, start, |at, damping, fresh| {
+        let (end, converged) = SCHEDULE.minimize(most, tolerance, start, |at, damping, fresh| {
             iterations += 1;
             if fresh {
                 self.set_normal_equations(targets, regularization, &at.1);

@@ -2,127 +2,127 @@
 //! named, none is recorded.
 
 /// Bones.
-pub mod bones {
+pub(crate) mod bones {
     /// Shorter than this, cm, a bone has no direction.
-    pub const NO_LENGTH: f64 = 1e-9;
+    pub(crate) const NO_LENGTH: f64 = 1e-9;
 }
 
 /// The solver of one frame (Levenberg-Marquardt).
-pub mod solver {
+pub(crate) mod solver {
     /// Steps, at most. The paper: "usually converge within 20 iterates".
-    pub const STEPS: usize = 40;
+    pub(crate) const STEPS: usize = 40;
     /// Ends when a step lowers E by less, cm².
-    pub const TOLERANCE: f64 = 1e-9;
+    pub(crate) const TOLERANCE: f64 = 1e-9;
     /// Ends when a step lowers E by less than this share of it: noise leaves an E that no step
     /// removes.
-    pub const RELATIVE_TOLERANCE: f64 = 1e-4;
+    pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-4;
     /// The weight of a length against that of an angle in what regularizes them.
-    pub const LENGTH_WEIGHT: f64 = 0.01;
+    pub(crate) const LENGTH_WEIGHT: f64 = 0.01;
     /// The damping of the first step.
-    pub const DAMPING: f64 = 1e-6;
+    pub(crate) const DAMPING: f64 = 1e-6;
     /// The damping of any step, at least.
-    pub const LEAST_DAMPING: f64 = 1e-12;
+    pub(crate) const LEAST_DAMPING: f64 = 1e-12;
     /// Damping at which the solution is a minimum, to rounding.
-    pub const MOST_DAMPING: f64 = 1e8;
+    pub(crate) const MOST_DAMPING: f64 = 1e8;
     /// Factor of the damping after a step that helped at once.
-    pub const RELAX: f64 = 0.1;
+    pub(crate) const RELAX: f64 = 0.1;
     /// Factor of the damping after a step that helped when it was tried again, shorter.
-    pub const RELAX_RETRIED: f64 = 0.5;
+    pub(crate) const RELAX_RETRIED: f64 = 0.5;
     /// Factor of the damping after a step that did not help.
-    pub const RAISE: f64 = 10.0;
+    pub(crate) const RAISE: f64 = 10.0;
     /// The damping after a step that did not help, at least.
-    pub const LEAST_RAISED: f64 = 1e-3;
+    pub(crate) const LEAST_RAISED: f64 = 1e-3;
     /// Damps what no target moves, cm² a squared radian.
-    pub const FLOOR: f64 = 1e-3;
+    pub(crate) const FLOOR: f64 = 1e-3;
 }
 
 /// The first posture, bone by bone.
-pub mod initial_pose {
+pub(crate) mod initial_pose {
     /// What holds a bone's twist to the frame before, against the next joints, as a share of its
     /// squared length. A neck bent by ten degrees has .03, an elbow at a right angle .3.
-    pub const TWIST_HELD: f64 = 0.1;
+    pub(crate) const TWIST_HELD: f64 = 0.1;
     /// What holds a bone's twist to that of its parent, as such a share. It is for straight limbs,
     /// and takes a hundred frames.
-    pub const TWIST_REST: f64 = 0.001;
+    pub(crate) const TWIST_REST: f64 = 0.001;
 }
 
 /// Frame after frame.
-pub mod sequence {
+pub(crate) mod sequence {
     /// Weight that holds the values that the joints leave open to the frame before, cm² a squared
     /// radian.
-    pub const PREVIOUS_WEIGHT: f64 = 1e-4;
+    pub(crate) const PREVIOUS_WEIGHT: f64 = 1e-4;
     /// Weight that draws them to the rest posture, cm² a squared radian: so little that it takes a
     /// hundred frames.
-    pub const REST_WEIGHT: f64 = 1e-6;
+    pub(crate) const REST_WEIGHT: f64 = 1e-6;
     /// The same weight in the first frame, which has none before it.
-    pub const FIRST_REST_WEIGHT: f64 = 1e-4;
+    pub(crate) const FIRST_REST_WEIGHT: f64 = 1e-4;
     /// A noisy take's share of its mean squared misfit: one centimeter of noise is about 0.4
     /// radians of twist.
-    pub const NOISE_WEIGHT: f64 = 5.0;
+    pub(crate) const NOISE_WEIGHT: f64 = 5.0;
     /// How often the first frame follows itself.
-    pub const FIRST_FRAME_ROUNDS: usize = 100;
+    pub(crate) const FIRST_FRAME_ROUNDS: usize = 100;
     /// The first frame is searched from this many times as many starts as another.
-    pub const FIRST_FRAME_STARTS: usize = 4;
+    pub(crate) const FIRST_FRAME_STARTS: usize = 4;
     /// A root-mean-square misfit, cm a joint, below which nothing is searched for.
-    pub const FITS: f64 = 1e-4;
+    pub(crate) const FITS: f64 = 1e-4;
     /// A search that leaves no less than this share of the misfit did not help.
-    pub const HELPED: f64 = 0.25;
+    pub(crate) const HELPED: f64 = 0.25;
     /// Frames to the next search after some that did not help, at least and at most; they double.
-    pub const PAUSE: (usize, usize) = (2, 64);
+    pub(crate) const PAUSE: (usize, usize) = (2, 64);
     /// The share of a frame in the typical misfit: about the last twenty frames.
-    pub const TYPICAL_SHARE: f64 = 0.05;
+    pub(crate) const TYPICAL_SHARE: f64 = 0.05;
 }
 
 /// How good a fit is.
-pub mod fit_quality {
+pub(crate) mod fit_quality {
     /// Mean distance over which a fit is poor: share of the leg, and cm.
-    pub const POOR: (f64, f64) = (0.05, 2.0);
+    pub(crate) const POOR: (f64, f64) = (0.05, 2.0);
     /// Mean distance over which a fit is none: share of the leg, and cm.
-    pub const FAILED: (f64, f64) = (0.25, 10.0);
+    pub(crate) const FAILED: (f64, f64) = (0.25, 10.0);
     /// The leg's share of a body's largest extent, where the names tell no leg.
-    pub const LEG: f64 = 0.5;
+    pub(crate) const LEG: f64 = 0.5;
     /// A smaller share of the joints of a whole body's skeleton is half a body.
-    pub const FEWEST_DRIVEN: f64 = 0.5;
+    pub(crate) const FEWEST_DRIVEN: f64 = 0.5;
     /// Joints of a whole body's skeleton, at least: those of fewer are parts anyway.
-    pub const WHOLE_BODY: usize = 12;
+    pub(crate) const WHOLE_BODY: usize = 12;
 }
 
 /// Missing channels by time.
-pub mod channel_paths {
+pub(crate) mod channel_paths {
     /// Gaps that are simulated for one that is there.
-    pub const SIMULATED: usize = 12;
+    pub(crate) const SIMULATED: usize = 12;
     /// Fewer simulated gaps say nothing.
-    pub const LEAST_SIMULATED: usize = 3;
+    pub(crate) const LEAST_SIMULATED: usize = 3;
     /// Places that are tried for simulated gaps.
-    pub const TRIED: usize = 400;
+    pub(crate) const TRIED: usize = 400;
     /// Frames on either side of a gap that its path is led by.
-    pub const SIDE: usize = 2;
+    pub(crate) const SIDE: usize = 2;
 }
 
 /// Missing channels by positions and time. Measured: gaps of .4 to 1 s in limbs of a MotionBuilder
 /// walk leave 1.0 cm RMS (by time alone 3.3), those of a Bandai-Namco run of 3 s 9.5 (by time
 /// alone 9.9, by positions alone 11.1).
-pub mod missing_channels {
+pub(crate) mod missing_channels {
     /// Holds what the joints leave open to the path, cm² a squared radian.
-    pub const PATH_WEIGHT: f64 = 1e-2;
+    pub(crate) const PATH_WEIGHT: f64 = 1e-2;
     /// No position is surer than this, cm².
-    pub const LEAST_VARIANCE: f64 = 1e-2;
+    pub(crate) const LEAST_VARIANCE: f64 = 1e-2;
     /// Frames of one parallel task.
-    pub const CHUNK: usize = 8;
+    pub(crate) const CHUNK: usize = 8;
 }
 
 /// Missing rotations by a cubic over time.
-pub mod rotation_paths {
+pub(crate) mod rotation_paths {
     /// Frames on either side that tell the speed there.
-    pub const SIDE: usize = 4;
+    pub(crate) const SIDE: usize = 4;
     /// The share of that speed that lasts: a motion that goes on is rarer than one that turns.
-    pub const LASTING: f64 = 0.7;
+    pub(crate) const LASTING: f64 = 0.7;
     /// The share of the solution in the mixture. Measured on 42 segments of 14 CMU takes: so it is
     /// no worse on the whole, and small motions are twice as good (3.5 degrees RMS; the straight
     /// way between the ends 7.7).
-    pub const SOLVED: f64 = 0.8;
+    pub(crate) const SOLVED: f64 = 0.8;
     /// Segments of the take that tell how far a joint leaves the straight way.
-    pub const COMPARED: usize = 60;
+    pub(crate) const COMPARED: usize = 60;
     /// A solution this many times farther off the straight way is astray.
-    pub const ASTRAY: f64 = 1.25;
+    pub(crate) const ASTRAY: f64 = 1.25;
 }

@@ -1,12 +1,12 @@
 //! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS,
 //! Levenberg-Marquardt, Gaussians, SIMD, deterministic parallelism.
 
-pub mod butterworth;
-pub mod gaussian;
-pub mod lbfgs;
+pub(crate) mod butterworth;
+pub(crate) mod gaussian;
+pub(crate) mod lbfgs;
 pub(crate) mod levenberg_marquardt;
-pub mod linalg;
-pub mod nnls;
+pub(crate) mod linalg;
+pub(crate) mod nnls;
 pub mod parallel;
 pub(crate) mod pchip;
 pub(crate) mod product;

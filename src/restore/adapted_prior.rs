@@ -40,7 +40,7 @@ impl<'a> AdaptedPrior<'a> {
 
     /// The prior and the rigid distances of the body that `frames` (m, 3 J, in the model's order;
     /// cm) of one take show, seen with `noise` (standard deviation of a coordinate, cm).
-    pub fn measured(
+    pub(crate) fn measured(
         mapping: &'a PointMapping<'a>,
         frames: ArrayView2<'_, f64>,
         noise: f64,
@@ -81,7 +81,7 @@ impl<'a> AdaptedPrior<'a> {
     /// The training poses as the body would take them, in the table's order of points (n, 3 J), cm;
     /// points that the model does not know are NaN. `None` where the model keeps none, or not in
     /// the pelvis's frame.
-    pub fn training_poses(&self) -> Option<Array2<f64>> {
+    pub(crate) fn training_poses(&self) -> Option<Array2<f64>> {
         let estimator = self.estimator();
         estimator.anchor.filter(|a| a.root.is_some())?;
         let poses = estimator.prior.training_poses()?;

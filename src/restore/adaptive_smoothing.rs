@@ -35,7 +35,7 @@ pub(crate) struct SmoothedTake {
 impl SmoothedTake {
     /// Smooths the paths of a take without outliers; `noise` is the standard deviation of a
     /// coordinate, cm, if known.
-    pub fn new(
+    pub(crate) fn new(
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
         noise: Option<f64>,

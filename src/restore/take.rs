@@ -26,7 +26,7 @@ pub(crate) struct Take<'a> {
 
 impl<'a> Take<'a> {
     /// The take with other values for its points, some of which may be missing.
-    pub fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
+    pub(crate) fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
     where
         'a: 'b,
     {
@@ -52,7 +52,7 @@ pub trait Method {
 
 /// Restores each frame of a table (frames, 3 J; cm, NaN missing) by itself, in the model's order of
 /// points: `restore` is given a frame (1, 3 J), and `put` puts what it found in place.
-pub fn restore_each_frame<F: Send>(
+pub(crate) fn restore_each_frame<F: Send>(
     mapping: &PointMapping<'_>,
     table: ArrayView2<'_, f64>,
     restore: impl Fn(ArrayView2<'_, f64>) -> F + Sync,
@@ -159,7 +159,7 @@ impl<'a> PointMapping<'a> {
 
     /// Rows in the model's order of points (n, 3 J) as rows of the table; points that the model
     /// does not know are NaN.
-    pub fn rows_of_table(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+    pub(crate) fn rows_of_table(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
         moved(rows, self.table_points, self.pairs())
     }
 

@@ -2,103 +2,103 @@
 //! rooms below stand in a `tuning` of their own. Where no measurement is named, none is recorded.
 
 /// The size of a body.
-pub mod body_size {
+pub(crate) mod body_size {
     /// The statures of people, from the foot along the bones to the head, cm.
-    pub const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
+    pub(crate) const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
 }
 
 /// Cuts of a take.
-pub mod cuts {
+pub(crate) mod cuts {
     /// Largest acceleration of a body, cm/s²: that of a heel that strikes the ground.
-    pub const MOST: f64 = 2e4;
+    pub(crate) const MOST: f64 = 2e4;
     /// Largest acceleration that lasts for some frames, cm/s².
-    pub const MOST_LONG: f64 = 5e3;
+    pub(crate) const MOST_LONG: f64 = 5e3;
     /// Least jump, cm.
-    pub const LEAST: f64 = 5.0;
+    pub(crate) const LEAST: f64 = 5.0;
     /// Least jump, in medians of what the points of the take do otherwise.
-    pub const UNUSUAL: f64 = 5.0;
+    pub(crate) const UNUSUAL: f64 = 5.0;
     /// Least jump at an end of a run, cm, where another pose may stand before or behind the take.
-    pub const LEAST_AT_END: f64 = 3.0;
+    pub(crate) const LEAST_AT_END: f64 = 3.0;
     /// Share of the points that jump, at least.
-    pub const SHARE: f64 = 0.8;
+    pub(crate) const SHARE: f64 = 0.8;
     /// Points that are seen on both sides of a jump, at least.
-    pub const POINTS: usize = 3;
+    pub(crate) const POINTS: usize = 3;
     /// A body that is back within so many seconds was never gone: all of its points were measured
     /// wrongly.
-    pub const BACK: f64 = 0.05;
+    pub(crate) const BACK: f64 = 0.05;
     /// The frames of [`BACK`], at least.
-    pub const BACK_FRAMES: usize = 3;
+    pub(crate) const BACK_FRAMES: usize = 3;
 }
 
 /// Bodies of other sizes.
-pub mod pose_model {
+pub(crate) mod pose_model {
     /// A body whose bones differ from the model's by no more than this share is the model's.
-    pub const SAME_BODY: f64 = 0.002;
+    pub(crate) const SAME_BODY: f64 = 0.002;
     /// Standard deviation of the log ratio of bone lengths between people.
-    pub const PEOPLE_DIFFER: f64 = 0.1;
+    pub(crate) const PEOPLE_DIFFER: f64 = 0.1;
 }
 
 /// Whether a model knows a take.
-pub mod adapted_prior {
+pub(crate) mod adapted_prior {
     /// Frames by which a model is judged to know a take, at most.
-    pub const JUDGED_FRAMES: usize = 50;
+    pub(crate) const JUDGED_FRAMES: usize = 50;
     /// Noise under which that can be judged, cm.
-    pub const JUDGED_NOISE: f64 = 0.3;
+    pub(crate) const JUDGED_NOISE: f64 = 0.3;
 }
 
 /// Estimates of single frames.
-pub mod frame_estimator {
+pub(crate) mod frame_estimator {
     /// A noisier pelvis (variance of a coordinate, cm²) gives no placement to start from alone.
-    pub const NOISY: f64 = 0.25;
+    pub(crate) const NOISY: f64 = 0.25;
     /// A point more likely an outlier than this probability does not place a pose.
-    pub const SUSPECT: f64 = 0.05;
+    pub(crate) const SUSPECT: f64 = 0.05;
 }
 
 /// The noise of a capture.
-pub mod noise_estimation {
+pub(crate) mod noise_estimation {
     /// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
     /// everything is noise unless the distances say otherwise.
-    pub const NEARLY_CLEAN: f64 = 1.0;
+    pub(crate) const NEARLY_CLEAN: f64 = 1.0;
     /// Frames that the model measures the noise of where motion says nothing.
-    pub const SAMPLED_FRAMES: usize = 20;
+    pub(crate) const SAMPLED_FRAMES: usize = 20;
 }
 
 /// Kalman smoothers of many strengths.
-pub mod adaptive_smoothing {
+pub(crate) mod adaptive_smoothing {
     /// Densities of white acceleration, cm²/s³: from a body at rest to a punch.
-    pub const DENSITIES: [f64; 16] = [
+    pub(crate) const DENSITIES: [f64; 16] = [
         1e1, 3e1, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 1e9,
     ];
     /// Frames that risks are averaged over, at least.
-    pub const LEAST_FRAMES: f64 = 6.0;
+    pub(crate) const LEAST_FRAMES: f64 = 6.0;
     /// Frames that risks are averaged over, as so many times λ^¼.
-    pub const FRAMES: f64 = 8.0;
+    pub(crate) const FRAMES: f64 = 8.0;
     /// Sharpness of the weights: the variance of risks, in noise variances.
-    pub const SPREAD: f64 = 4.0;
+    pub(crate) const SPREAD: f64 = 4.0;
     /// The noise variance that motion without any reads as, cm².
-    pub const MOTION_VARIANCE: f64 = 2e-4;
+    pub(crate) const MOTION_VARIANCE: f64 = 2e-4;
     /// The least noise variance that a path is smoothed by, cm².
-    pub const LEAST_VARIANCE: f64 = 1e-8;
+    pub(crate) const LEAST_VARIANCE: f64 = 1e-8;
 }
 
 /// What a model expects in a smoothed take.
-pub mod model_estimates {
+pub(crate) mod model_estimates {
     /// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough
     /// to hold poses to them.
-    pub const MEASURES_LENGTHS: f64 = 0.3;
+    pub(crate) const MEASURES_LENGTHS: f64 = 0.3;
     /// The share of the noise's variance that trembles in the estimates.
-    pub const SHARE_LEFT: f64 = 0.02;
+    pub(crate) const SHARE_LEFT: f64 = 0.02;
 }
 
 /// Denoised takes and frames.
-pub mod denoise {
+pub(crate) mod denoise {
     /// Noise assumed to measure the body of one frame by, cm, where none is given.
-    pub const UNKNOWN_NOISE: f64 = 2.0;
+    pub(crate) const UNKNOWN_NOISE: f64 = 2.0;
     /// A point that moves by no more, cm, is unchanged.
-    pub const UNCHANGED: f64 = 1e-9;
+    pub(crate) const UNCHANGED: f64 = 1e-9;
     /// The variance of a coordinate about the model's estimate that the noise is weighed against,
     /// cm². On 9 CMU takes of subjects 01, 02, 07 and 6 of other people, under noise of .1 to 5.6
     /// cm, takes so denoised are nowhere worse than captured, smoothed alone or filtered
     /// (Butterworth).
-    pub const MODEL_VARIANCE: f64 = 0.04;
+    pub(crate) const MODEL_VARIANCE: f64 = 0.04;
 }

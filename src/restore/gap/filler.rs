@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 /// A take whose gaps are filled.
-pub struct GapFiller<'a, 't> {
+pub(crate) struct GapFiller<'a, 't> {
     take: &'a Take<'t>,
     gaps: &'a [Gap],
     /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does
@@ -30,7 +30,7 @@ pub struct GapFiller<'a, 't> {
 
 impl<'a, 't> GapFiller<'a, 't> {
     /// Measures what is known of a take and its points, to fill its `gaps`.
-    pub fn new(
+    pub(crate) fn new(
         take: &'a Take<'t>,
         gaps: &'a [Gap],
         others: Option<ArrayView2<'a, f64>>,
@@ -47,7 +47,7 @@ impl<'a, 't> GapFiller<'a, 't> {
     /// Fills the gaps. `None` for one that cannot be filled: there is nothing to learn from, or no
     /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
     /// last estimate of each gap that no body could follow.
-    pub fn fill(
+    pub(crate) fn fill(
         mut self,
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Option<FilledGap>>, Vec<Option<FilledGap>>) {

@@ -27,7 +27,7 @@ pub(crate) struct Known {
 
 impl Known {
     /// What the captured frames show.
-    pub fn new(take: &Take<'_>) -> Known {
+    pub(crate) fn new(take: &Take<'_>) -> Known {
         let mut seconds = vec![0.0; take.xyz.nrows()];
         for (k, run) in take.runs.iter().enumerate() {
             (run.clone()).for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / take.rate);
@@ -42,7 +42,7 @@ impl Known {
     }
 
     /// Puts a filled gap in place.
-    pub fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
+    pub(crate) fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
         let columns = 3 * gap.point..3 * gap.point + 3;
         (self.xyz.slice_mut(s![gap.frames.clone(), columns])).assign(xyz);
         self.frames.add(gap.point, gap.frames.clone());

@@ -104,7 +104,7 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
 }
 
 /// Fills the gaps of a take: by the frames around them, else by the model.
-pub fn fill_gaps(
+pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     take: &Take<'_>,
     gaps: &[Gap],

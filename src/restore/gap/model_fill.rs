@@ -26,7 +26,7 @@ type Key = (usize, Vec<usize>);
 
 /// Fills the gaps of a take that are left in `filled` by the model, frame by frame; one whose
 /// estimate by the frames around it was `implausible`, by the surer of both.
-pub fn fill(
+pub(crate) fn fill(
     adapted: &AdaptedPrior<'_>,
     take: &Take<'_>,
     gaps: &[Gap],

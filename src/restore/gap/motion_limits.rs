@@ -25,7 +25,7 @@ struct PointLimits {
 
 impl MotionLimits {
     /// Measures them in a take.
-    pub fn measure(take: &Take<'_>, gaps: &[Gap]) -> MotionLimits {
+    pub(crate) fn measure(take: &Take<'_>, gaps: &[Gap]) -> MotionLimits {
         let captured = take.xyz;
         let points: BTreeMap<usize, ()> = gaps.iter().map(|g| (g.point, ())).collect();
         let limits = |(point, ()): (usize, ())| {

@@ -19,7 +19,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::BTreeMap;
 
 /// Holds filled gaps of `captured` (frames, 3 J) to the rigid distances of the take.
-pub fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
     // frame -> gaps that are filled there
     let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (k, gap) in (gaps.iter().enumerate()).filter(|(k, _)| filled[*k].is_some()) {

@@ -21,9 +21,9 @@ use crate::restore::noise_estimation::rounded;
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
-pub use trajectory::spikes_of_take;
+pub(crate) use trajectory::spikes_of_take;
 use trajectory::{spikes_by_time, spikes_in_rounds, without};
-pub use tuning::search::LIKELY;
+pub(crate) use tuning::search::LIKELY;
 use tuning::search::*;
 
 /// The outliers of a take.
@@ -50,14 +50,14 @@ impl Outliers {
     }
 
     /// Whether a gap has a frame in which the point is an outlier; in others it may be missing.
-    pub fn is_in(&self, gap: &Gap) -> bool {
+    pub(crate) fn is_in(&self, gap: &Gap) -> bool {
         (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point))
     }
 
     /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
     /// three standard deviations of what fills their gaps in the take `smoothed` without them.
     /// Returns whether there were any.
-    pub fn accept_expected(
+    pub(crate) fn accept_expected(
         &mut self,
         adapted: Option<&AdaptedPrior<'_>>,
         take: &Take<'_>,

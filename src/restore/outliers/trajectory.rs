@@ -22,7 +22,7 @@ use std::ops::{Deref, Range};
 /// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
 /// NaN missing). `runs` are ranges of consecutive frames, `rate` is in frames a second. No model is
 /// needed.
-pub fn spikes_of_take(
+pub(crate) fn spikes_of_take(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,
@@ -38,13 +38,13 @@ pub fn spikes_of_take(
 
 /// The spikes of each frame of a take; `noise` is the standard deviation of a coordinate, cm, if
 /// known.
-pub fn spikes_by_time(take: &Take<'_>, noise: Option<f64>) -> Vec<Vec<usize>> {
+pub(crate) fn spikes_by_time(take: &Take<'_>, noise: Option<f64>) -> Vec<Vec<usize>> {
     spikes(take, &noise_estimation::by_point(None, take, noise))
 }
 
 /// The spikes of each frame of a take in the order of a model's points, the frames without them,
 /// and the noise of most points there, cm. Spikes inflate the noise estimate, which hides others.
-pub fn spikes_in_rounds(
+pub(crate) fn spikes_in_rounds(
     model: &PoseModel,
     take: &Take<'_>,
     noise: Option<f64>,
@@ -76,7 +76,7 @@ pub fn spikes_in_rounds(
 }
 
 /// Frames (3 J) with the given points of each missing.
-pub fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
+pub(crate) fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
     let mut out = xyz.to_owned();
     for (t, points) in points.iter().enumerate() {
         for &p in points {

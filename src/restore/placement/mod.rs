@@ -8,7 +8,7 @@
 
 mod alternating;
 mod evidence;
-pub mod orthographic;
+pub(crate) mod orthographic;
 mod tuning;
 
 use crate::pose::rotation::{angle_between, angles_zyx_between};

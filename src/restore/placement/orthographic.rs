@@ -12,6 +12,7 @@
 //! atoms pass through the origin.
 
 use super::PlacementSolver;
+use super::tuning::orthographic::*;
 use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
@@ -21,11 +22,11 @@ use crate::prior::{Posterior, Prior, Reconstruction, Want};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-const DAMPING: Damping = Damping {
-    start: 1e-3,
+const SCHEDULE: Damping = Damping {
+    start: DAMPING,
     accepted: |damping, _| damping / 10.0,
     rejected: |damping| damping * 10.0,
-    most: 1e6,
+    most: MOST_DAMPED,
 };
 
 /// The posterior of a frame with partly observed points, in world axes, and its placement: from a
@@ -189,7 +190,7 @@ fn place(
     };
     let start = (DMat3::IDENTITY, shift);
     let start = (cost(&start), start);
-    let ((turn, t), _) = DAMPING.minimize((15, 15), (0.0, 1e-9), start, step);
+    let ((turn, t), _) = SCHEDULE.minimize((STEPS, STEPS), (0.0, STEP_SETTLED), start, step);
     (turn * rotation, t)
 }
 

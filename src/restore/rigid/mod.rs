@@ -14,10 +14,10 @@
 pub(crate) mod body_lengths;
 pub(crate) mod distances;
 mod jacobian;
-pub mod noise_floor;
-pub mod projection;
+pub(crate) mod noise_floor;
+pub(crate) mod projection;
 pub(super) mod tuning;
-pub mod uncertainty;
+pub(crate) mod uncertainty;
 
 use crate::Result;
 use crate::io::Model;
