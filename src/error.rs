@@ -65,6 +65,7 @@ impl Place {
         }
     }
     /// The same place with a column, bone or array named.
+    #[must_use]
     pub fn part(mut self, part: impl Into<String>) -> Self {
         self.part = Some(part.into());
         self
@@ -97,6 +98,7 @@ impl Error {
         Error::Unfit(what.into())
     }
     /// An [`Error::Unfit`] becomes [`Error::Data`] at `place`; others stay as they are.
+    #[must_use]
     pub fn at(self, place: Place) -> Self {
         match self {
             Error::Unfit(what) => Error::Data { place, what },
@@ -105,6 +107,7 @@ impl Error {
     }
     /// An [`Error::Unfit`] becomes [`Error::Usage`]: what was given are arguments. Others stay as
     /// they are.
+    #[must_use]
     pub fn into_usage(self) -> Self {
         match self {
             Error::Unfit(what) => Error::Usage(what),

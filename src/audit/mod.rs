@@ -160,7 +160,7 @@ struct Take<'a> {
 /// let takes = audit(&poses, Some(120.0), &Limits::default());
 /// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 /// ```
-pub(crate) fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
+pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
     let all_runs = poses.runs();
     let takes = poses.takes().into_iter().zip(poses.rates());
     let one = |(frames, rate): (Range<usize>, Option<f64>)| {

@@ -44,7 +44,7 @@ impl Marker {
 #[derive(Debug, Clone)]
 pub struct MarkerModel {
     /// A⁻¹ Pᵀ (V, m): how all vertices give when one marker is pulled (see
-    /// [`super::Template::solve`]).
+    /// `Template::solve`).
     pub influence: Arc<Array2<f64>>,
     /// P A⁻¹ Pᵀ (m, m): how the markers themselves give.
     pub compliance: Array2<f64>,
@@ -142,6 +142,7 @@ impl MarkerModel {
     }
 
     /// The model of one shape: it has no components any more.
+    #[must_use]
     pub fn with_shape(&self, shape: &[f64]) -> MarkerModel {
         let of_part = |part: &PartTerms| PartTerms {
             joints: part.joints.clone(),
@@ -154,6 +155,7 @@ impl MarkerModel {
     }
 
     /// The model of the same markers with other offsets.
+    #[must_use]
     pub fn with_offsets(&self, offsets: &[DVec3]) -> MarkerModel {
         let moved = self.offsets.iter().zip(offsets);
         MarkerModel {

@@ -2,7 +2,7 @@
 //!
 //! Non-rigid ICP (B. Amberg, S. Romdhani, T. Vetter: Optimal Step Nonrigid ICP Algorithms for
 //! Surface Registration, CVPR 2007) with the smoothness of deformation gradients
-//! ([`gradient_energy`](super::gradient_energy)) in place of that of the vertices' transforms,
+//! (`gradient_energy`) in place of that of the vertices' transforms,
 //! which depends on where the origin is. Hand-placed points give the start: a similarity, then the
 //! smoothest deformation that meets them. Then vertices are drawn to the nearest points of the
 //! scan, while the stiffness and the distance limit fall. Where the scan shows nothing, vertices
@@ -110,7 +110,7 @@ fn is_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
 /// `observer` is called after each of [`ROUNDS`] rounds.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: what [`start`] says, or only triangles without area hold a vertex.
+/// [`crate::Error::Unfit`]: what `start` says, or only triangles without area hold a vertex.
 pub fn register(
     template: &Template,
     scan: &Surface,

@@ -41,6 +41,7 @@ impl BodyTake {
     }
 
     /// The first frame, `count` times.
+    #[must_use]
     pub fn repeated(&self, count: usize) -> BodyTake {
         BodyTake {
             poses: frames_of(count, None, None),
@@ -123,6 +124,7 @@ impl BodyTake {
     }
 
     /// The same rotations on bodies of other shapes, each frame at the height of its lowest vertex.
+    #[must_use]
     pub fn on_body(&self, body: &BodyModel, shapes: Vec<Vec<f64>>) -> BodyTake {
         let lowest = |_, mesh: Vec<DVec3>| mesh.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
         let mut other = BodyTake {
@@ -140,6 +142,7 @@ impl BodyTake {
     }
 
     /// The frames `range`, with their shapes.
+    #[must_use]
     pub fn part(&self, range: std::ops::Range<usize>) -> BodyTake {
         BodyTake {
             poses: self.poses.slice(range.clone()),

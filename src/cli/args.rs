@@ -78,6 +78,7 @@ impl InputArgs {
     }
 
     /// The flags for other files.
+    #[must_use]
     pub fn with_files(&self, files: Vec<PathBuf>) -> InputArgs {
         InputArgs {
             files,

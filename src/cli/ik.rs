@@ -50,7 +50,7 @@ pub fn read_skeleton(path: &Path, unit: f64, rotation: DMat3) -> Result<Skeleton
 /// `keeps_starts`.
 ///
 /// # Errors
-/// [`Error::Data`]: see [`check_body_size`].
+/// [`Error::Data`]: see `check_body_size`.
 pub fn name_bone_ends(
     poses: &mut Poses,
     table: &str,

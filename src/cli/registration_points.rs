@@ -93,7 +93,7 @@ impl RegistrationPoints {
 /// Reads a scan in centimeters, y up.
 ///
 /// # Errors
-/// Those of [`Mesh::read`].
+/// Those of `Mesh::read`.
 pub fn read_scan(path: &Path, units: Units) -> Result<Surface> {
     let scan = Mesh::read(input::open(path)?)?;
     let vertex = |v: &[f64; 3]| {

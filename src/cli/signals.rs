@@ -64,7 +64,7 @@ fn handle_all(mut signals: Signals) {
 }
 
 /// Lets the next signal that ends a process call `stop`, after which the process ends by itself.
-/// One more ends it as [`watch`] does.
+/// One more ends it as `watch` does.
 pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
     *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
     watch();

@@ -18,7 +18,7 @@ impl KMeans {
     /// that reads it by number); no columns. [`Error::Data`]: a pose with NaN, infinity or a
     /// value beyond 1e15. The place of that error names the file `poses` and, as line, the row
     /// counted from 1.
-    pub(crate) fn fit(&self, poses: ArrayView2<'_, f32>) -> Result<Clustering> {
+    pub fn fit(&self, poses: ArrayView2<'_, f32>) -> Result<Clustering> {
         self.fit_with_progress(poses, &mut |_| ())
     }
 

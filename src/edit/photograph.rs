@@ -20,7 +20,7 @@
 //!
 //! p is the prior's evidence, its poses turned by R. (Alternating between pose and placement, as
 //! for points of three dimensions, stops where it starts: the prior has a pose for most marks,
-//! whichever way the body is turned.) The climb starts from the best [views](orthographic::views)
+//! whichever way the body is turned.) The climb starts from the best views
 //! of the prior's representative poses.
 
 use super::pose_solver::{Constraints, Pose, PoseSolver};

@@ -108,7 +108,8 @@ impl<'a> Score<'a> {
         self.clock
     }
 
-    /// Replaces the frames a second of each take, by default [`Poses::rates`] of [`Score::clock`].
+    /// Replaces the frames a second of each take, by default `Poses::rates` of [`Score::clock`].
+    #[must_use]
     pub fn with_rates(self, rates: Vec<Option<f64>>) -> Score<'a> {
         Score { rates, ..self }
     }

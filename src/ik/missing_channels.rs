@@ -35,7 +35,7 @@ pub struct PositionSd<'a> {
 ///
 /// # Errors
 /// [`Error::Usage`]: another number of frames, no joint of the file among the points, or more than
-/// [`MAX_DOFS`] channels.
+/// `MAX_DOFS` channels.
 pub fn solve_missing_channels(
     bvh: &Bvh,
     poses: &Poses,

@@ -61,6 +61,7 @@ impl<'a> SkeletonFit<'a> {
 
     /// Keeps the degrees of freedom within the skeleton's limits. Off by default: captured motion
     /// often exceeds them.
+    #[must_use]
     pub fn limits(mut self, keep: bool) -> SkeletonFit<'a> {
         self.settings.solve.limits = keep;
         self

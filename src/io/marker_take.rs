@@ -155,18 +155,18 @@ impl MarkerTake {
     }
 
     /// The points that are positions.
-    pub(crate) fn positions(&self) -> Vec<usize> {
+    pub fn positions(&self) -> Vec<usize> {
         let is_position = |p: &usize| self.quantity(*p) == Quantity::Position;
         (0..self.points.len()).filter(is_position).collect()
     }
 
     /// The unit of length, where the file says one that is known.
-    pub(crate) fn unit(&self) -> Option<LengthUnit> {
+    pub fn unit(&self) -> Option<LengthUnit> {
         self.units.as_deref().and_then(LengthUnit::of_word)
     }
 
     /// The axis that points up, where the file says one.
-    pub(crate) fn up_axis(&self) -> Option<UpAxis> {
+    pub fn up_axis(&self) -> Option<UpAxis> {
         self.up.as_deref().and_then(UpAxis::of_word)
     }
 
@@ -202,7 +202,7 @@ impl MarkerTake {
     ///
     /// # Errors
     /// [`Error::Data`]: a coordinate is too large.
-    pub(crate) fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {
+    pub fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {
         let mut xyz = self.xyz.clone();
         units.read_frames(&mut xyz);
         for (t, row) in xyz.rows().into_iter().enumerate() {

@@ -14,7 +14,7 @@ pub mod input;
 pub mod marker_csv;
 mod marker_rows;
 pub(crate) mod marker_take;
-pub(crate) mod mesh;
+pub mod mesh;
 pub mod mesh_output;
 pub mod model;
 mod model_array;

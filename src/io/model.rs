@@ -30,7 +30,7 @@ pub(crate) const MAX_POINTS: usize = 2048;
 /// Checks the number of points of a model; `source` is for the message.
 ///
 /// # Errors
-/// [`Error::Data`]: more than [`MAX_POINTS`].
+/// [`Error::Data`]: more than `MAX_POINTS`.
 pub fn check_point_count(points: usize, source: &str) -> Result<()> {
     if points <= MAX_POINTS {
         return Ok(());
@@ -170,7 +170,7 @@ impl Model {
     }
 
     /// The numbers of an array as f32; `None` where the model has no such array.
-    pub(crate) fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
+    pub fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
         self.arrays.get(name).map(Matrix::floats)
     }
 
@@ -178,7 +178,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Data`]: the model has no such array; `source` names the model.
-    pub(crate) fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
+    pub fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
         let missing = || {
             let place = Place::file(source).part(name);
             Error::data(place, "the model has no such array")
@@ -216,7 +216,7 @@ impl Model {
     /// The file's bytes.
     ///
     /// # Errors
-    /// [`Error::Data`]: more than [`MAX_POINTS`] points.
+    /// [`Error::Data`]: more than `MAX_POINTS` points.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let fail = |e: String| Error::data(Place::file("the model"), e);
         check_point_count(self.meta.points.len(), "the model")?;
@@ -369,7 +369,7 @@ impl Model {
     /// Writes the model to a file, complete or not at all. Equal models give equal bytes.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be written. [`Error::Data`]: more than [`MAX_POINTS`] points.
+    /// [`Error::Io`]: the file cannot be written. [`Error::Data`]: more than `MAX_POINTS` points.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         write_file(path, &self.to_bytes()?)
     }

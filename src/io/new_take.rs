@@ -34,7 +34,7 @@ impl NewTake {
     /// The bytes of a C3D file.
     ///
     /// # Errors
-    /// As [`NewC3d::bytes`].
+    /// As `NewC3d::bytes`.
     pub fn c3d(&self) -> Result<Vec<u8>> {
         let up = format!("+{}", self.units.up.name().to_uppercase());
         let right = if self.units.up == UpAxis::X {
@@ -55,7 +55,7 @@ impl NewTake {
     /// The bytes of a TRC file.
     ///
     /// # Errors
-    /// As [`NewTrc::bytes`].
+    /// As `NewTrc::bytes`.
     pub fn trc(&self) -> Result<Vec<u8>> {
         let name = self.poses.take.as_ref().and_then(|names| names.first());
         NewTrc {

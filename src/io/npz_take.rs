@@ -111,7 +111,7 @@ impl NpzTake {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: it is damaged.
-    pub(crate) fn is_other(input: Input) -> Result<bool> {
+    pub fn is_other(input: Input) -> Result<bool> {
         let name = input.name.clone();
         let archive: Bytes = input.read_all(LARGEST)?.into();
         let zipped = Zipped {
@@ -126,7 +126,7 @@ impl NpzTake {
     ///
     /// # Errors
     /// [`Error::Data`]: the archive cannot be made.
-    pub(crate) fn with_points(&self, new: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+    pub fn with_points(&self, new: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
         let zipped = Zipped {
             name: &self.take.name,
             archive: &self.archive,

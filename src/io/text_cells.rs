@@ -80,7 +80,7 @@ impl TextCells {
     /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new`
     /// (frames, 3 P; both in the file's unit and axes). Every other byte stays; a missing value
     /// takes no measured one away.
-    pub(crate) fn with_points(
+    pub fn with_points(
         &self,
         original: &[u8],
         old: ArrayView2<'_, f64>,

@@ -2,13 +2,13 @@
 //! accelerations within the clips' own ranges.
 //!
 //! Each measure is a share of its limit; a transition is good where none is above 1. Speeds and
-//! accelerations are taken over frames 1/30 s apart ([`STEP_SECONDS`]), so that they mean the same
+//! accelerations are taken over frames 1/30 s apart (`STEP_SECONDS`), so that they mean the same
 //! at any rate and the noise of single frames counts less:
 //!
-//! - Bones: how far a bone's length leaves the range of both clips, over [`BONE_SLACK`] of the
+//! - Bones: how far a bone's length leaves the range of both clips, over `BONE_SLACK` of the
 //!   length. Bones of ASF files never vary; without a slack no blend would be good.
-//! - Feet: the speed of a foot while it is planted in the clip of more weight, over [`SLIDING`]. A
-//!   foot is planted where it moves by less than [`PLANTED_SPEED`] within [`PLANTED_HEIGHT`] of the
+//! - Feet: the speed of a foot while it is planted in the clip of more weight, over `SLIDING`. A
+//!   foot is planted where it moves by less than `PLANTED_SPEED` within `PLANTED_HEIGHT` of the
 //!   lowest that it is in its clip.
 //! - Acceleration: the largest of each joint, over the largest of that joint in either clip.
 //!

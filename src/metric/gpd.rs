@@ -212,6 +212,7 @@ impl Gpd {
     }
 
     /// The same families, without accelerations.
+    #[must_use]
     pub fn without_accelerations(self) -> Gpd {
         Gpd {
             orders: &[1],

@@ -3,13 +3,13 @@
 //! After C. Chen, Y. Zhuang, F. Nie, Y. Yang, F. Wu, J. Xiao: Learning a 3D Human Pose Distance
 //! Metric from Geometric Pose Descriptor. IEEE TVCG 17 (11), 2011.
 //!
-//! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes
-//! place, heading and size, and [`gpd`] describes the pose; [`features`] and [`scaling`] say what
+//! `joint_map` finds sixteen joints among the points of any skeleton, `body_frame` removes
+//! place, heading and size, and `gpd` describes the pose; `features` and [`scaling`] say what
 //! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
-//! [`train`](mod@train) learns a distance from them by [`rdsr`] or one of the other [`learners`],
+//! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
 //! and [`pose_metric`] is what was learned. [`nearest`] searches with it; [`baselines`] are the
 //! distances to compare with. [`transition`] finds frames at which one clip can go over into
-//! another, [`blend`] joins the clips there, and [`blend_test`] tells whether the result moves as
+//! another, `blend` joins the clips there, and [`blend_test`] tells whether the result moves as
 //! the clips do.
 
 #[cfg(feature = "published")]

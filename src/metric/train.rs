@@ -24,29 +24,29 @@ use std::collections::BTreeSet;
 /// How a metric is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learner {
-    /// [`rdsr`].
+    /// `rdsr`.
     Rdsr,
     /// Nothing is learned: the scaled features are compared.
     L2,
-    /// [`lms`](super::learners::lms): weights by least squares, on the scaled features.
+    /// `lms`: weights by least squares, on the scaled features.
     #[cfg(feature = "published")]
     Lms,
     /// Features chosen by boosting.
     #[cfg(feature = "published")]
     Boost,
-    /// [`xing`](super::learners::xing).
+    /// `xing`.
     #[cfg(feature = "published")]
     Xing,
-    /// [`sda`](super::learners::sda).
+    /// `sda`.
     #[cfg(feature = "published")]
     Sda,
-    /// [`rca`](super::learners::rca).
+    /// `rca`.
     #[cfg(feature = "published")]
     Rca,
-    /// [`lmnn`](super::learners::lmnn).
+    /// `lmnn`.
     #[cfg(feature = "published")]
     Lmnn,
-    /// [`nca`](super::learners::nca).
+    /// `nca`.
     #[cfg(feature = "published")]
     Nca,
 }
@@ -64,7 +64,7 @@ pub struct TrainSettings {
     pub window: f64,
     /// The method.
     pub learner: Learner,
-    /// Settings of [`rdsr`]; other methods use its rank.
+    /// Settings of `rdsr`; other methods use its rank.
     pub rdsr: RdsrSettings,
     /// Poses without labels that are drawn from the takes, at most.
     pub unlabeled: usize,

@@ -23,34 +23,50 @@ where
     F: Fn(Range<usize>) -> T + Sync,
 {
     let chunk = chunk.max(1);
-    let chunks = 0..len.div_ceil(chunk);
+    let chunks = len.div_ceil(chunk);
     let one = |i: usize| work(i * chunk..((i + 1) * chunk).min(len));
     if SINGLE_THREADED.get() {
-        return chunks.map(one).collect();
+        return (0..chunks).map(one).collect();
     }
-    chunks.into_par_iter().map(one).collect()
+    let results: Vec<Mutex<Option<T>>> = (0..chunks).map(|_| Mutex::new(None)).collect();
+    for_each(chunks, &|i| *unpoisoned(results[i].lock()) = Some(one(i)));
+    let results = results.into_iter();
+    results.filter_map(|r| unpoisoned(r.into_inner())).collect()
+}
+
+/// Calls `work` with each number below `count` on rayon's threads. Not generic: each of the many
+/// callers would have rayon's machinery compiled for it, 8% of the library's code.
+fn for_each(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(work);
+}
+
+/// What a lock holds, also after a panic, which rayon passes on.
+fn unpoisoned<T>(lock: std::sync::LockResult<T>) -> T {
+    lock.unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Applies `work` to each item on rayon's threads, the results in the order of the items; `scratch`
-/// makes what one thread works with, which must not change an result.
+/// makes what one thread works with, which must not change a result.
 pub(crate) fn map_each<T, D, R>(
     items: Vec<T>,
-    scratch: impl Fn() -> D + Sync + Send,
-    work: impl Fn(&mut D, T) -> R + Sync + Send,
+    scratch: impl Fn() -> D + Sync,
+    work: impl Fn(&mut D, T) -> R + Sync,
 ) -> Vec<R>
 where
     T: Send,
+    D: Send,
     R: Send,
 {
-    if SINGLE_THREADED.get() {
-        let mut scratch = scratch();
-        return items.into_iter().map(|i| work(&mut scratch, i)).collect();
-    }
-    items.into_par_iter().map_init(scratch, work).collect()
+    let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|i| Mutex::new(Some(i))).collect();
+    let done = map_chunks_with(items.len(), 1, scratch, |scratch, range| {
+        let item = unpoisoned(items[range.start].lock()).take();
+        item.map(|item| work(scratch, item))
+    });
+    done.into_iter().flatten().collect()
 }
 
 /// [`map_chunks`] where `scratch` makes what one thread works with. One serves one chunk after
-/// another: it must not change an result, but room that is large is made once a thread.
+/// another: it must not change a result, but room that is large is made once a thread.
 pub(crate) fn map_chunks_with<T, D>(
     len: usize,
     chunk: usize,
@@ -79,7 +95,7 @@ impl<D> Default for ScratchPool<D> {
 impl<D> ScratchPool<D> {
     /// Works with what is free, or with something new.
     pub(crate) fn with<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
-        let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = || unpoisoned(self.0.lock());
         let before = free().pop();
         let mut scratch = before.unwrap_or_else(new);
         let result = work(&mut scratch);

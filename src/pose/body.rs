@@ -31,7 +31,7 @@ impl Body {
     ///
     /// At most 2,000 frames are looked at, evenly spread, so that the cost does not grow with the
     /// take.
-    pub(crate) fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> Body {
+    pub fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> Body {
         let step = xyz.nrows().div_ceil(2000).max(1);
         let lengths = parents
             .iter()
@@ -92,7 +92,7 @@ impl Body {
 
     /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and
     /// keeps its direction. Roots stay. Linear in the pose.
-    pub(crate) fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
+    pub fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
         for &k in order {
             for c in 0..3 {
                 out[3 * k + c] = match self.parents[k] {

@@ -139,7 +139,7 @@ pub fn cmu_names() -> Vec<String> {
 /// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is
 /// `root`. `None` for the root, for names CMU does not know and for those with no ancestor in the
 /// list.
-pub(crate) fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
+pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
     names
         .iter()
         .map(|name| {

@@ -51,7 +51,7 @@ pub struct NameMap {
     /// By point of the model, the point of the file; of names with `|` between them the first that
     /// is there.
     pub joints: BTreeMap<String, String>,
-    /// By name of [`TRUNK`], the point of the file likewise; empty for maps of others.
+    /// By name of `TRUNK`, the point of the file likewise; empty for maps of others.
     pub trunk: BTreeMap<String, String>,
 }
 

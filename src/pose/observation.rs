@@ -56,14 +56,14 @@ impl<'a> Observation<'a> {
     }
 
     /// The number of coordinates, 3 J.
-    pub(crate) fn dimension(&self) -> usize {
+    pub fn dimension(&self) -> usize {
         self.values.len()
     }
 
     /// The points of which all three coordinates are observed: the index, the position (cm), and
     /// the precision of a coordinate (1/cm²) if the model leaves `residual_variance` (3 J, cm²)
     /// unexplained.
-    pub(crate) fn points(
+    pub fn points(
         &self,
         residual_variance: &'a [f64],
     ) -> impl Iterator<Item = (usize, DVec3, f64)> + Clone + 'a {

@@ -19,9 +19,7 @@ pub struct Poses {
 
 impl Poses {
     /// Poses without points: only the times and the takes of frames.
-    pub(crate) fn without_points(
-        frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>,
-    ) -> Poses {
+    pub fn without_points(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
         let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
         Poses {
             time: time.into_iter().collect(),
@@ -31,6 +29,7 @@ impl Poses {
     }
 
     /// The poses of some frames, with their times and takes.
+    #[must_use]
     pub fn slice(&self, frames: Range<usize>) -> Poses {
         Poses {
             points: self.points.clone(),

@@ -112,7 +112,7 @@ impl Skeleton {
     ///
     /// # Errors
     /// [`Error::Usage`]: the bones are no such tree.
-    pub(crate) fn new(bones: Vec<Bone>) -> Result<Skeleton> {
+    pub fn new(bones: Vec<Bone>) -> Result<Skeleton> {
         let fail = |what: String| Err(Error::usage(format!("not a skeleton: {what}")));
         for (i, bone) in bones.iter().enumerate() {
             match bone.parent {
@@ -184,7 +184,7 @@ impl Skeleton {
         self.bones.iter().position(|b| b.name == name)
     }
     /// The limits of every value, infinite where there are none.
-    pub(crate) fn limits(&self) -> Vec<(f64, f64)> {
+    pub fn limits(&self) -> Vec<(f64, f64)> {
         let open = (f64::NEG_INFINITY, f64::INFINITY);
         self.bones
             .iter()

@@ -13,6 +13,7 @@ const NEIGHBORS: f64 = 1.5;
 
 impl Poses {
     /// The poses of some frames, in the order given.
+    #[must_use]
     pub fn with_frames(&self, frames: &[usize]) -> Poses {
         let time = self.time.as_ref();
         let take = self.take.as_ref();
@@ -115,7 +116,7 @@ impl Poses {
         }
     }
 
-    /// Filters each coordinate forwards and backwards ([`LowPass`]), in pieces on end; those of
+    /// Filters each coordinate forwards and backwards (`LowPass`), in pieces on end; those of
     /// fewer than ten frames stay as they are, and are counted. `fps` is the rate of a table
     /// without times.
     ///

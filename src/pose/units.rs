@@ -114,7 +114,7 @@ impl UpAxis {
     }
 
     /// Turns a point with y up into one of the file.
-    pub(crate) fn from_y(self, p: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn turn_from_y(self, p: [f64; 3]) -> [f64; 3] {
         match self {
             UpAxis::X => [p[1], -p[0], p[2]],
             UpAxis::Y => p,
@@ -171,7 +171,7 @@ impl Units {
     pub(crate) fn write(self, xyz: &mut [f64]) {
         if self != Units::CM_Y {
             for p in xyz.chunks_exact_mut(3) {
-                let own = self.up.from_y([p[0], p[1], p[2]]);
+                let own = self.up.turn_from_y([p[0], p[1], p[2]]);
                 p.copy_from_slice(&own.map(|v| self.length(v)));
             }
         }
@@ -206,7 +206,7 @@ mod tests {
                 UpAxis::Z => [0.0, 0.0, 1.0],
             };
             assert_eq!(up.to_y(unit)[1], 1.0);
-            assert_eq!(up.from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
+            assert_eq!(up.turn_from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
             // Right-handed stays right-handed: e1 x e2 = e3.
             let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
                 .map(|e| glam::DVec3::from_array(up.to_y(e)));

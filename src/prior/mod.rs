@@ -80,7 +80,7 @@ pub struct Posterior {
 
 impl Posterior {
     /// A posterior with its full covariance (3 J, 3 J).
-    pub(crate) fn full(mean: Vec<f64>, covariance: Array2<f64>, log_evidence: f64) -> Posterior {
+    pub fn full(mean: Vec<f64>, covariance: Array2<f64>, log_evidence: f64) -> Posterior {
         Posterior {
             mean,
             variance: covariance.diag().to_vec(),

@@ -175,7 +175,7 @@ impl RigidPairs {
         model.insert("rigid_lengths", lengths);
     }
 
-    /// Reads what [`RigidPairs::write`] left; none where the model has none.
+    /// Reads what `RigidPairs::write` left; none where the model has none.
     ///
     /// # Errors
     /// Data: arrays that do not fit together or the points, or numbers out of range.

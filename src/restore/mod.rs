@@ -9,14 +9,14 @@
 //!
 //! 1. [`Restorer`] opens the [`PoseModel`], finds its points in the table, and walks the takes
 //!    (`take`).
-//! 2. [`outliers`] finds spikes, adapts the prior to the body (`adapted_prior`) and finds the other
+//! 2. `outliers` finds spikes, adapts the prior to the body (`adapted_prior`) and finds the other
 //!    outliers.
-//! 3. [`denoise`] smooths each path over time (`adaptive_smoothing`), and draws it to the model's
-//!    estimates (`model_estimates`); [`complete`] assumes that seen values are exact.
+//! 3. `denoise` smooths each path over time (`adaptive_smoothing`), and draws it to the model's
+//!    estimates (`model_estimates`); `complete` assumes that seen values are exact.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
-//!    the model's space, [`rigid`] projects it onto the known distances.
-//! 5. [`clean`] denoises the takes that are noisy and completes the others.
+//!    the model's space, `rigid` projects it onto the known distances.
+//! 5. `clean` denoises the takes that are noisy and completes the others.
 //! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
 
 mod adapted_prior;

@@ -76,6 +76,7 @@ pub struct RestoredGap {
 
 /// A restored table.
 #[derive(Debug, Clone)]
+#[must_use = "the restored values are in it; the table that was given is as before"]
 pub struct Restoration<'t> {
     source: &'t Table,
     /// All its frames.
@@ -85,7 +86,7 @@ pub struct Restoration<'t> {
 
 impl<'t> Restoration<'t> {
     /// A table that is left as it is, or of which no frame is restored yet.
-    pub(crate) fn unchanged(source: &'t Table) -> Restoration<'t> {
+    pub fn unchanged(source: &'t Table) -> Restoration<'t> {
         let mut frames = TakeResult::captured(source.poses.xyz.view());
         frames.states.iter_mut().for_each(|s| s.sd = f64::NAN);
         Restoration {
@@ -167,23 +168,23 @@ impl<'t> Restoration<'t> {
 
     /// Status and standard deviation of a point of the table. A point that the model does not know
     /// is observed, or unknown where missing.
-    pub(crate) fn status(&self, frame: usize, point: usize) -> Status {
+    pub fn status(&self, frame: usize, point: usize) -> Status {
         self.frames.state(frame, point).status
     }
 
     /// Standard deviation of a coordinate of a point, cm; NaN where unknown.
-    pub(crate) fn sd(&self, frame: usize, point: usize) -> f64 {
+    pub fn sd(&self, frame: usize, point: usize) -> f64 {
         self.frames.state(frame, point).sd
     }
 
     /// How a missing point was filled; `None` where it was not, or the frame was restored by
     /// itself.
-    pub(crate) fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
+    pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
         self.frames.state(frame, point).method
     }
 
     /// The gaps of the table that was restored, in the order of their first frames.
-    pub(crate) fn gaps(&self) -> Vec<RestoredGap> {
+    pub fn gaps(&self) -> Vec<RestoredGap> {
         let mut gaps = find_gaps(self.source.poses.xyz.view(), &self.source.poses.runs());
         gaps.sort_by_key(|g| (g.frames.start, g.point));
         gaps.iter().map(|gap| self.restored_gap(gap)).collect()
@@ -240,7 +241,7 @@ impl<'t> Restoration<'t> {
     }
 
     /// Counts of a restoration.
-    pub(crate) fn counts(&self) -> &RestorationCounts {
+    pub fn counts(&self) -> &RestorationCounts {
         &self.counts
     }
 }

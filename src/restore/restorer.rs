@@ -46,7 +46,7 @@ pub struct Restorer<'m> {
 
 impl<'m> Restorer<'m> {
     /// Restores poses that stand anywhere in the world.
-    pub(crate) fn new(model: &'m Model) -> Restorer<'m> {
+    pub fn new(model: &'m Model) -> Restorer<'m> {
         Restorer::with(Some(model))
     }
 
@@ -68,6 +68,7 @@ impl<'m> Restorer<'m> {
     }
 
     /// Sets how the model is opened.
+    #[must_use]
     pub fn with_options(mut self, options: OpenOptions) -> Restorer<'m> {
         self.options = options;
         self
@@ -81,13 +82,15 @@ impl<'m> Restorer<'m> {
 
     /// Restores poses that stand in body space: root at the origin, no global rotation, the model's
     /// body.
+    #[must_use]
     pub fn in_body_space(mut self) -> Restorer<'m> {
         self.world = false;
         self
     }
 
-    /// Says how the points of the tables are named; without it, [`PointNaming::of`] finds out.
-    pub(crate) fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
+    /// Says how the points of the tables are named; without it, `PointNaming::of` finds out.
+    #[must_use]
+    pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);
         self
     }
@@ -108,7 +111,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::complete`].
-    pub(crate) fn complete_with<'t>(
+    pub fn complete_with<'t>(
         &self,
         table: &'t Table,
         options: &Complete,
@@ -129,7 +132,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::complete`].
-    pub(crate) fn clean<'t>(&self, table: &'t Table, options: &Clean) -> Result<Restoration<'t>> {
+    pub fn clean<'t>(&self, table: &'t Table, options: &Clean) -> Result<Restoration<'t>> {
         let rate = rate(table, options.fps, false)?;
         if rate.is_none() && options.max_gap.is_some() {
             return Err(no_rate(table));
@@ -143,11 +146,7 @@ impl<'m> Restorer<'m> {
     /// # Errors
     /// [`Error::Data`] if the model cannot be opened, the table has none of its points, or `fps`
     /// contradicts the table's times.
-    pub(crate) fn denoise<'t>(
-        &self,
-        table: &'t Table,
-        options: &Denoise,
-    ) -> Result<Restoration<'t>> {
+    pub fn denoise<'t>(&self, table: &'t Table, options: &Denoise) -> Result<Restoration<'t>> {
         self.denoise_with(table, options, &|_| {})
     }
 
@@ -156,7 +155,7 @@ impl<'m> Restorer<'m> {
     ///
     /// # Errors
     /// As [`Restorer::denoise`].
-    pub(crate) fn denoise_with<'t>(
+    pub fn denoise_with<'t>(
         &self,
         table: &'t Table,
         options: &Denoise,

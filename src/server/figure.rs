@@ -88,6 +88,7 @@ impl Figure {
 
     /// Writes BVH files with this unit (cm) and turn from our axes to theirs; those of a BVH
     /// skeleton are its own.
+    #[must_use]
     pub fn with_units(mut self, unit: f64, turn: DMat3) -> Figure {
         (self.unit, self.turn) = (unit, turn);
         self

@@ -76,7 +76,7 @@ pub struct Running(#[allow(dead_code)] oneshot::Sender<()>);
 /// `on_ready` gets the address, token included, once requests are handled.
 ///
 /// # Errors
-/// The port is taken, or `make`, `on_ready` or [`Handler::finish`] fails.
+/// The port is taken, or `make`, `on_ready` or `Handler::finish` fails.
 pub fn serve<A: Handler>(
     port: u16,
     page: Page,

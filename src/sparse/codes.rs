@@ -58,13 +58,13 @@ impl SparseCodes {
     }
 
     /// The mean number of atoms a pose; 0 if there are no poses.
-    pub(crate) fn mean_sparsity(&self) -> f64 {
+    pub fn mean_sparsity(&self) -> f64 {
         let used = self.atoms.iter().filter(|&&a| a != UNUSED).count();
         used as f64 / self.len().max(1) as f64
     }
 
     /// The mean squared residual a coordinate, sum / (m D); 0 if there are no poses.
-    pub(crate) fn mean_squared_error(&self, d: usize) -> f64 {
+    pub fn mean_squared_error(&self, d: usize) -> f64 {
         self.squared_residuals.iter().sum::<f64>() / (self.len() * d).max(1) as f64
     }
 
@@ -72,7 +72,7 @@ impl SparseCodes {
     ///
     /// # Errors
     /// [`Error::Data`] if an atom is not below the dictionary's length.
-    pub(crate) fn decode(&self, dictionary: &Dictionary) -> Result<Array2<f32>> {
+    pub fn decode(&self, dictionary: &Dictionary) -> Result<Array2<f32>> {
         let (n, d) = (dictionary.len(), dictionary.width());
         let worst = self.atoms.iter().filter(|&&a| a != UNUSED).max();
         if let Some(atom) = worst.filter(|&&a| a as usize >= n) {

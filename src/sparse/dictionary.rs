@@ -89,7 +89,7 @@ impl Dictionary {
     ///
     /// # Panics
     /// If there is no atom `i`.
-    pub(crate) fn atom(&self, i: usize) -> ArrayView1<'_, f32> {
+    pub fn atom(&self, i: usize) -> ArrayView1<'_, f32> {
         self.atoms.row(i)
     }
 

@@ -204,7 +204,7 @@ impl<'a> Encoder<'a> {
     /// # Errors
     /// [`Error::Data`] if a length is not the dictionary's width, an observed number is not finite,
     /// or a weight is negative or not finite.
-    pub(crate) fn encode_one(
+    pub fn encode_one(
         &self,
         pose: ArrayView1<f64>,
         weights: Option<ArrayView1<f64>>,

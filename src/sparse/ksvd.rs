@@ -193,7 +193,7 @@ impl Ksvd {
     ///
     /// # Errors
     /// As [`Ksvd::train`]; also the errors of `observer`, which end the training.
-    pub(crate) fn train_with(
+    pub fn train_with(
         &self,
         poses: ArrayView2<f32>,
         observer: &mut dyn FnMut(&TrainingState) -> Result<()>,

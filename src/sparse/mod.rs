@@ -3,18 +3,18 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | [`dictionary`] | unit-norm atoms in rows |
-//! | [`omp`] | parameters of matching pursuit |
-//! | [`code`], [`codes`] | the sparse code of one pose, of many poses |
+//! | `dictionary` | unit-norm atoms in rows |
+//! | `omp` | parameters of matching pursuit |
+//! | `code`, `codes` | the sparse code of one pose, of many poses |
 //! | `encoder` | codes many poses on all threads |
 //! | `omp_dense`, `omp_indexed` | matching pursuit by a scan of all atoms, and by an index |
 //! | `index` | finds the best atom of a pose |
 //! | `active_set`, `incremental_qr` | least squares on the chosen atoms, one atom at a time |
-//! | [`weighted_dictionary`] | a dictionary reweighted for poses that share their weights |
-//! | [`ksvd`], [`checkpoint`] | dictionary learning, and the state it can resume from |
+//! | `weighted_dictionary` | a dictionary reweighted for poses that share their weights |
+//! | `ksvd`, `checkpoint` | dictionary learning, and the state it can resume from |
 //! | `initialize`, `atom_update`, `rank_one_svd`, `atom_replacement`, `support_reuse` | K-SVD |
-//! | [`dictionary_size`] | the number of atoms that a target error needs |
-//! | [`merge`], `coherence` | joins dictionaries and drops near duplicates |
+//! | `dictionary_size` | the number of atoms that a target error needs |
+//! | `merge`, `coherence` | joins dictionaries and drops near duplicates |
 
 mod active_set;
 mod atom_replacement;

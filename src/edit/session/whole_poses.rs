@@ -50,7 +50,7 @@ impl Session {
         Ok(())
     }
 
-    /// Finds other poses with the present pins; see [`other_poses`].
+    /// Finds other poses with the present pins; see `other_poses`.
     pub fn find_others(&mut self) -> &[OtherPose] {
         self.release();
         let goals = self.goals(

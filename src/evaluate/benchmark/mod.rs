@@ -1,9 +1,9 @@
 //! The benchmark: models x tasks x splits x seeds, each model tested on poses it was not trained
 //! from.
 //!
-//! [`Dataset`] holds the poses, [`splits`] divides it, [`leakage`] finds takes that must stay on
-//! one side, [`task`] damages the test poses, [`method`] trains and restores, [`runner`] does all
-//! of this for each case, [`shard`] divides the cases among machines, and [`summary`] averages over
+//! [`Dataset`] holds the poses, `splits` divides it, [`leakage`] finds takes that must stay on
+//! one side, `task` damages the test poses, [`method`] trains and restores, [`runner`] does all
+//! of this for each case, `shard` divides the cases among machines, and `summary` averages over
 //! seeds with bootstrap intervals. [`report`](super::report) writes the results down.
 //!
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of

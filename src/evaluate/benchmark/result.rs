@@ -89,7 +89,7 @@ pub struct BenchmarkResult {
     /// The tuning of the model for the task on held-back training poses: the choice and the curve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tuning: Option<Value>,
-    /// Restored example poses by [`ExampleKind::name`](super::examples::ExampleKind::name):
+    /// Restored example poses by `ExampleKind::name`:
     /// (frames, 3 J) each, cm, to a tenth of a millimeter. A kind is absent where an estimate
     /// was not finite. `None` for a case without examples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -124,7 +124,7 @@ pub struct Measurement {
     pub by_joint: Vec<f64>,
     /// The number of coordinates that count for calibration: neither exact nor constant.
     pub coordinates: u64,
-    /// How many of these lie within each of [`SD_LEVELS`].
+    /// How many of these lie within each of `SD_LEVELS`.
     pub within: Vec<u64>,
     /// Errors by resampling unit, ascending.
     pub units: Vec<ResampledUnit>,

@@ -64,8 +64,8 @@ impl<'a> Benchmark<'a> {
     /// from its takes. Settings without splits are given all splits that the dataset allows.
     ///
     /// # Errors
-    /// [`Error::Usage`] as [`Settings::check`] and [`Partition::draw`], or if a point that
-    /// completion observes does not exist; [`Error::Data`] as [`Method::check_provenance`].
+    /// [`Error::Usage`] as [`Settings::check`] and `Partition::draw`, or if a point that
+    /// completion observes does not exist; [`Error::Data`] as `Method::check_provenance`.
     pub fn new(dataset: &'a Dataset, mut settings: Settings) -> Result<Benchmark<'a>> {
         settings.check()?;
         let duplicates = find_duplicates(dataset);

@@ -31,7 +31,7 @@ pub struct Settings {
     pub base: Vec<f64>,
     /// The points that completion observes.
     pub observe: Vec<String>,
-    /// Whether example poses are restored, too (see [`super::examples`]).
+    /// Whether example poses are restored, too (see `examples`).
     pub examples: bool,
 }
 

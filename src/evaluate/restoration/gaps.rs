@@ -54,7 +54,7 @@ pub struct GapCell {
     /// Distances of points from where they were, cm, a point and frame.
     pub distances: ByMethod,
     /// Coordinates that were filled, and how many of them are within each of the standard
-    /// deviations [`SD_LEVELS`].
+    /// deviations `SD_LEVELS`.
     pub filled: usize,
     /// See `filled`.
     pub within: [usize; SD_LEVELS.len()],

@@ -104,7 +104,7 @@ impl Bvh {
 
     /// Frames a second, rounded to the exact rate that the Frame Time stands for (files often cut
     /// it to six decimals); `None` where the Frame Time is none of a motion: outside
-    /// [`FRAME_TIMES`].
+    /// `FRAME_TIMES`.
     pub fn rate(&self) -> Option<f64> {
         let is_one = FRAME_TIMES.contains(&self.frame_time);
         is_one.then(|| round_rate(1.0 / self.frame_time))

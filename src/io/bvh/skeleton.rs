@@ -18,7 +18,7 @@ use std::collections::HashMap;
 pub enum BvhPoints {
     /// Joints, and End Sites as NAME_end.
     Origins,
-    /// The end of each bone, under the bone's name: see [`BvhSkeleton::points`].
+    /// The end of each bone, under the bone's name: see `BvhSkeleton::points`.
     Ends,
 }
 

@@ -26,7 +26,7 @@ impl C3d {
     ///
     /// # Errors
     /// [`Error::Data`]: another shape, or a coordinate that the file's integers do not hold.
-    pub(crate) fn with_points(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+    pub fn with_points(&self, xyz: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
         let place = || Place::file(&self.take.name);
         if xyz.dim() != self.take.xyz.dim() {
             let what = format!(

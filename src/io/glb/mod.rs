@@ -8,7 +8,7 @@
 //! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to
 //! R_b (x - q_b) + p_b, with q_b the bone's place in the rest pose, p_b its place in the animation
 //! and R_b
-//! its rotation in the world; [`Animation::from_world`] turns these into the rotations and
+//! its rotation in the world; `Animation::from_world` turns these into the rotations and
 //! translations relative to the parent that the file holds.
 
 mod animation;
@@ -23,7 +23,7 @@ use super::output::write_file;
 use crate::Result;
 use std::path::Path;
 
-pub(crate) use animation::Animation;
+pub use animation::Animation;
 
 /// A triangle mesh that bones and morph targets move.
 ///

@@ -128,7 +128,7 @@ impl fmt::Display for Finding {
 
 impl Mesh {
     /// What is wrong with the mesh; nothing for a closed surface whose faces are all oriented
-    /// alike. Each kind of finding is named once, with its count. [`Finding::Holes`] is always
+    /// alike. Each kind of finding is named once, with its count. `Finding::Holes` is always
     /// last.
     ///
     /// The time grows as f log f with the number f of faces.

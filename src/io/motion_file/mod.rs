@@ -101,7 +101,7 @@ impl MotionFile {
     /// Opens a file; gzip and zstd are decompressed.
     ///
     /// # Errors
-    /// Those of [`MotionFile::read`]; [`Error::Io`]: it cannot be read.
+    /// Those of `MotionFile::read`; [`Error::Io`]: it cannot be read.
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions) -> Result<MotionFile> {
         let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
         MotionFile::read(path.as_ref(), bytes, options)
@@ -160,7 +160,7 @@ impl MotionFile {
     }
 
     /// The rate of its frames, where it has one.
-    pub(crate) fn rate(&self) -> Option<f64> {
+    pub fn rate(&self) -> Option<f64> {
         self.read_as.rate.as_ref().map(|rate| rate.value)
     }
 
@@ -170,7 +170,7 @@ impl MotionFile {
     }
 
     /// The unit and the axis of the file.
-    pub(crate) fn units(&self) -> Units {
+    pub fn units(&self) -> Units {
         self.units
     }
 

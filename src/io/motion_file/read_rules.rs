@@ -7,7 +7,7 @@ use crate::io::motion_format::MotionFormat;
 use crate::pose::{LengthUnit, UpAxis};
 use std::path::{Path, PathBuf};
 
-/// What is taken for files that do not say it. [`ReadRules::of`] gives it for a file at hand.
+/// What is taken for files that do not say it. `ReadRules::of` gives it for a file at hand.
 #[derive(Debug, Clone, Default)]
 pub struct ReadRules {
     /// Frames per second.

@@ -19,7 +19,7 @@ impl MotionFile {
 
     /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
     /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see
-    /// [`MotionFile::write_channels`]. Returns how many positions the numbers of the format do
+    /// `MotionFile::write_channels`. Returns how many positions the numbers of the format do
     /// not hold, which stay as they were.
     ///
     /// # Errors

@@ -5,10 +5,10 @@
 //! where the noise is unknown an equal noise of every coordinate is assumed. Both are searched task
 //! by task on a grid, as the paper says, and beyond its edges where that is better, on a part of
 //! the *training* poses that the prior under test did not learn from; test poses are never seen.
-//! The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
+//! The whole curve is kept ([`Tuning::curve`]) and goes into the model (`Tuning::write`).
 //!
-//! A prior opened from a file ([`TunedPrior`]) chooses between its settings by what an observation
-//! looks like ([`Task::of`]); [`OpenOptions::task`](super::OpenOptions::task) fixes the choice.
+//! A prior opened from a file (`TunedPrior`) chooses between its settings by what an observation
+//! looks like (`Task::of`); [`OpenOptions::task`](super::OpenOptions::task) fixes the choice.
 
 mod holdout;
 mod search;

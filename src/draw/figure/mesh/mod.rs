@@ -50,7 +50,7 @@ pub struct Row {
 /// The same scene gives the same bytes.
 ///
 /// # Errors
-/// As [`MeshScene::check`] and [`Options::check`]. [`Error::Usage`]: a row names a figure or frame
+/// As `MeshScene::check` and `Options::check`. [`Error::Usage`]: a row names a figure or frame
 /// that is not there.
 pub fn svg(scene: &MeshScene<'_>, rows: &[Row], options: &Options) -> Result<String> {
     scene.check()?;

@@ -46,7 +46,7 @@ const AZIMUTH: f64 = 30.0;
 /// a body of 2 m.
 ///
 /// # Errors
-/// As [`MeshScene::check`]. [`Error::Data`]: figures of several frames differ in their number; a
+/// As `MeshScene::check`. [`Error::Data`]: figures of several frames differ in their number; a
 /// single frame is larger than 24 MB. [`Error::Usage`]: `every` is 0.
 pub fn page(scene: &MeshScene<'_>, every: Option<usize>) -> Result<String> {
     page_within(scene, every, LIMIT)

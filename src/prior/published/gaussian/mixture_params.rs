@@ -78,7 +78,7 @@ impl MixtureParams {
         }
     }
 
-    /// Reads what [`MixtureParams::write`] left.
+    /// Reads what `MixtureParams::write` left.
     ///
     /// # Errors
     /// Data: arrays that are not there, do not fit together, or hold what is not finite or out of

@@ -10,7 +10,7 @@
 //!
 //! x (D) is the pose, cm; m_j (D) and C_j (D, D), cm², the K components with weights w_j; o are the
 //! observed coordinates. The posterior is moment-matched over all j, or that of the most likely j
-//! alone, as clustered Gaussians are published ([`Readout`]). A model that explains a pose only in
+//! alone, as clustered Gaussians are published (`Readout`). A model that explains a pose only in
 //! part (PCA) has a second variance U_j (D), cm², which counts as noise of the observed coordinates
 //! and is never estimated.
 //!
