@@ -8,8 +8,9 @@
 //! # Tour
 //!
 //! **Read.** A take is a table of poses: [`pose::Poses`], frames x points, in centimeters, y up,
-//! NaN for a missing value. [`io`] reads it from CSV or NPY, or computes it from the joint angles
-//! of ASF/AMC and BVH files by forward kinematics ([`pose::kinematics`]).
+//! NaN for a missing value. [`io::Table`] reads it from CSV or NPY; [`io::MotionFile`] opens a file
+//! of any format (C3D, TRC, BVH, AMC, CSV, NPY), with its unit and axes, and writes it back. Joint
+//! angles become positions by forward kinematics ([`pose::kinematics`]).
 //!
 //! ```
 //! use posing::pose::{Body, Poses, joints};
@@ -31,7 +32,8 @@
 //! infinity: missing). [`restore`] finds the placement of the pose in the world, asks the [`prior`]
 //! for the posterior of the pose, rejects outliers, keeps rigid distances, and smooths over time.
 //! Single frames are completed and denoised by the same posterior; takes by regression over their
-//! gaps, and by smoothing over time. Inverse kinematics ([`ik`]) turns points back into joint
+//! gaps, and by smoothing over time. The built-in model knows the joints of the CMU database;
+//! markers and other points are restored by [`restore::Restorer::without_model`]. Inverse kinematics ([`ik`]) turns points back into joint
 //! angles, which [`io`] writes as BVH or AMC.
 //!
 //! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against

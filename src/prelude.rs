@@ -22,13 +22,36 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! A marker file in, its gaps filled, the file out with all else that it holds:
+//!
+//! ```
+//! use posing::prelude::*;
+//! # fn main() -> Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let (walk, filled) = (folder.path().join("walk.trc"), folder.path().join("filled.trc"));
+//! # let head = "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\t\
+//! #     NumMarkers\tUnits\n100\t100\t9\t1\tmm\nFrame#\tTime\tknee\n\t\tX1\tY1\tZ1\n";
+//! # let cells = |i| if i == 4 { "\t\t".into() } else { format!("{}\t500\t0", 10 * i) };
+//! # let rows = (0..9).map(|i| format!("{}\t0.0{i}\t{}\n", i + 1, cells(i)));
+//! # std::fs::write(&walk, head.to_string() + &rows.collect::<String>()).unwrap();
+//! // let walk = "walk.c3d"; // or .trc, .bvh, .csv
+//! let options = ReadOptions { up: Some(UpAxis::Y), ..ReadOptions::default() };
+//! let file = MotionFile::open(&walk, &options)?;
+//! let done = Restorer::without_model().complete(&file.table, &Complete::default())?;
+//! let not_held = file.write_back(&filled, done.xyz())?;
+//! assert_eq!((done.filled(), not_held), (1, 0));
+//! # Ok(())
+//! # }
+//! ```
 
 pub use crate::cluster::KMeans;
 pub use crate::edit::Session;
 pub use crate::evaluate::Score;
 pub use crate::ik::SkeletonFit;
+pub use crate::io::motion_file::{MotionFile, ReadOptions};
 pub use crate::io::{Amc, Asf, Bvh, Model, Table};
-pub use crate::pose::{Body, Observation, Poses, Skeleton, Space};
+pub use crate::pose::{Body, Observation, Poses, Skeleton, Space, UpAxis};
 pub use crate::prior::{
     self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
 };

@@ -15,13 +15,15 @@ mod row;
 mod sources;
 
 pub use one_file::{CleanSettings, FileOutcome};
+pub use places::PlaceToSee;
+pub use record::Summary;
 pub use redo::Segment;
 pub use report::CleanReport;
+pub use row::Row;
 pub use sources::OutputFormat;
 
 use self::earlier_list::EarlierList;
 use self::list::list_path;
-use self::row::Row;
 use self::sources::Job;
 use crate::{Error, Result};
 use std::path::PathBuf;

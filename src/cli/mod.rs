@@ -18,7 +18,7 @@ mod memory_limit;
 pub mod messages;
 pub mod metric_takes;
 pub mod name_maps;
-pub(crate) mod number_table;
+pub mod number_table;
 pub mod one_take_args;
 pub mod pair_file;
 pub mod progress;

@@ -13,12 +13,12 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
 /// Coordinates by the names of joints; `null` leaves one free.
-pub type NamedPins = BTreeMap<String, [Option<f64>; 3]>;
+pub(crate) type NamedPins = BTreeMap<String, [Option<f64>; 3]>;
 
 /// The goals of a pose.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct SolveRequest {
+pub(crate) struct SolveRequest {
     /// Joints that are exact.
     pub pins: NamedPins,
     /// Joints that are dragged.
@@ -31,7 +31,7 @@ pub struct SolveRequest {
 /// Where a joint is dragged.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct NamedDrag {
+pub(crate) struct NamedDrag {
     /// The target, cm.
     pub xyz: [f64; 3],
     /// Its standard deviation, cm.
@@ -50,7 +50,7 @@ fn drag_sd() -> f64 {
 /// A change of the session that is no drag.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Action {
+pub(crate) enum Action {
     /// Ends the gesture.
     Release,
     /// Goes back to where the gesture began.
@@ -149,7 +149,7 @@ pub enum Action {
 /// What is mirrored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Side {
+pub(crate) enum Side {
     /// Left and right are exchanged.
     Both,
     /// The left side is copied to the right.
@@ -163,7 +163,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::Usage`]: a joint that there is not, or a number that cannot be.
-    pub fn solve_request(&mut self, request: &SolveRequest) -> Result<()> {
+    pub(crate) fn solve_request(&mut self, request: &SolveRequest) -> Result<()> {
         let pins = self.pins_by_index(&request.pins)?;
         let mut drags = Drags::new();
         for (name, drag) in &request.drags {
@@ -179,7 +179,7 @@ impl Session {
     /// # Errors
     /// [`Error::Usage`]: a joint, key or pose that there is not, or a number that cannot be.
     /// Nothing changes then.
-    pub fn act(&mut self, action: &Action) -> Result<()> {
+    pub(crate) fn act(&mut self, action: &Action) -> Result<()> {
         match action {
             Action::Release => self.release(),
             Action::Cancel => self.cancel(),
@@ -227,7 +227,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::Usage`]: there is none.
-    pub fn named(&self, name: &str) -> Result<usize> {
+    pub(crate) fn named(&self, name: &str) -> Result<usize> {
         let found = self.joint(name);
         found.ok_or_else(|| {
             let name: String = name.chars().take(40).collect();
@@ -248,7 +248,7 @@ impl Session {
     }
 
     /// A pose as the page has it.
-    pub fn pose_json(&self, pose: &Pose) -> Value {
+    pub(crate) fn pose_json(&self, pose: &Pose) -> Value {
         let by_name = |values: &[f64], keep: fn(f64) -> bool| -> Value {
             let named = self.rig().names.iter().zip(values);
             let kept = named.filter(|(_, v)| keep(**v));
@@ -265,7 +265,7 @@ impl Session {
     }
 
     /// Positions of joints (3 K, cm) by name.
-    pub fn places_json(&self, xyz: &[f64]) -> Value {
+    pub(crate) fn places_json(&self, xyz: &[f64]) -> Value {
         let named = self.rig().names.iter().zip(xyz.chunks_exact(3));
         named
             .map(|(name, p)| {
@@ -285,7 +285,7 @@ impl Session {
     }
 
     /// The whole state as the page has it, but for the start poses.
-    pub fn state_json(&self) -> Map<String, Value> {
+    pub(crate) fn state_json(&self) -> Map<String, Value> {
         let (rig, state) = (self.rig(), self.state());
         let name = |k: usize| &rig.names[k];
         let of_joints = |of: &dyn Fn(usize) -> Value| -> Value {
@@ -325,7 +325,7 @@ impl Session {
     }
 
     /// The start poses as the page has them.
-    pub fn starts_json(&self) -> Value {
+    pub(crate) fn starts_json(&self) -> Value {
         let start =
             |s: &super::StartPose| json!({ "name": s.name, "pose": self.places_json(&s.pose.xyz) });
         self.starts().iter().map(start).collect()
@@ -335,7 +335,7 @@ impl Session {
 /// Marks on a photograph, in pixels from its upper left corner, y down.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PhotographRequest {
+pub(crate) struct PhotographRequest {
     /// Where joints are.
     pub marks: BTreeMap<String, [f64; 2]>,
     /// Width and height of the picture.
@@ -354,7 +354,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::Usage`]: a joint that there is not, numbers that cannot be, or too few marks.
-    pub fn photograph_request(&mut self, request: &PhotographRequest) -> Result<Value> {
+    pub(crate) fn photograph_request(&mut self, request: &PhotographRequest) -> Result<Value> {
         let [width, height] = request.size;
         let is_size = |v: f64| (1.0..=1e5).contains(&v);
         if !is_size(width) || !is_size(height) {
@@ -398,7 +398,7 @@ impl Session {
     }
 
     /// Finds other poses with the present pins, as the page has them.
-    pub fn others_json(&mut self) -> Value {
+    pub(crate) fn others_json(&mut self) -> Value {
         self.find_others();
         let other = |other: &OtherPose| {
             let mut pose = object(self.pose_json(&other.pose));
@@ -413,7 +413,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::motion`].
-    pub fn motion_json(&self) -> Result<Value> {
+    pub(crate) fn motion_json(&self) -> Result<Value> {
         let motion = self.motion()?;
         let frame = |row: ArrayView1<'_, f64>| row.iter().map(|v| rounded(*v)).collect::<Vec<_>>();
         let frames: Vec<Vec<f64>> = motion.xyz.rows().into_iter().map(frame).collect();

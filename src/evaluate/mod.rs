@@ -3,15 +3,15 @@
 pub mod alignment;
 pub mod benchmark;
 pub mod damage;
-pub(crate) mod error_breakdown;
-pub(crate) mod error_stats;
-pub(crate) mod motion_quality;
+pub mod error_breakdown;
+pub mod error_stats;
+pub mod motion_quality;
 pub mod pair_label;
 pub mod report;
 pub mod restoration;
 #[cfg(feature = "published")]
 pub mod retrieval;
-pub(crate) mod score;
+pub mod score;
 mod score_report;
 
 pub use score::{Score, ScoreReport};

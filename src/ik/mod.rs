@@ -2,12 +2,12 @@
 
 pub(crate) mod bone_normalization;
 mod channel_paths;
-pub(crate) mod correspondence;
+pub mod correspondence;
 pub(crate) mod fit_quality;
 pub(crate) mod initial_pose;
 mod missing_channels;
 mod rotation_paths;
-pub(crate) mod sequence;
+pub mod sequence;
 pub(crate) mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;

@@ -23,7 +23,7 @@ pub mod clip;
 pub(crate) mod features;
 pub(crate) mod file;
 pub(crate) mod gpd;
-pub(crate) mod joint_map;
+pub mod joint_map;
 #[cfg(feature = "published")]
 pub(crate) mod learners;
 mod local_pairs;
@@ -34,7 +34,7 @@ mod orientation;
 pub mod pair_proposal;
 pub mod pairs;
 pub mod pose_metric;
-pub(crate) mod rdsr;
+pub mod rdsr;
 mod reduction;
 pub mod scaling;
 pub mod sparse_graph;

@@ -21,8 +21,8 @@ pub(crate) mod trimming;
 pub mod units;
 
 pub use body::Body;
-pub(crate) use bone_points::BonePoints;
-pub(crate) use joint_angles::JointAngles;
+pub use bone_points::BonePoints;
+pub use joint_angles::JointAngles;
 pub use kinematics::Space;
 pub use name_map::{NameFinder, NameMap, PointNaming};
 pub use observation::Observation;

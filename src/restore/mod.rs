@@ -50,4 +50,5 @@ pub use noise_estimation::typical_noise;
 pub use pose_model::PoseModel;
 pub use restoration::{Restoration, RestorationCounts, RestoredGap};
 pub use restorer::Restorer;
-pub(crate) use rigid::{OutlierMode, RigidModel};
+pub(crate) use rigid::OutlierMode;
+pub use rigid::RigidModel;

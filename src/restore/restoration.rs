@@ -230,7 +230,7 @@ impl<'t> Restoration<'t> {
         self.frames.novelty[frame]
     }
 
-    /// The number of missing points that were filled.
+    /// The number of missing points that were filled, over all frames; each has three coordinates.
     pub fn filled(&self) -> usize {
         self.counts.filled
     }

@@ -45,13 +45,15 @@ pub struct Restorer<'m> {
 }
 
 impl<'m> Restorer<'m> {
-    /// Restores poses that stand anywhere in the world.
+    /// Restores poses that stand anywhere in the world, by a model. Their points have the names of
+    /// the model's ([`Model::builtin`]: the joints of the CMU database), or are mapped to them by
+    /// [`Restorer::with_naming`]; for markers see [`Restorer::without_model`].
     pub fn new(model: &'m Model) -> Restorer<'m> {
         Restorer::with(Some(model))
     }
 
-    /// Restores takes of any points by their own frames and by time alone; single frames cannot be
-    /// restored.
+    /// Restores takes of any points, such as markers, by their own frames and by time alone; single
+    /// frames cannot be restored.
     pub fn without_model() -> Restorer<'m> {
         Restorer::with(None)
     }

@@ -12,7 +12,7 @@ mod impatient;
 pub mod page;
 mod session_file;
 
-pub(crate) use handler::{Handler, Refusal, Reply, Request, Route};
+pub use handler::{Handler, Refusal, Reply, Request, Route};
 
 use crate::edit::LARGEST_SESSION;
 use crate::{Error, Place, Result};

@@ -9,8 +9,8 @@
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of
 //! a coordinate in asf² (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimeters.
 
-pub(crate) mod dataset;
-pub(crate) mod examples;
+pub mod dataset;
+pub mod examples;
 pub mod leakage;
 pub mod method;
 pub mod result;

@@ -19,8 +19,8 @@ use crate::{Error, Place, Result};
 use baselines::Moments;
 pub use gaps::{GapCell, GapLength};
 use ndarray::Axis;
-pub(crate) use noise::NoiseCell;
-pub(crate) use report::TakesReport;
+pub use noise::NoiseCell;
+pub use report::TakesReport;
 
 /// Training poses a second, at most: poses closer in time tell nothing new.
 const TRAINING_RATE: f64 = 30.0;

@@ -19,6 +19,7 @@ use super::text::MAX_COORDINATE;
 use crate::{Error, Place, Result};
 use std::path::Path;
 
+pub use check::Finding;
 pub use set::MeshSet;
 
 /// The largest size of a mesh file, decompressed, in bytes.

@@ -6,7 +6,7 @@ mod read_rules;
 mod skeleton;
 mod write_back;
 
-pub(crate) use read_as::{Assumed, ReadAs, Source};
+pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
 pub(crate) use skeleton::skeleton_of;
 

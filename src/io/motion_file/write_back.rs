@@ -19,8 +19,8 @@ impl MotionFile {
 
     /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
     /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see
-    /// `MotionFile::write_channels`. Returns how many positions the numbers of the format do
-    /// not hold, which stay as they were.
+    /// `MotionFile::write_channels`. Returns how many positions are outside of the
+    /// numbers that the format holds; they stay as they were.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold

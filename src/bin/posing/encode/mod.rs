@@ -26,7 +26,7 @@ use std::path::PathBuf;
         \n  posing encode -m dict.npz poses.npy > codes.csv\
         \n  posing encode -m dict.npz --sparsity 5 --pursuit omp poses.csv"
 )]
-pub struct Args {
+pub(crate) struct Args {
     #[command(flatten)]
     input: InputArgs,
     /// Dictionary, as ksvd-train writes it
