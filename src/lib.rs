@@ -33,7 +33,8 @@
 //! for the posterior of the pose, rejects outliers, keeps rigid distances, and smooths over time.
 //! Single frames are completed and denoised by the same posterior; takes by regression over their
 //! gaps, and by smoothing over time. The built-in model knows the joints of the CMU database;
-//! markers and other points are restored by [`restore::Restorer::without_model`]. Inverse kinematics ([`ik`]) turns points back into joint
+//! markers and other points are restored by [`restore::Restorer::without_model`]. Inverse
+//! kinematics ([`ik`]) turns points back into joint
 //! angles, which [`io`] writes as BVH or AMC.
 //!
 //! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against
