@@ -165,7 +165,7 @@ impl JointMap {
     }
 }
 
-/// The points whose middle each joint is, in the order of [`JOINTS`].
+/// The points whose middle each joint is, in the order of `JOINTS`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointColumns([Vec<usize>; 16]);
 
