@@ -135,7 +135,7 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails.
-    pub(crate) fn look_ahead(&mut self) -> Result<()> {
+    pub fn look_ahead(&mut self) -> Result<()> {
         if is_told(&self.first) {
             return Ok(());
         }

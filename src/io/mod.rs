@@ -21,7 +21,7 @@ mod model_array;
 pub mod model_outputs;
 pub mod motion_file;
 pub(crate) mod motion_folder;
-pub(crate) mod motion_format;
+pub mod motion_format;
 mod new_take;
 pub mod npy;
 pub mod npz;

@@ -79,7 +79,7 @@ impl MeshFormat {
     }
 
     /// The extension of its files.
-    pub(crate) fn extension(self) -> &'static str {
+    pub fn extension(self) -> &'static str {
         match self {
             MeshFormat::Obj => "obj",
             MeshFormat::Ply => "ply",
@@ -125,7 +125,7 @@ impl Mesh {
     ///
     /// # Errors
     /// Those of [`Mesh::open`].
-    pub(crate) fn read(input: Input) -> Result<Mesh> {
+    pub fn read(input: Input) -> Result<Mesh> {
         let name = input.name.clone();
         let fail = |what: &str| Err(Error::data(Place::file(&name), what));
         match input.kind() {
