@@ -83,7 +83,7 @@ impl MotionFormat {
 /// What a file that begins so is instead of a pose table, and what to do with it; `None` for what
 /// may be a table. The first lines of text tell more than its first bytes
 /// ([`look_ahead`](super::Input::look_ahead)).
-pub(crate) fn recognized(start: &[u8]) -> Option<&'static str> {
+pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
         MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
