@@ -61,8 +61,7 @@ struct PartTerms {
     /// The joints whose twists count.
     joints: Vec<usize>,
     /// A for 1 and for each β (3 m, 3 J + 1): a row per coordinate of a marker, a column per
-    /// component
-    /// of a twist, the constant last.
+    /// component of a twist, the constant last.
     by_shape: Vec<Array2<f64>>,
 }
 

@@ -3,13 +3,12 @@
 //! After D. Anguelov, P. Srinivasan, D. Koller, S. Thrun, J. Rodgers, J. Davis: SCAPE: Shape
 //! Completion and Animation of People. SIGGRAPH 2005.
 //!
-//! A `template` is a mesh in rigid parts; [`decomposition`] describes another mesh of its
-//! topology by a rotation per part and a matrix per triangle; [`pose_model`] predicts these
-//! matrices
-//! from the rotations at the joints, `shape_model` what is left between people. `body_model`
-//! holds all of them, and makes meshes; [`train`](mod@train) learns it. [`skinning`] fits what
-//! animation software plays: linear blend skinning with corrective shapes. [`registration`] lays
-//! the template on a raw scan.
+//! A `template` is a mesh in rigid parts; [`decomposition`] describes another mesh of its topology
+//! by a rotation per part and a matrix per triangle; [`pose_model`] predicts these matrices from
+//! the rotations at the joints, `shape_model` what is left between people. `body_model` holds all
+//! of them, and makes meshes; [`train`](mod@train) learns it. [`skinning`] fits what animation
+//! software plays: linear blend skinning with corrective shapes. [`registration`] lays the template
+//! on a raw scan.
 
 pub mod animation;
 pub(crate) mod body_model;

@@ -117,8 +117,7 @@ fn filled(
 }
 
 /// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one per pose,
-/// when
-/// there are fewer different poses. `stream` keeps the random choices of several calls apart.
+/// when there are fewer different poses. `stream` keeps the random choices of several calls apart.
 pub(super) fn best_run(
     poses: Dataset<'_>,
     parameters: &KMeans,

@@ -11,8 +11,7 @@
 //! cm gives way by a hundred thousandth of its step.
 //!
 //! A step costs O(n depth²) for n free values. P2 is not convex: the solution is a local minimum
-//! near
-//! the start.
+//! near the start.
 
 use super::tree_cholesky::solve_tree;
 use super::tuning::solver::*;
@@ -205,8 +204,7 @@ impl<'a> IkSolver<'a> {
     }
 
     /// Improves `q` for `targets` (3 numbers per joint, NaN is missing). Values that no target
-    /// moves
-    /// stay as they are, and so do those for which `fixed` is true.
+    /// moves stay as they are, and so do those for which `fixed` is true.
     pub fn solve(
         &mut self,
         targets: &[f64],

@@ -313,8 +313,7 @@ impl Group {
     }
 
     /// The groups of a row of axes below names, one per column; before the first name there are
-    /// none.
-    /// A name that comes again begins a new group.
+    /// none. A name that comes again begins a new group.
     fn of_rows(names: &[String], axes: &[String]) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let mut last: HashMap<&str, usize> = HashMap::new();

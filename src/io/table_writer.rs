@@ -105,8 +105,8 @@ impl TableWriter {
     }
 
     /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three per point,
-    /// centimeters,
-    /// NaN is missing), `added` the cells of the added columns. See [`CsvFormat::push_row`].
+    /// centimeters, NaN is missing), `added` the cells of the added columns. See
+    /// [`CsvFormat::push_row`].
     ///
     /// # Errors
     /// [`Error::Io`]: this row or one before it could not be written.

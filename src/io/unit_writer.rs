@@ -58,8 +58,7 @@ impl UnitWriter {
     }
 
     /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three per point,
-    /// centimeters,
-    /// y up), `added` the cells of the added columns.
+    /// centimeters, y up), `added` the cells of the added columns.
     ///
     /// # Errors
     /// [`Error::Data`]: a coordinate that only damage can give. [`Error::Io`]: writing fails.

@@ -68,8 +68,7 @@ impl<'a> FrameEstimator<'a> {
     }
 
     /// Estimates one frame as [`FrameEstimator::estimate`] does, its placement found from that of
-    /// the
-    /// solution `before`; for a pose that is edited, whose frames follow one another closely.
+    /// the solution `before`; for a pose that is edited, whose frames follow one another closely.
     pub(crate) fn follow(
         &self,
         y: &[f64],

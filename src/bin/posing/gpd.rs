@@ -13,9 +13,8 @@ use std::path::PathBuf;
 /// Describe poses by 1,683 geometric features
 ///
 /// Writes a row per frame: distances, directions and angles of joints, lines and planes of the
-/// body,
-/// and how they move, without place, heading and size, after the columns take and time. Names have
-/// no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
+/// body, and how they move, without place, heading and size, after the columns take and time. Names
+/// have no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
 ///
 /// Families: J_c, coordinates (46); JJ_d, JJ_o, distances and directions of two joints (120, 360);
 /// JL_d, LL_a, distances and angles of lines (420, 435); JP_d, LP_a, PP_a, of planes (65, 135, 10);

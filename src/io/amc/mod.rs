@@ -1,9 +1,8 @@
 //! Acclaim motion (AMC): read frame by frame or as many as are there, and written.
 //!
 //! A frame is its number on a line of its own, then a line per bone: its name and one value for
-//! each
-//! of its degrees of freedom, in the ASF's order. Bones without degrees of freedom may be left out
-//! or stand there without values.
+//! each of its degrees of freedom, in the ASF's order. Bones without degrees of freedom may be left
+//! out or stand there without values.
 
 mod block;
 mod write;
@@ -49,8 +48,7 @@ const CHUNK: usize = 64;
 
 impl AmcFrames {
     /// The positions of `joints` (bones of `skeleton`, whose ends they are): three numbers per
-    /// joint,
-    /// centimeters, frame after frame.
+    /// joint, centimeters, frame after frame.
     pub fn positions(&self, skeleton: &Skeleton, joints: &[usize], space: Space) -> Vec<f64> {
         let (dofs, width) = (skeleton.dof_count(), 3 * joints.len());
         let needed = skeleton.ancestors(joints);

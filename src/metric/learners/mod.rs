@@ -40,17 +40,17 @@ use ndarray::{Array2, ArrayView2};
 pub struct Settings {
     /// Directions to keep.
     pub rank: usize,
-    /// Of [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to its
+    /// For [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to its
     /// diagonal.
     pub ridge: f64,
-    /// Of [`sda`]: neighbors of each pose in the graph.
+    /// For [`sda`]: neighbors of each pose in the graph.
     pub neighbors: usize,
-    /// Of [`sda`]: β, the weight of the graph; 1 weighs it as much as the alike pairs, 0 leaves it
+    /// For [`sda`]: β, the weight of the graph; 1 weighs it as much as the alike pairs, 0 leaves it
     /// out.
     pub beta: f64,
-    /// Of [`nca`]: largest number of steps.
+    /// For [`nca`]: largest number of steps.
     pub steps: usize,
-    /// Of [`lmnn`]: largest number of rounds, of 10 steps each.
+    /// For [`lmnn`]: largest number of rounds, of 10 steps each.
     pub rounds: usize,
 }
 
