@@ -40,7 +40,8 @@ use ndarray::{Array2, ArrayView2};
 pub struct Settings {
     /// Directions to keep.
     pub rank: usize,
-    /// For [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to its
+    /// For [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to
+    /// its
     /// diagonal.
     pub ridge: f64,
     /// For [`sda`]: neighbors of each pose in the graph.

@@ -132,7 +132,7 @@ pub fn must(script: &str, folder: &Path) -> String {
 pub fn until_ready(line: &str) -> String {
     let line = line.replace("--port 8000", "--port 0");
     format!(
-        "unset DISPLAY WAYLAND_DISPLAY
+        "unset DISPLAY WAYLAND_DISPLAY; rm -f address
         {line} > address & server=$!
         until grep -q token address; do kill -0 $server || exit 1; sleep 0.1; done
         kill $server; wait $server"
