@@ -39,8 +39,9 @@
 //! let options = ReadOptions { up: Some(UpAxis::Y), ..ReadOptions::default() };
 //! let file = MotionFile::open(&walk, &options)?;
 //! let done = Restorer::without_model().complete(&file.table, &Complete::default())?;
-//! let not_held = file.write_back(&filled, done.xyz())?;
-//! assert_eq!((done.filled(), not_held), (1, 0));
+//! // Positions that the numbers of the format cannot hold.
+//! let out_of_range = file.write_back(&filled, done.xyz())?;
+//! assert_eq!((done.filled(), out_of_range), (1, 0));
 //! # Ok(())
 //! # }
 //! ```

@@ -31,6 +31,7 @@ pub const FEWEST: usize = 4;
 const MOST_STEPS: usize = 60;
 /// A step that lowers the energy by less than this share is the last.
 const SMALL: f64 = 1e-8;
+/// The last damping tried is 1e7: `most` lies between it and the next, however they are rounded.
 const DAMPING: Damping = Damping {
     start: 1e-4,
     accepted: |damping, _| (damping / 10.0).max(1e-10),

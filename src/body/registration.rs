@@ -110,7 +110,8 @@ fn is_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
 /// `observer` is called after each of [`ROUNDS`] rounds.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: what `start` says, or only triangles without area hold a vertex.
+/// [`crate::Error::Unfit`]: fewer than [`FEWEST_POINTS`] points, or all on a line; or only
+/// triangles without area hold a vertex.
 pub fn register(
     template: &Template,
     scan: &Surface,

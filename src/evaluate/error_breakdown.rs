@@ -25,11 +25,11 @@ pub struct ErrorBreakdown {
     pub by_gap: Vec<GapErrors>,
     /// The result where the damaged table has a value.
     pub observed: ErrorStats,
-    /// The result where that value differs from the truth by more than `UNCHANGED`.
+    /// The result where that value differs from the truth by more than 0.0001 cm.
     pub corrupted: ErrorStats,
     /// The result where that value is right.
     pub intact: ErrorStats,
-    /// The result where it differs from that value by more than `UNCHANGED`.
+    /// The result where it differs from that value by more than 0.0001 cm.
     pub changed: ErrorStats,
 }
 

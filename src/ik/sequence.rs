@@ -211,7 +211,7 @@ impl<'a> SequenceFitter<'a> {
             if seen > most {
                 (best, most) = (Some(i), seen);
             }
-            if i >= 1000 && best.is_some() {
+            if i >= FIRST_AMONG && best.is_some() {
                 break;
             }
         }
@@ -282,13 +282,13 @@ impl<'a> SequenceFitter<'a> {
         };
         // Near a pole the values must run far for a small turn, and what holds them costs a part of
         // it: let go by steps.
-        for _ in 0..3 {
+        for _ in 0..POLE_ROUNDS {
             if fits(&best) {
                 break;
             }
             self.q.copy_from_slice(&best.q);
             let next = self.solve(best.q.clone(), previous_weight, REST_WEIGHT);
-            let gain = next.misfit < 0.5 * best.misfit;
+            let gain = next.misfit < POLE_HELPED * best.misfit;
             if gain {
                 best = next;
             }

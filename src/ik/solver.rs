@@ -76,12 +76,12 @@ pub struct IkSolution {
     pub misfit: f64,
     /// Steps tried.
     pub iterations: usize,
-    /// Whether it ended by the tolerance.
+    /// Whether the search ended at a minimum: within the tolerances, or where no step lowers E.
     pub converged: bool,
 }
 
-/// Solves frame after frame for one skeleton and one set of joints, without allocating but for the
-/// small systems.
+/// Solves frame after frame for one skeleton and one set of joints; the memory of the normal
+/// equations is kept between frames.
 pub struct IkSolver<'a> {
     skeleton: &'a Skeleton,
     joints: &'a [usize],

@@ -1,5 +1,5 @@
-//! The constants of inverse kinematics, by the file that they are used in. Where no measurement is
-//! named, none is recorded.
+//! The constants of inverse kinematics, by the file that they are used in (`bones`: several). Where
+//! no measurement is named, none is recorded.
 
 /// Bones.
 pub(crate) mod bones {
@@ -67,6 +67,12 @@ pub(crate) mod sequence {
     pub(crate) const FITS: f64 = 1e-4;
     /// A search that leaves no less than this share of the misfit did not help.
     pub(crate) const HELPED: f64 = 0.25;
+    /// Frames among which the first one is searched for, unless none of them shows anything.
+    pub(crate) const FIRST_AMONG: usize = 1000;
+    /// Rounds after which a pose near a pole of its angles stays where it is.
+    pub(crate) const POLE_ROUNDS: usize = 3;
+    /// A round that leaves no less than this share of the misfit did not help.
+    pub(crate) const POLE_HELPED: f64 = 0.5;
     /// Frames to the next search after some that did not help, at least and at most; they double.
     pub(crate) const PAUSE: (usize, usize) = (2, 64);
     /// The share of a frame in the typical misfit: about the last twenty frames.

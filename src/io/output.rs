@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of
 /// the process (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to
 /// is written.
-#[must_use = "the file gets its name only when it is finished"]
+#[must_use = "without `finish` the file is not put in place"]
 pub struct Output {
     /// The name that messages use.
     name: String,

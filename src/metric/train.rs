@@ -24,29 +24,29 @@ use std::collections::BTreeSet;
 /// How a metric is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learner {
-    /// `rdsr`.
+    /// Regularized distance metric learning with sparse representation (Chen et al. 2011).
     Rdsr,
     /// Nothing is learned: the scaled features are compared.
     L2,
-    /// `lms`: weights by least squares, on the scaled features.
+    /// Weights by least squares, on the scaled features (Wang and Bodenheimer 2003).
     #[cfg(feature = "published")]
     Lms,
     /// Features chosen by boosting.
     #[cfg(feature = "published")]
     Boost,
-    /// `xing`.
+    /// A full metric that spreads unlike poses (Xing et al. 2003).
     #[cfg(feature = "published")]
     Xing,
-    /// `sda`.
+    /// Semi-supervised discriminant analysis (Cai et al. 2007).
     #[cfg(feature = "published")]
     Sda,
-    /// `rca`.
+    /// Relevant component analysis (Bar-Hillel et al. 2005).
     #[cfg(feature = "published")]
     Rca,
-    /// `lmnn`.
+    /// Large margin nearest neighbors (Weinberger and Saul 2009).
     #[cfg(feature = "published")]
     Lmnn,
-    /// `nca`.
+    /// Neighborhood component analysis (Goldberger et al. 2005).
     #[cfg(feature = "published")]
     Nca,
 }

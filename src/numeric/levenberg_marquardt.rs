@@ -1,6 +1,6 @@
 //! Levenberg-Marquardt: minimizes by Gauss-Newton steps, damped until they lower the value.
 
-/// The schedule of the damping λ of the steps `(H + λ diag H) δ = −g`.
+/// The schedule of the damping λ of steps such as `(H + λ diag H) δ = −g`, which the caller solves.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Damping {
     /// λ of the first step.
@@ -15,7 +15,7 @@ pub(crate) struct Damping {
 
 impl Damping {
     /// Minimizes from a state with a value: gives the best state, and whether the search converged
-    /// within so many steps, `accepted` and `tried` ones.
+    /// before `most_accepted` steps were accepted or `most_tried` tried.
     ///
     /// `attempt(state, λ, fresh)` gives the value and the state after a step; `None` when the
     /// normal equations cannot be solved. Only a `fresh` state needs new ones: other steps from it
@@ -23,13 +23,13 @@ impl Damping {
     /// `relative` one, a share of the value, or would have raised it by less than the absolute one.
     pub(crate) fn minimize<S>(
         &self,
-        (accepted, tried): (usize, usize),
+        (most_accepted, most_tried): (usize, usize),
         (absolute, relative): (f64, f64),
         (mut value, mut state): (f64, S),
         mut attempt: impl FnMut(&S, f64, bool) -> Option<(f64, S)>,
     ) -> (S, bool) {
         let (mut damping, mut fresh, mut taken) = (self.start, true, 0);
-        for _ in 0..tried {
+        for _ in 0..most_tried {
             let converged = match attempt(&state, damping, fresh) {
                 Some((reached, next)) if reached < value => {
                     let gain = value - reached;
@@ -43,7 +43,7 @@ impl Damping {
                     damping > self.most || rejected.is_some_and(|(r, _)| r - value < absolute)
                 }
             };
-            if converged || taken >= accepted {
+            if converged || taken >= most_accepted {
                 return (state, converged);
             }
         }

@@ -156,8 +156,8 @@ impl DenoisedFrame {
 }
 
 impl Denoise {
-    /// The outliers of a take, and the paths of the other points smoothed. Outliers that are where
-    /// the rest of the take expects them are none: then with them.
+    /// The outliers of a take, and the paths of the other points smoothed. Suspected outliers that
+    /// lie where the rest of the take expects them are kept; the paths are then smoothed with them.
     fn smooth(
         &self,
         mapping: Option<&PointMapping<'_>>,

@@ -76,7 +76,7 @@ pub struct RestoredGap {
 
 /// A restored table.
 #[derive(Debug, Clone)]
-#[must_use = "the restored values are in it; the table that was given is as before"]
+#[must_use = "it holds the restored values; the table passed in is unchanged"]
 pub struct Restoration<'t> {
     source: &'t Table,
     /// All its frames.

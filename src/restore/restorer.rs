@@ -90,7 +90,8 @@ impl<'m> Restorer<'m> {
         self
     }
 
-    /// Says how the points of the tables are named; without it, `PointNaming::of` finds out.
+    /// Says how the points of the tables are named; without it, the names
+    /// themselves tell.
     #[must_use]
     pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);

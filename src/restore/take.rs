@@ -25,7 +25,8 @@ pub(crate) struct Take<'a> {
 }
 
 impl<'a> Take<'a> {
-    /// The take with other values for its points, some of which may be missing.
+    /// The take with other coordinates, some of which may be missing. `names` stay: they fit only
+    /// where `xyz` has the same points in the same order.
     pub(crate) fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
     where
         'a: 'b,

@@ -73,7 +73,8 @@ impl Options {
 /// Draws chosen frames (counted from 0) of a scene as an SVG document.
 ///
 /// # Errors
-/// [`Error::Usage`] if `Scene::check` or `Options::check` fails, or a frame does not exist.
+/// [`Error::Usage`]: a rate that is not above 0, a bone without its points, figures of different
+/// shapes, runs out of order, an angle out of range, a frame that does not exist.
 pub fn svg(scene: &Scene<'_>, frames: &[usize], options: &Options) -> Result<String> {
     scene.check()?;
     options.check()?;

@@ -43,7 +43,8 @@ pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
 /// one frame of every `every`; `None`: as many as 24 MB of coordinates allow.
 ///
 /// # Errors
-/// [`Error::Usage`] if `Scene::check` fails, or `every` is 0.
+/// [`Error::Usage`]: a rate that is not above 0, a bone without its points, figures of different
+/// shapes, runs out of order; `every` is 0.
 pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
     let (player, remarks) = player_and_remarks(scene, every, " data-alone", CURVES)?;
     Ok(whole_page(&Page {

@@ -124,7 +124,7 @@ pub struct Measurement {
     pub by_joint: Vec<f64>,
     /// The number of coordinates that count for calibration: neither exact nor constant.
     pub coordinates: u64,
-    /// How many of these lie within each of `SD_LEVELS`.
+    /// How many of these lie within 0.25, 0.5, … 3 standard deviations.
     pub within: Vec<u64>,
     /// Errors by resampling unit, ascending.
     pub units: Vec<ResampledUnit>,

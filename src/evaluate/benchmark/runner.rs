@@ -64,8 +64,9 @@ impl<'a> Benchmark<'a> {
     /// from its takes. Settings without splits are given all splits that the dataset allows.
     ///
     /// # Errors
-    /// [`Error::Usage`] as [`Settings::check`] and `Partition::draw`, or if a point that
-    /// completion observes does not exist; [`Error::Data`] as `Method::check_provenance`.
+    /// [`Error::Usage`] as [`Settings::check`], if the dataset is too small for a split, or if a
+    /// point that completion observes does not exist; [`Error::Data`] if a pretrained model has
+    /// other points or was trained from a take of the dataset.
     pub fn new(dataset: &'a Dataset, mut settings: Settings) -> Result<Benchmark<'a>> {
         settings.check()?;
         let duplicates = find_duplicates(dataset);

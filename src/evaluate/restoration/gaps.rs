@@ -53,8 +53,8 @@ pub struct GapCell {
     pub mse: ByMethod,
     /// Distances of points from where they were, cm, a point and frame.
     pub distances: ByMethod,
-    /// Coordinates that were filled, and how many of them are within each of the standard
-    /// deviations `SD_LEVELS`.
+    /// Coordinates that were filled, and how many of them are within 0.25, 0.5, … 3 of
+    /// the stated standard deviations.
     pub filled: usize,
     /// See `filled`.
     pub within: [usize; SD_LEVELS.len()],

@@ -101,7 +101,9 @@ impl MotionFile {
     /// Opens a file; gzip and zstd are decompressed.
     ///
     /// # Errors
-    /// Those of `MotionFile::read`; [`Error::Io`]: it cannot be read.
+    /// [`Error::Io`]: it cannot be read. [`Error::Data`]: it is damaged, or neither it nor an
+    /// option
+    /// says its rate, unit or axis.
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions) -> Result<MotionFile> {
         let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
         MotionFile::read(path.as_ref(), bytes, options)

@@ -1,5 +1,5 @@
-//! The constants of the search for outliers, by the file that they are used in. Where no
-//! measurement is named, none is recorded.
+//! The constants of the search for outliers, by the file that they are used in (`search`:
+//! mod.rs). Where no measurement is named, none is recorded.
 
 /// Which frames are searched, and when an outlier is one.
 pub(crate) mod search {
@@ -28,10 +28,8 @@ pub(crate) mod search {
 
 /// Spikes of single paths.
 pub(crate) mod trajectory {
-    /// Largest acceleration, cm/s²: that of a heel that strikes the ground.
-    pub(crate) const MOST: f64 = 2e4;
-    /// Largest acceleration for as long as spikes last, cm/s².
-    pub(crate) const MOST_LONG: f64 = 5e3;
+    pub(crate) use crate::restore::tuning::cuts::{MOST, MOST_LONG};
+
     /// Largest fourth derivative of a path, cm/s⁴.
     pub(crate) const MOST_BENT: f64 = 4e8;
     /// Least deviation of a spike, cm.

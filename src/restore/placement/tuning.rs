@@ -1,5 +1,5 @@
-//! The constants of the search for placements, by the file that they are used in. No measurement of
-//! them is recorded.
+//! The constants of the search for placements, by the file that they are used in (`solver`:
+//! mod.rs). No measurement of them is recorded.
 
 /// Starts, and the limits of each search.
 pub(crate) mod solver {
@@ -34,7 +34,8 @@ pub(crate) mod evidence {
     pub(crate) const ROUGH: f64 = 1e-3;
     /// Largest rotation (radians) and shift (cm) of a step: the gradient is local.
     pub(crate) const FARTHEST: (f64, f64) = (0.35, 20.0);
-    /// Up to this damping a step counts as Newton's own.
+    /// The first damping, and the least after a rejected step; up to it a step counts as Newton's
+    /// own.
     pub(crate) const UNDAMPED: f64 = 1e-3;
     /// Damping at which the search ends.
     pub(crate) const MOST_DAMPED: f64 = 1e6;

@@ -50,8 +50,10 @@ pub struct Row {
 /// The same scene gives the same bytes.
 ///
 /// # Errors
-/// As `MeshScene::check` and `Options::check`. [`Error::Usage`]: a row names a figure or frame
-/// that is not there.
+/// [`Error::Data`]: no meshes, vertices or faces, a face of a vertex that is not there, a
+/// coordinate
+/// that is not finite. [`Error::Usage`]: a rate that is not above 0, an angle out of range, a
+/// row that names a figure or frame that is not there.
 pub fn svg(scene: &MeshScene<'_>, rows: &[Row], options: &Options) -> Result<String> {
     scene.check()?;
     options.check()?;
