@@ -110,7 +110,7 @@ fn is_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
 /// `observer` is called after each of [`ROUNDS`] rounds.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: fewer than [`FEWEST_POINTS`] points, or all on a line; or only
+/// [`crate::Error::Unfit`]: fewer than 4 points, or all on a line; or only
 /// triangles without area hold a vertex.
 pub fn register(
     template: &Template,

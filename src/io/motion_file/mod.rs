@@ -102,8 +102,7 @@ impl MotionFile {
     ///
     /// # Errors
     /// [`Error::Io`]: it cannot be read. [`Error::Data`]: it is damaged, or neither it nor an
-    /// option
-    /// says its rate, unit or axis.
+    /// option says its rate, unit or axis.
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions) -> Result<MotionFile> {
         let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
         MotionFile::read(path.as_ref(), bytes, options)

@@ -41,8 +41,7 @@ pub struct Settings {
     /// Directions to keep.
     pub rank: usize,
     /// For [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to
-    /// its
-    /// diagonal.
+    /// its diagonal.
     pub ridge: f64,
     /// For [`sda`]: neighbors of each pose in the graph.
     pub neighbors: usize,

@@ -51,9 +51,8 @@ pub struct Row {
 ///
 /// # Errors
 /// [`Error::Data`]: no meshes, vertices or faces, a face of a vertex that is not there, a
-/// coordinate
-/// that is not finite. [`Error::Usage`]: a rate that is not above 0, an angle out of range, a
-/// row that names a figure or frame that is not there.
+/// coordinate that is not finite. [`Error::Usage`]: a rate that is not above 0, an angle out of
+/// range, a row that names a figure or frame that is not there.
 pub fn svg(scene: &MeshScene<'_>, rows: &[Row], options: &Options) -> Result<String> {
     scene.check()?;
     options.check()?;

@@ -47,9 +47,8 @@ const AZIMUTH: f64 = 30.0;
 ///
 /// # Errors
 /// [`Error::Data`]: no meshes, vertices or faces, a face of a vertex that is not there, a
-/// coordinate
-/// that is not finite; figures of several frames differ in their number; a single frame is larger
-/// than 24 MB. [`Error::Usage`]: a rate that is not above 0, or `every` is 0.
+/// coordinate that is not finite; figures of several frames differ in their number; a single frame
+/// is larger than 24 MB. [`Error::Usage`]: a rate that is not above 0, or `every` is 0.
 pub fn page(scene: &MeshScene<'_>, every: Option<usize>) -> Result<String> {
     page_within(scene, every, LIMIT)
 }
