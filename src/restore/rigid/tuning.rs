@@ -40,7 +40,7 @@ pub(crate) mod body_lengths {
 
 /// The noise of a frame.
 pub(crate) mod noise_floor {
-    use super::outliers::MIN_OUTLIER_VARIANCE;
+    use crate::restore::rigid::tuning::outliers::MIN_OUTLIER_VARIANCE;
 
     /// Noise floors tried, cm.
     pub(crate) const BASES: [f64; 12] = [
