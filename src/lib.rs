@@ -128,6 +128,7 @@ pub mod error;
 pub mod evaluate;
 pub mod ik;
 pub mod io;
+pub(crate) mod label;
 pub mod metric;
 pub mod numeric;
 pub mod pose;

@@ -148,6 +148,15 @@ impl RigidPairs {
         out
     }
 
+    /// Those of the pairs that are listed.
+    pub(crate) fn selected(&self, pairs: &[usize]) -> RigidPairs {
+        RigidPairs {
+            pairs: pairs.iter().map(|k| self.pairs[*k]).collect(),
+            bodies: self.bodies.select(ndarray::Axis(1), pairs),
+            shares: self.shares.clone(),
+        }
+    }
+
     /// Stores them as the arrays `rigid` (n, 4: both points, standard deviation, whether still) and
     /// `rigid_lengths` (bodies, 1 + n: the body's share first). Nothing is stored where nothing
     /// is rigid.

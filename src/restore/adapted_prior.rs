@@ -2,9 +2,10 @@
 
 use super::frame_estimator::FrameEstimator;
 use super::pose_model::length_sd;
-use super::rigid::RigidModel;
+use super::rigid::{OwnLength, RigidModel};
 use super::take::PointMapping;
 use super::tuning::adapted_prior::*;
+use crate::label::distances::Distance;
 use crate::numeric::parallel;
 use crate::pose::Similarity;
 use crate::prior::Prior;
@@ -59,17 +60,21 @@ impl<'a> AdaptedPrior<'a> {
         let Some(prior) = self.prior.as_ref().filter(|_| !model.rigid.is_empty()) else {
             return self;
         };
-        let length_sd = |ends: [usize; 2], length: f64| {
-            let is_seen = |row: ArrayView1<'_, f64>| {
-                let mut all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
-                all.all(|i| row[i].is_finite())
-            };
-            let count = frames.rows().into_iter().filter(|r| is_seen(*r)).count();
-            length_sd(length, noise, count)
+        let is_seen = |ends: [usize; 2], row: ArrayView1<'_, f64>| {
+            let mut all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
+            all.all(|i| row[i].is_finite())
+        };
+        let own = |ends: [usize; 2], length: f64| {
+            if !model.is_bone(ends) {
+                return measured_length(frames, ends, noise);
+            }
+            let count = frames.rows().into_iter().filter(|r| is_seen(ends, *r)).count();
+            let sd = length_sd(length, noise, count);
+            Some(OwnLength::Transformed { sd })
         };
         let from = model.prior.representative_poses();
         let to = prior.representative_poses();
-        self.rigid = Cow::Owned(model.rigid.mapped(from, to, length_sd));
+        self.rigid = Cow::Owned(model.rigid.mapped(from, to, own));
         self
     }
 
@@ -120,4 +125,23 @@ impl<'a> AdaptedPrior<'a> {
     pub(crate) fn rigid_estimator(&self) -> FrameEstimator<'_> {
         self.estimator().with_rigid_model(&self.rigid)
     }
+}
+
+/// The distance between two points that no bone joins, if `frames` (m, 3 J; cm) show it to be
+/// rigid; `noise` is the standard deviation of a coordinate, cm. People differ in it more than in
+/// their bones: the model's own says nothing of it.
+fn measured_length(
+    frames: ArrayView2<'_, f64>,
+    points: [usize; 2],
+    noise: f64,
+) -> Option<OwnLength> {
+    let found = Distance::measure(frames, points).filter(|d| d.frames >= MEASURED_FRAMES)?;
+    // Both ends are noisy; twice their variance still may be noise.
+    let noise_variance = 2.0 * noise * noise;
+    let variance = found.spread * found.spread;
+    let is_rigid = variance <= 2.0 * noise_variance + MOST_SPREAD * MOST_SPREAD;
+    is_rigid.then(|| OwnLength::Measured {
+        length: found.median,
+        sd: ((variance - noise_variance).max(0.0) + variance / found.frames as f64).sqrt(),
+    })
 }

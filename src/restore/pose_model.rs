@@ -81,6 +81,12 @@ impl PoseModel {
         Ok(self)
     }
 
+    /// Whether a bone joins two points.
+    pub(crate) fn is_bone(&self, [a, b]: [usize; 2]) -> bool {
+        let parents = self.body.as_ref().map(|body| &body.parents);
+        parents.is_some_and(|parents| parents[a] == Some(b) || parents[b] == Some(a))
+    }
+
     /// Where its points stand on their bones.
     pub(crate) fn bone_points(&self) -> BonePoints {
         BonePoints::of(&self.points, self.prior.representative_poses())

@@ -44,6 +44,10 @@ pub(crate) mod adapted_prior {
     pub(crate) const JUDGED_FRAMES: usize = 50;
     /// Noise under which that can be judged, cm.
     pub(crate) const JUDGED_NOISE: f64 = 0.3;
+    /// Frames that a distance between points is measured in, at least.
+    pub(crate) const MEASURED_FRAMES: usize = 20;
+    /// Standard deviation of a distance that is rigid but for the noise, at most, cm.
+    pub(crate) const MOST_SPREAD: f64 = 0.15;
 }
 
 /// Estimates of single frames.

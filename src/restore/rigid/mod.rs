@@ -77,6 +77,15 @@ impl From<Posterior> for Corrected {
     }
 }
 
+/// What is known of a distance of another body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum OwnLength {
+    /// It is the model's, transformed, with this standard deviation besides, cm.
+    Transformed { sd: f64 },
+    /// It was measured, cm.
+    Measured { length: f64, sd: f64 },
+}
+
 /// The rigid distances of a model.
 #[derive(Debug, Clone, Default)]
 pub struct RigidModel {
@@ -117,20 +126,29 @@ impl RigidModel {
     }
 
     /// The distances of another body. `from` and `to` (k, 3 J) are poses before and after their
-    /// transform to it; `length_sd` gives the standard deviation (cm) of the distance between
-    /// two points.
+    /// transform to it; `own` says what is known of the distance between two points of it, which
+    /// is so many cm after the transform. A pair of which nothing is known is left out.
     pub(crate) fn mapped(
         &self,
         from: ArrayView2<'_, f64>,
         to: ArrayView2<'_, f64>,
-        length_sd: impl Fn([usize; 2], f64) -> f64,
+        own: impl Fn([usize; 2], f64) -> Option<OwnLength>,
     ) -> RigidModel {
         let mut pairs = self.pairs.mapped(from, to);
+        let mut kept = Vec::new();
         for (k, pair) in pairs.pairs.iter_mut().enumerate() {
-            let length = pairs.bodies[[0, k]];
-            pair.sd = pair.sd.hypot(length_sd(pair.ends, length));
+            let known = own(pair.ends, pairs.bodies[[0, k]]);
+            match known {
+                Some(OwnLength::Transformed { sd }) => pair.sd = pair.sd.hypot(sd),
+                Some(OwnLength::Measured { length, sd }) => {
+                    pairs.bodies.column_mut(k).fill(length);
+                    pair.sd = self.pairs.pairs[k].sd.hypot(sd);
+                }
+                None => continue,
+            }
+            kept.push(k);
         }
-        RigidModel::of(pairs)
+        RigidModel::of(pairs.selected(&kept))
     }
 
     /// The distances of a person who has not been measured. The known bodies do not show how people

@@ -1,0 +1,3 @@
+//! Which track is which point: what the distances within a body say of the labels of a take.
+
+pub(crate) mod distances;
