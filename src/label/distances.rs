@@ -31,7 +31,7 @@ impl Distance {
     }
 
     /// Of measured lengths, cm.
-    fn of(mut lengths: Vec<f64>) -> Option<Distance> {
+    pub(crate) fn of(mut lengths: Vec<f64>) -> Option<Distance> {
         let last = lengths.len().checked_sub(1)?;
         lengths.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| lengths[(share * last as f64).round() as usize];
@@ -59,7 +59,13 @@ mod tests {
         });
         let found = Distance::measure(xyz.view(), [0, 1]).unwrap();
         assert_eq!(found.frames, 180);
-        assert!((found.median - 10.0).abs() <= 0.02 && found.spread <= 0.1, "{found:?}");
-        assert_eq!(Distance::measure(xyz.slice(ndarray::s![..20, ..]), [0, 1]), None);
+        assert!(
+            (found.median - 10.0).abs() <= 0.02 && found.spread <= 0.1,
+            "{found:?}"
+        );
+        assert_eq!(
+            Distance::measure(xyz.slice(ndarray::s![..20, ..]), [0, 1]),
+            None
+        );
     }
 }

@@ -68,7 +68,11 @@ impl<'a> AdaptedPrior<'a> {
             if !model.is_bone(ends) {
                 return measured_length(frames, ends, noise);
             }
-            let count = frames.rows().into_iter().filter(|r| is_seen(ends, *r)).count();
+            let count = frames
+                .rows()
+                .into_iter()
+                .filter(|r| is_seen(ends, *r))
+                .count();
             let sd = length_sd(length, noise, count);
             Some(OwnLength::Transformed { sd })
         };

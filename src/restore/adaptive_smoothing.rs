@@ -8,18 +8,21 @@
 //!     m, v the smoother's mean and variance, r the noise variance (cm²)
 //! ```
 //!
+//! That holds for noise that is correlated in time too: v is the covariance of the smoother's mean
+//! with the noise, whatever the noise's own.
+//!
 //! Averaged over the neighbors in time, these risks ρ_q weigh the strengths: w_q ∝ exp(−n ρ_q / 4
 //! r), n the number of values averaged over. A planted foot is so smoothed more than the step
 //! before it. The neighborhood is as wide as the best single strength needs: 8 λ^¼ frames, λ = r /
 //! (q h³).
 
-use super::kalman_smoother::{Smoothed, smooth};
-use super::noise_estimation;
+use super::capture_noise::CaptureNoise;
+use super::kalman_smoother::{PathNoise, smooth};
 use super::take::{PointMapping, Take};
 use super::tuning::adaptive_smoothing::*;
 use crate::numeric::parallel;
 use crate::prior::EXACT_VARIANCE;
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
 /// The paths of a take, smoothed point by point, in the table's order of points.
@@ -28,8 +31,8 @@ pub(crate) struct SmoothedTake {
     pub mean: Array2<f64>,
     /// (frames, 3 J), cm².
     pub variance: Array2<f64>,
-    /// The noise of each point (J), cm.
-    pub noise: Vec<f64>,
+    /// The noise of the capture.
+    pub noise: CaptureNoise,
 }
 
 impl SmoothedTake {
@@ -40,24 +43,21 @@ impl SmoothedTake {
         take: &Take<'_>,
         noise: Option<f64>,
     ) -> SmoothedTake {
-        let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(take.xyz)));
-        let model = (in_model.as_ref()).map(|(model, seen)| (*model, seen.view()));
-        let noise = noise_estimation::by_point(model, take, noise);
-        let columns = parallel::map_chunks(noise.len(), 1, |range| {
+        let noise = CaptureNoise::measure(mapping, take, noise);
+        let paths = parallel::map_chunks(noise.sd.len(), 1, |range| {
             let path = path_of(take.xyz, range.start);
-            // Less what motion without noise reads as: a clean take stays as it is.
-            let r = noise[range.start] * noise[range.start];
-            let r = (r * r / (r + MOTION_VARIANCE)).max(LEAST_VARIANCE);
-            let mut smooth = smooth_path(&path, take.runs, r, 1.0 / take.rate);
-            for (path, smooth) in path.iter().zip(&mut smooth) {
-                for t in 0..path.len() {
-                    if path[t].is_nan() {
-                        (smooth.mean[t], smooth.variance[t]) = (f64::NAN, f64::NAN);
-                    } else if smooth.mean[t].is_nan() {
+            let own = noise.of_path(range.start);
+            let mut smooth = smooth_path(&path, take.runs, own, 1.0 / take.rate);
+            for axis in 0..3 {
+                let (mean, variance) = (&mut smooth.mean[axis], &mut smooth.variance[axis]);
+                for t in 0..path[axis].len() {
+                    if path[axis][t].is_nan() {
+                        (mean[t], variance[t]) = (f64::NAN, f64::NAN);
+                    } else if mean[t].is_nan() {
                         // Seen in part: there is no path to smooth.
-                        (smooth.mean[t], smooth.variance[t]) = (path[t], r);
+                        (mean[t], variance[t]) = (path[axis][t], own.variance);
                     }
-                    smooth.variance[t] = smooth.variance[t].min(r);
+                    variance[t] = variance[t].min(own.variance);
                 }
             }
             smooth
@@ -67,9 +67,9 @@ impl SmoothedTake {
             variance: take.xyz.to_owned(),
             noise,
         };
-        for (i, smooth) in columns.into_iter().flatten().enumerate() {
-            out.mean.column_mut(i).assign(&Array1::from(smooth.mean));
-            (out.variance.column_mut(i)).assign(&Array1::from(smooth.variance));
+        for (p, path) in paths.into_iter().enumerate() {
+            put_path(&mut out.mean, p, &path.mean);
+            put_path(&mut out.variance, p, &path.variance);
         }
         out.variance.mapv_inplace(|v| v.max(EXACT_VARIANCE));
         out
@@ -92,73 +92,126 @@ pub(crate) fn path_of(xyz: ArrayView2<'_, f64>, point: usize) -> [Vec<f64>; 3] {
     [0, 1, 2].map(|axis| xyz.column(3 * point + axis).to_vec())
 }
 
-/// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; noise
-/// variance `r`, cm²; `step` seconds per frame. A run in which the point is never seen stays
-/// missing.
+/// Puts the three coordinates of a point in place in `xyz` (frames, 3 J).
+pub(crate) fn put_path(xyz: &mut Array2<f64>, point: usize, path: &[Vec<f64>; 3]) {
+    for (axis, values) in path.iter().enumerate() {
+        let mut column = xyz.column_mut(3 * point + axis);
+        column.iter_mut().zip(values).for_each(|(to, v)| *to = *v);
+    }
+}
+
+/// A smoothed path, with values at every frame.
+pub(crate) struct SmoothedPath {
+    /// The coordinates, cm; NaN in a run in which one is never seen.
+    pub mean: [Vec<f64>; 3],
+    /// Their variances, cm².
+    pub variance: [Vec<f64>; 3],
+}
+
+/// Smooths the coordinates of a point over its `runs`: `path` in cm, NaN where missing; `step`
+/// seconds per frame. A run in which the point is never seen stays missing.
 pub(crate) fn smooth_path(
     path: &[Vec<f64>; 3],
     runs: &[Range<usize>],
-    r: f64,
+    noise: PathNoise,
     step: f64,
-) -> [Smoothed; 3] {
-    let empty = || Smoothed {
-        mean: vec![f64::NAN; path[0].len()],
-        variance: vec![f64::INFINITY; path[0].len()],
+) -> SmoothedPath {
+    let all = |value: f64| [0, 1, 2].map(|_| vec![value; path[0].len()]);
+    let mut out = SmoothedPath {
+        mean: all(f64::NAN),
+        variance: all(f64::INFINITY),
     };
-    let mut out = [empty(), empty(), empty()];
     for run in runs {
         let series = [0, 1, 2].map(|axis| &path[axis][run.clone()]);
         if series.iter().any(|s| s.iter().all(|v| v.is_nan())) {
             continue;
         }
-        let smooth = smooth_run(series, r, step);
-        for (out, smooth) in out.iter_mut().zip(smooth) {
-            out.mean[run.clone()].copy_from_slice(&smooth.mean);
-            out.variance[run.clone()].copy_from_slice(&smooth.variance);
-        }
+        smooth_run(series, noise, step, run.start, &mut out);
     }
     out
 }
 
-fn smooth_run(series: [&[f64]; 3], r: f64, step: f64) -> [Smoothed; 3] {
-    let all: Vec<[Smoothed; 3]> = (DENSITIES.iter())
-        .map(|q| series.map(|s| smooth(s, r, step, *q)))
+/// A path smoothed with one strength. The variance is that of all coordinates, where they are seen
+/// in the same frames.
+struct OneStrength {
+    mean: [Vec<f64>; 3],
+    variance: Vec<Vec<f64>>,
+}
+
+impl OneStrength {
+    fn new(series: [&[f64]; 3], noise: PathNoise, step: f64, q: f64) -> OneStrength {
+        let is_seen = |axis: usize, t: usize| series[axis][t].is_nan();
+        let mut frames = 0..series[0].len();
+        if frames.all(|t| is_seen(0, t) == is_seen(1, t) && is_seen(0, t) == is_seen(2, t)) {
+            let all = smooth(series, noise, step, q);
+            return OneStrength {
+                mean: all.mean,
+                variance: vec![all.variance],
+            };
+        }
+        let mut variance = Vec::new();
+        let mean = series.map(|series| {
+            let smooth = smooth([series], noise, step, q);
+            variance.push(smooth.variance);
+            let [mean] = smooth.mean;
+            mean
+        });
+        OneStrength { mean, variance }
+    }
+
+    fn variance(&self, axis: usize) -> &[f64] {
+        &self.variance[axis.min(self.variance.len() - 1)]
+    }
+}
+
+/// Smooths a run, and puts it in place from frame `first` on.
+fn smooth_run(
+    series: [&[f64]; 3],
+    noise: PathNoise,
+    step: f64,
+    first: usize,
+    out: &mut SmoothedPath,
+) {
+    let (r, a) = (noise.variance, noise.correlation);
+    let all: Vec<OneStrength> = (DENSITIES.iter())
+        .map(|q| OneStrength::new(series, noise, step, *q))
         .collect();
     let risks: Vec<Vec<Option<f64>>> = all.iter().map(|one| risk(series, one, r)).collect();
     let total = |risk: &Vec<Option<f64>>| risk.iter().flatten().sum::<f64>();
     let best = (0..all.len()).min_by(|a, b| total(&risks[*a]).total_cmp(&total(&risks[*b])));
-    let lambda = r / (DENSITIES[best.unwrap_or(0)] * step.powi(3));
+    // What of the noise is slow decides how far one looks; squares of noise that is correlated are
+    // worth fewer.
+    let slow = r * (1.0 + a) / (1.0 - a);
+    let worth = (1.0 - a * a) / (1.0 + a * a);
+    let lambda = slow / (DENSITIES[best.unwrap_or(0)] * step.powi(3));
     let width = (FRAMES * lambda.powf(0.25)).max(LEAST_FRAMES);
     let local: Vec<Vec<(f64, f64)>> = risks.iter().map(|risk| averages(risk, width)).collect();
-    let mut out = [0, 1, 2].map(|_| Smoothed {
-        mean: vec![0.0; series[0].len()],
-        variance: vec![0.0; series[0].len()],
-    });
     for t in 0..series[0].len() {
         let least = local.iter().map(|l| l[t].0).fold(f64::INFINITY, f64::min);
         let weight = |l: &Vec<(f64, f64)>| {
             let (risk, count) = l[t];
-            (-(risk - least) * 3.0 * count / (SPREAD * r)).exp()
+            (-(risk - least) * 3.0 * worth * count / (SPREAD * r)).exp()
         };
         let weights: Vec<f64> = local.iter().map(weight).collect();
         let sum: f64 = weights.iter().sum();
-        for (w, one) in weights.iter().zip(&all) {
-            for (out, one) in out.iter_mut().zip(one) {
-                out.mean[t] += w / sum * one.mean[t];
-                out.variance[t] += w / sum * one.variance[t];
-            }
+        for axis in 0..3 {
+            let mixed = |of: &dyn Fn(&OneStrength) -> f64| {
+                let parts = weights.iter().zip(&all).map(|(w, one)| w * of(one));
+                parts.sum::<f64>() / sum
+            };
+            out.mean[axis][first + t] = mixed(&|one| one.mean[axis][t]);
+            out.variance[axis][first + t] = mixed(&|one| one.variance(axis)[t]);
         }
     }
-    out
 }
 
 /// Stein's estimate of the squared error of a coordinate in each frame, the mean of three; `None`
 /// where one is missing.
-fn risk(series: [&[f64]; 3], smooth: &[Smoothed; 3], r: f64) -> Vec<Option<f64>> {
+fn risk(series: [&[f64]; 3], smooth: &OneStrength, r: f64) -> Vec<Option<f64>> {
     let of = |t: usize| {
         let terms = (0..3).map(|c| {
-            let rest = series[c][t] - smooth[c].mean[t];
-            rest * rest - r + 2.0 * smooth[c].variance[t].min(r)
+            let rest = series[c][t] - smooth.mean[c][t];
+            rest * rest - r + 2.0 * smooth.variance(c)[t].min(r)
         });
         let sum: f64 = terms.sum();
         sum.is_finite().then_some(sum / 3.0)
@@ -223,15 +276,16 @@ mod tests {
             let n = frames.len() as f64;
             (frames.map(|t| (smooth[t] - truth[t]).powi(2)).sum::<f64>() / n).sqrt()
         };
-        let local = smooth_path(&path, &whole(1200), 0.09, 1.0 / 120.0);
-        assert!(error(&local[0].mean, 30..550) <= 0.06);
-        assert!(error(&local[0].mean, 650..1170) <= 0.2);
+        let white = PathNoise::white(0.09);
+        let local = smooth_path(&path, &whole(1200), white, 1.0 / 120.0);
+        assert!(error(&local.mean[0], 30..550) <= 0.06);
+        assert!(error(&local.mean[0], 650..1170) <= 0.2);
         // No single strength does both as well.
-        let single = DENSITIES.map(|q| smooth(&path[0], 0.09, 1.0 / 120.0, q));
+        let single = DENSITIES.map(|q| smooth([&path[0]], white, 1.0 / 120.0, q));
         let all = 0..1200;
         let best =
-            (single.iter().map(|s| error(&s.mean, all.clone()))).fold(f64::INFINITY, f64::min);
-        assert!(error(&local[0].mean, all.clone()) <= 0.95 * best);
+            (single.iter().map(|s| error(&s.mean[0], all.clone()))).fold(f64::INFINITY, f64::min);
+        assert!(error(&local.mean[0], all.clone()) <= 0.95 * best);
     }
 
     #[test]
@@ -245,12 +299,13 @@ mod tests {
                 }
             })
             .collect();
-        let smooth = smooth_path(&[0; 3].map(|_| line.clone()), &whole(60), 1e-4, 0.01);
-        assert!((smooth[0].mean[21] - 21.0).abs() <= 0.01);
-        assert!(smooth[0].variance[21] > smooth[0].variance[10]);
+        let white = PathNoise::white(1e-4);
+        let smooth = smooth_path(&[0; 3].map(|_| line.clone()), &whole(60), white, 0.01);
+        assert!((smooth.mean[0][21] - 21.0).abs() <= 0.01);
+        assert!(smooth.variance[0][21] > smooth.variance[0][10]);
         let unseen = [line.clone(), vec![f64::NAN; 60], line];
-        let smooth = smooth_path(&unseen, &whole(60), 1e-4, 0.01);
-        assert!(smooth[0].mean[5].is_nan() && smooth[0].variance[5].is_infinite());
+        let smooth = smooth_path(&unseen, &whole(60), white, 0.01);
+        assert!(smooth.mean[0][5].is_nan() && smooth.variance[0][5].is_infinite());
     }
 
     #[test]

@@ -82,7 +82,7 @@ impl Method for Denoise {
         // 4. The smoothed points, drawn there by as much as they are noisy.
         let mut out = TakeResult::captured(take.xyz);
         out.take_alone = adapted.is_some() && known.is_none();
-        out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
+        out.noise = smoothed.noise.mean();
         put_denoised(&mut out, take, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.
         self.fill(&mut out, take, &outliers, known);
@@ -107,7 +107,7 @@ fn put_denoised(
             if (3 * p..3 * p + 3).any(|i| smoothed.mean[[t, i]].is_nan()) {
                 continue;
             }
-            let r = smoothed.noise[p] * smoothed.noise[p];
+            let r = smoothed.noise.sd[p] * smoothed.noise.sd[p];
             let expected = expected.filter(|e| e.mean[[t, 3 * p]].is_finite());
             let share = expected.map_or(0.0, |_| r / (r + MODEL_VARIANCE));
             let mut moved = 0.0;

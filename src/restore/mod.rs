@@ -22,6 +22,7 @@
 mod adapted_prior;
 mod adaptive_smoothing;
 pub(crate) mod body_size;
+mod capture_noise;
 pub(crate) mod clean;
 pub(crate) mod complete;
 mod cuts;

@@ -1,14 +1,15 @@
 //! What the model expects in the smoothed frames of a take.
 
 use super::adapted_prior::AdaptedPrior;
-use super::adaptive_smoothing::{SmoothedTake, path_of, smooth_path};
+use super::adaptive_smoothing::{SmoothedTake, path_of, put_path, smooth_path};
 use super::frame_estimator::{FrameEstimate, FrameEstimator};
+use super::kalman_smoother::PathNoise;
 use super::take::{FRAMES_PER_TASK, Take};
 use super::tuning::{adaptive_smoothing::LEAST_VARIANCE, model_estimates::*};
 use crate::numeric::parallel;
 use crate::pose::Observation;
 use glam::DVec3;
-use ndarray::{Array1, Array2};
+use ndarray::Array2;
 
 /// The model's estimates of the smoothed frames of a take, in the table's order of points.
 pub(crate) struct ModelEstimates {
@@ -72,13 +73,22 @@ impl ModelEstimates {
             }
         }
         // What is left of the noise trembles in the estimates.
-        let columns = parallel::map_chunks(points, 1, |range| {
+        let paths = parallel::map_chunks(points, 1, |range| {
             let p = range.start;
-            let r = (SHARE_LEFT * smoothed.noise[p] * smoothed.noise[p]).max(LEAST_VARIANCE);
-            smooth_path(&path_of(out.mean.view(), p), take.runs, r, 1.0 / take.rate)
+            let own = smoothed.noise.of_path(p);
+            let left = PathNoise {
+                variance: (SHARE_LEFT * own.variance).max(LEAST_VARIANCE),
+                ..own
+            };
+            smooth_path(
+                &path_of(out.mean.view(), p),
+                take.runs,
+                left,
+                1.0 / take.rate,
+            )
         });
-        for (i, smooth) in columns.into_iter().flatten().enumerate() {
-            out.mean.column_mut(i).assign(&Array1::from(smooth.mean));
+        for (p, path) in paths.into_iter().enumerate() {
+            put_path(&mut out.mean, p, &path.mean);
         }
         out
     }

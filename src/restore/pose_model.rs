@@ -81,10 +81,18 @@ impl PoseModel {
         Ok(self)
     }
 
+    /// The ends of each bone, that nearer to the root first; none where bones are not known.
+    pub(crate) fn bones(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let parents = self
+            .body
+            .iter()
+            .flat_map(|body| body.parents.iter().enumerate());
+        parents.filter_map(|(point, parent)| Some([(*parent)?, point]))
+    }
+
     /// Whether a bone joins two points.
     pub(crate) fn is_bone(&self, [a, b]: [usize; 2]) -> bool {
-        let parents = self.body.as_ref().map(|body| &body.parents);
-        parents.is_some_and(|parents| parents[a] == Some(b) || parents[b] == Some(a))
+        self.bones().any(|ends| ends == [a, b] || ends == [b, a])
     }
 
     /// Where its points stand on their bones.

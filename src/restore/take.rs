@@ -124,6 +124,15 @@ impl<'a> PointMapping<'a> {
         pairs.filter_map(|(p, in_table)| Some((p, (*in_table)?)))
     }
 
+    /// The table's points that are the ends of a bone of the model.
+    pub(crate) fn bones(&self) -> Vec<[usize; 2]> {
+        let ends = self
+            .model
+            .bones()
+            .filter_map(|[a, b]| Some([self.points[a]?, self.points[b]?]));
+        ends.collect()
+    }
+
     /// The model's point that is `point` of the table.
     pub(crate) fn in_model(&self, point: usize) -> Option<usize> {
         self.points.iter().position(|i| *i == Some(point))

@@ -67,6 +67,31 @@ pub(crate) mod noise_estimation {
     pub(crate) const SAMPLED_FRAMES: usize = 20;
 }
 
+/// The noise of a capture by its bones.
+pub(crate) mod capture_noise {
+    /// Frames of a bone, at least.
+    pub(crate) const FEWEST_FRAMES: usize = 30;
+    /// Bones, at least.
+    pub(crate) const FEWEST_BONES: usize = 4;
+    /// Seconds over which a bone's length is compared with its mean: what changes more slowly is
+    /// the body, or a camera's distortion.
+    pub(crate) const LOCAL_SECONDS: f64 = 1.0;
+    /// Rounds in which correlation and mean are told apart.
+    pub(crate) const ROUNDS: usize = 4;
+    /// Standard deviations beyond which a length counts as this far off.
+    pub(crate) const FAR: f64 = 3.0;
+    /// Less correlation from frame to frame is none. White noise of 300 frames and 22 bones reads
+    /// as .0 +- .02.
+    pub(crate) const LEAST_CORRELATION: f64 = 0.1;
+    /// The largest correlation that is told from motion.
+    pub(crate) const MOST_CORRELATION: f64 = 0.95;
+    /// The two estimates of a variance differ by a larger factor where they measure other things.
+    pub(crate) const MORE: f64 = 1.3;
+    /// Third differences whose level is within this factor of the bones' say how the points
+    /// differ.
+    pub(crate) const ALIKE: f64 = 2.0;
+}
+
 /// Kalman smoothers of many strengths.
 pub(crate) mod adaptive_smoothing {
     /// Densities of white acceleration, cm²/s³: from a body at rest to a punch.

@@ -13,8 +13,9 @@ use super::{FilledGap, Gap};
 use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use crate::restore::adapted_prior::AdaptedPrior;
-use crate::restore::adaptive_smoothing::{path_of, smooth_path};
+use crate::restore::adaptive_smoothing::{path_of, put_path, smooth_path};
 use crate::restore::frame_estimator::{FrameEstimate, FrameEstimator};
+use crate::restore::kalman_smoother::PathNoise;
 use crate::restore::noise_estimation::{noise_of_path, variances};
 use crate::restore::take::{FRAMES_PER_TASK, Take};
 use glam::DVec3;
@@ -208,10 +209,9 @@ impl ModelFill<'_> {
     fn smooth(&self, xyz: &mut Array2<f64>, noise: f64) {
         if noise > 0.0 {
             let (path, run) = (path_of(xyz.view(), 0), 0..xyz.nrows());
-            let smooth = smooth_path(&path, &[run], noise * noise, 1.0 / self.rate);
-            for (mut column, smooth) in xyz.columns_mut().into_iter().zip(smooth) {
-                column.assign(&ndarray::Array1::from(smooth.mean));
-            }
+            let noise = PathNoise::white(noise * noise);
+            let smooth = smooth_path(&path, &[run], noise, 1.0 / self.rate);
+            put_path(xyz, 0, &smooth.mean);
         }
     }
 }

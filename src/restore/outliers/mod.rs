@@ -66,7 +66,7 @@ impl Outliers {
         if self.points == self.spikes {
             return false;
         }
-        let (xyz, noise) = (take.xyz, &smoothed.noise);
+        let (xyz, noise) = (take.xyz, &smoothed.noise.sd);
         let rest = take.with_xyz(smoothed.mean.view());
         let mut gaps = find_gaps(rest.xyz, rest.runs);
         gaps.retain(|gap| self.is_in(gap));
