@@ -81,7 +81,8 @@ impl CaptureNoise {
         let is_white = a == 0.0 && level >= 1.0 / MORE;
         if !is_given && !is_white {
             sd.iter_mut().for_each(|sd| {
-                let own = if is_alike { *sd * *sd / white * r } else { r };
+                let share = (*sd * *sd / white).clamp(1.0 / POINTS_DIFFER, POINTS_DIFFER);
+                let own = if is_alike { share * r } else { r };
                 *sd = own.sqrt();
             });
         }

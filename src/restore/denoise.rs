@@ -102,6 +102,7 @@ fn put_denoised(
         out.too_little = expected.too_little;
     }
     let points = out.points();
+    let common = expected.map_or(Vec::new(), ModelEstimates::mean_variances);
     for t in 0..take.xyz.nrows() {
         for p in 0..points {
             if (3 * p..3 * p + 3).any(|i| smoothed.mean[[t, i]].is_nan()) {
@@ -116,8 +117,12 @@ fn put_denoised(
                 out.xyz[[t, i]] = (1.0 - share) * smoothed.mean[[t, i]] + expected;
                 moved += (out.xyz[[t, i]] - take.xyz[[t, i]]).powi(2);
             }
-            let sd = smoothed.variance[[t, 3 * p]].sqrt();
-            let sd = expected.map_or(sd, |e| (1.0 - share) * sd + share * e.sd[t * points + p]);
+            let left = smoothed.variance[[t, 3 * p]];
+            let sd = expected.map_or(left.sqrt(), |e| {
+                let common = COMMON_SHARE * left / (left + HALF_COMMON) * common[t];
+                let variance = OWN_SHARE * e.sd[t * points + p].powi(2) + common;
+                (1.0 - share) * left.sqrt() + share * variance.sqrt()
+            });
             let status = match moved <= UNCHANGED * UNCHANGED {
                 true => Status::Observed,
                 false => Status::Changed,

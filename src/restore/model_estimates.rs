@@ -92,6 +92,18 @@ impl ModelEstimates {
         }
         out
     }
+
+    /// The mean over the points of each frame of the variance of a coordinate, cm²; NaN where
+    /// nothing is estimated.
+    pub(crate) fn mean_variances(&self) -> Vec<f64> {
+        let of_frame = |sd: &[f64]| {
+            let known = sd.iter().filter(|sd| sd.is_finite());
+            let (sum, count) = known.fold((0.0, 0.0), |(s, n), sd| (s + sd * sd, n + 1.0));
+            sum / count
+        };
+        let points = self.mean.ncols() / 3;
+        self.sd.chunks_exact(points.max(1)).map(of_frame).collect()
+    }
 }
 
 /// Estimates a smoothed frame. Points seen in part among whole ones count as missing, which saves a
