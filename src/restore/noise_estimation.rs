@@ -61,17 +61,10 @@ pub(crate) fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
     (2.0 * mean).max(0.0).sqrt()
 }
 
-/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white
-/// noise has √20 times its own. The lower quartile of their sizes is robust: spikes in a fifth of
-/// the frames, each of which spoils four differences, do not count. `None` with fewer than eight
-/// differences.
-pub(crate) fn noise_of(series: &[f64]) -> Option<f64> {
-    let squares = series.windows(4).map(|w| third_difference(w).powi(2));
-    // The lower quartile of χ² with one degree of freedom is 0.1015.
-    of_squares(squares.collect(), 0.1015)
-}
-
-/// [`noise_of`] for the three coordinates of a path together, whichever way the axes point.
+/// Standard deviation of the noise of a path, from its third differences, whichever way the axes
+/// point: motion hardly has any, white noise has √20 times its own. The lower quartile of their
+/// sizes is robust: spikes in a fifth of the frames, each of which spoils four differences, do not
+/// count. `None` with fewer than eight differences.
 pub(crate) fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
     let square = |t: usize| {
         path.iter()
@@ -79,46 +72,37 @@ pub(crate) fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
             .sum()
     };
     let squares = (0..path[0].len().saturating_sub(3)).map(square);
-    // That with three is 1.2125.
-    of_squares(squares.collect(), 1.2125)
+    let mut squares: Vec<f64> = squares.filter(|d: &f64| d.is_finite()).collect();
+    if squares.len() < 8 {
+        return None;
+    }
+    let at = squares.len() / 4;
+    let quartile = *squares.select_nth_unstable_by(at, f64::total_cmp).1;
+    // The lower quartile of χ² with three degrees of freedom is 1.2125.
+    Some((quartile / 1.2125 / 20.0).sqrt())
 }
 
 fn third_difference(w: &[f64]) -> f64 {
     w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]
 }
 
-/// The standard deviation behind squared third differences, the lower quartile of which is
-/// `quartile` variances.
-fn of_squares(mut squares: Vec<f64>, quartile: f64) -> Option<f64> {
-    squares.retain(|d| d.is_finite());
-    if squares.len() < 8 {
-        return None;
-    }
-    let at = squares.len() / 4;
-    let found = *squares.select_nth_unstable_by(at, f64::total_cmp).1;
-    Some((found / quartile / 20.0).sqrt())
-}
-
 /// Standard deviation of a coordinate of each point (J) by third differences over time, cm
-/// ([`noise_of`]). `None` for a point that is never seen long enough.
+/// ([`noise_of_path`]). `None` for a point that is never seen long enough.
 pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
-    let of_column = |i: usize| {
-        // Runs are joined by a missing value, which no difference crosses.
-        let series: Vec<f64> = runs
-            .iter()
-            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
-            .collect();
-        noise_of(&series)
-    };
     let of_point = |p: usize| {
-        let found: Vec<f64> = (3 * p..3 * p + 3).filter_map(of_column).collect();
-        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
+        let path = [0, 1, 2].map(|axis| {
+            // Runs are joined by a missing value, which no difference crosses.
+            let column = xyz.column(3 * p + axis);
+            let of_run = |r: &Range<usize>| r.clone().map(|t| column[t]).chain([f64::NAN]);
+            runs.iter().flat_map(of_run).collect()
+        });
+        noise_of_path(&path)
     };
     (0..xyz.ncols() / 3).map(of_point).collect()
 }
 
 /// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences
-/// over time ([`noise_of`]). A point that is never seen long enough takes the median of the others;
+/// over time ([`noise_of_path`]). A point that is never seen long enough takes the median of the others;
 /// where there is none, `model` measures some frames, given beside it in its own order of points.
 pub(crate) fn by_point(
     model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
@@ -155,22 +139,21 @@ mod tests {
     #[test]
     fn noise_is_measured() {
         let mut generator = crate::numeric::parallel::rng(3, 0);
-        let mut noisy = |sd: f64| -> Vec<f64> {
-            let swing = |i: usize| 40.0 * (i as f64 / 120.0 * 4.0).sin();
-            let noise = |g: &mut _| -> f64 { StandardNormal.sample(g) };
-            (0..2400)
-                .map(|i| swing(i) + sd * noise(&mut generator))
-                .collect()
+        let mut noisy = |sd: f64| {
+            [0.0, 1.0, 2.0].map(|phase| -> Vec<f64> {
+                let swing = |i: usize| 40.0 * (i as f64 / 120.0 * 4.0 + phase).sin();
+                let noise = |g: &mut _| -> f64 { StandardNormal.sample(g) };
+                (0..2400)
+                    .map(|i| swing(i) + sd * noise(&mut generator))
+                    .collect()
+            })
         };
-        // A quartile of 2,400 differences, four of which share each frame, is right to about 6%.
+        // A quartile of 2,400 differences, four of which share each frame, is right to about 4%.
         for sd in [0.05, 1.0, 5.6] {
-            let got = noise_of(&noisy(sd)).unwrap();
-            assert!((got / sd - 1.0).abs() <= 0.15, "{sd}: {got}");
+            let got = noise_of_path(&noisy(sd)).unwrap();
+            assert!((got / sd - 1.0).abs() <= 0.1, "{sd}: {got}");
         }
-        assert!(noise_of(&noisy(0.0)).unwrap() <= 0.01);
-        assert!(noise_of(&[1.0; 7]).is_none());
-        let path = [0, 1, 2].map(|_| noisy(0.7));
-        let got = noise_of_path(&path).unwrap();
-        assert!((got / 0.7 - 1.0).abs() <= 0.1, "{got}");
+        assert!(noise_of_path(&noisy(0.0)).unwrap() <= 0.01);
+        assert!(noise_of_path(&[0; 3].map(|_| vec![1.0; 10])).is_none());
     }
 }

@@ -137,7 +137,7 @@ pub(crate) mod denoise {
     /// noise the smoother leaves (half of it at so many cm²): the placement's error moves all
     /// points together. Fitted to takes of 02, 13, 35 and 49, left out of the model, under white
     /// noise and noise of 5 and 15 Hz of .3, 1 and 3 cm.
-    pub(crate) const OWN_SHARE: f64 = 0.6;
+    pub(crate) const OWN_SHARE: f64 = 0.55;
     pub(crate) const COMMON_SHARE: f64 = 0.8;
     pub(crate) const HALF_COMMON: f64 = 0.3;
 }
