@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::messages;
 use crate::io::input::take_name;
-use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
+use crate::io::{Columns, PosesBuilder, Row, RowReader, Table, deviations};
 use crate::io::{Input, Model};
 use crate::numeric::statistics::span;
 use crate::pose::units::Units;
@@ -249,8 +249,10 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
     if !has_takes {
         poses.take = Some(files);
     }
+    let centimeters = flags.table_units().unit.centimeters();
     Ok(Table {
         name,
+        sd: deviations(&columns, &kept, centimeters),
         columns,
         poses,
         cells: kept,

@@ -24,6 +24,9 @@ pub struct Table {
     pub poses: Poses,
     /// The cells as they stood, a row each, if they were kept; else empty.
     pub cells: Vec<Cells>,
+    /// Standard deviation of a coordinate of each point (frames, J), cm, as the columns NAME.sd of
+    /// kept cells say; NaN where they say none. `None` without such columns: the points are exact.
+    pub sd: Option<Array2<f64>>,
 }
 
 impl Table {
@@ -75,6 +78,7 @@ impl Table {
         }
         Ok(Table {
             name: reader.name().to_string(),
+            sd: deviations(&columns, &cells, 1.0),
             columns,
             poses: builder.finish(),
             cells,
@@ -189,4 +193,32 @@ impl PosesBuilder {
             take: self.take,
         }
     }
+}
+
+/// The standard deviations (frames, J; cm) that the columns NAME.sd of some cells hold, in a unit of
+/// so many `centimeters`; NaN where a cell is no number. `None` where no point has such a column.
+pub(crate) fn deviations(
+    columns: &Columns,
+    cells: &[Cells],
+    centimeters: f64,
+) -> Option<Array2<f64>> {
+    let column = |point: &String| {
+        columns
+            .names
+            .iter()
+            .position(|c| *c == format!("{point}.sd"))
+    };
+    let of_points: Vec<Option<usize>> = columns.points.iter().map(column).collect();
+    if cells.is_empty() || of_points.iter().all(Option::is_none) {
+        return None;
+    }
+    let number = |cell: &[u8]| std::str::from_utf8(cell).ok()?.trim().parse::<f64>().ok();
+    Some(Array2::from_shape_fn(
+        (cells.len(), of_points.len()),
+        |(t, p)| {
+            let cell = of_points[p].and_then(|column| cells[t].get(column));
+            let sd = cell.and_then(number).filter(|sd| *sd >= 0.0);
+            sd.map_or(f64::NAN, |sd| sd * centimeters)
+        },
+    ))
 }

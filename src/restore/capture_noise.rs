@@ -243,6 +243,7 @@ mod tests {
                 xyz: xyz.view(),
                 runs: std::slice::from_ref(&(0..400)),
                 rate: 120.0,
+                sd: None,
             };
             let found = of_bones(&take, &bones).unwrap();
             assert!(

@@ -198,7 +198,11 @@ impl Denoise {
         if gaps.is_empty() {
             return;
         }
-        let seen = take.with_xyz(seen.view());
+        let sd = out.sd();
+        let seen = Take {
+            sd: Some(sd.view()),
+            ..take.with_xyz(seen.view())
+        };
         let filled = fill_gaps(known, &seen, &gaps, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));

@@ -255,6 +255,7 @@ impl<'m> Restorer<'m> {
                 xyz: seen.slice(s![frames.clone(), ..]),
                 runs: &runs,
                 rate,
+                sd: (table.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
             };
             out.add(frames.start, &method.restore_take(mapping, &take, progress));
         }

@@ -22,11 +22,14 @@ pub(crate) struct Take<'a> {
     pub runs: &'a [Range<usize>],
     /// Frames a second.
     pub rate: f64,
+    /// Standard deviation of a coordinate of each point (frames, J), cm; NaN where unknown. `None`:
+    /// what is seen is exact.
+    pub sd: Option<ArrayView2<'a, f64>>,
 }
 
 impl<'a> Take<'a> {
-    /// The take with other coordinates, some of which may be missing. `names` stay: they fit only
-    /// where `xyz` has the same points in the same order.
+    /// The take with other coordinates, some of which may be missing. `names` and `sd` stay: they
+    /// fit only where `xyz` has the same points in the same order.
     pub(crate) fn with_xyz<'b>(&self, xyz: ArrayView2<'b, f64>) -> Take<'b>
     where
         'a: 'b,
@@ -255,6 +258,12 @@ impl TakeResult {
     /// The number of points of a frame.
     pub(crate) fn points(&self) -> usize {
         self.xyz.ncols() / 3
+    }
+
+    /// Standard deviation of a coordinate of each point (frames, J), cm; NaN where unknown.
+    pub(crate) fn sd(&self) -> Array2<f64> {
+        let shape = (self.xyz.nrows(), self.points());
+        Array2::from_shape_fn(shape, |(t, p)| self.state(t, p).sd)
     }
 
     /// What became of a point.

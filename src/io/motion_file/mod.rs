@@ -449,6 +449,7 @@ fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result
     }
     let units = custom_units(options);
     units.read_frames(&mut table.poses.xyz);
+    (table.sd.iter_mut().flatten()).for_each(|sd| *sd *= units.unit.centimeters());
     let rate = rate_of(table.poses.rate(), options);
     Ok(MotionFile {
         format,

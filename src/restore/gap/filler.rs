@@ -317,6 +317,7 @@ mod tests {
             xyz: captured.view(),
             runs: std::slice::from_ref(&run),
             rate: 120.0,
+            sd: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
@@ -372,6 +373,7 @@ mod tests {
             xyz: captured.view(),
             runs: std::slice::from_ref(&run),
             rate: 100.0,
+            sd: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| ());

@@ -118,8 +118,29 @@ pub(crate) fn fill_gaps(
     if let Some(adapted) = adapted {
         model_fill::fill(adapted, take, gaps, &mut filled, implausible, done);
     }
-    rigid_distances::hold(take.xyz, gaps, &mut filled);
+    rigid_distances::hold(take, gaps, &mut filled);
+    if let Some(sd) = take.sd {
+        for (gap, filled) in gaps.iter().zip(&mut filled) {
+            let noise = noise_beside(sd, gap);
+            let variances = filled.iter_mut().flat_map(|f| &mut f.variance);
+            variances.for_each(|v| *v += noise);
+        }
+    }
     filled
+}
+
+/// The variance of a coordinate of a gap's point where it is seen: at the gap's ends, else the mean
+/// over the take; cm². What is learned from noisy frames is as uncertain besides.
+fn noise_beside(sd: ArrayView2<'_, f64>, gap: &Gap) -> f64 {
+    let mean = |frames: &mut dyn Iterator<Item = usize>| {
+        let known = frames
+            .map(|t| sd[[t, gap.point]])
+            .filter(|sd| sd.is_finite());
+        let (sum, count) = known.fold((0.0, 0.0), |(s, n), sd| (s + sd * sd, n + 1.0));
+        (count > 0.0).then(|| sum / count)
+    };
+    let ends = mean(&mut gap.before.into_iter().chain(gap.after));
+    ends.or_else(|| mean(&mut (0..sd.nrows()))).unwrap_or(0.0)
 }
 
 /// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay.

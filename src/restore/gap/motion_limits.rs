@@ -115,6 +115,7 @@ mod tests {
             xyz: xyz.view(),
             runs: std::slice::from_ref(&(0..100)),
             rate: 120.0,
+            sd: None,
         };
         let limits = MotionLimits::measure(&take, std::slice::from_ref(&gap));
         let allows = |path: Array2<f64>| {

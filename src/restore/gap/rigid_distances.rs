@@ -14,12 +14,14 @@ use super::tuning::rigid_distances::*;
 use super::{FilledGap, Gap};
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
+use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::BTreeMap;
 
-/// Holds filled gaps of `captured` (frames, 3 J) to the rigid distances of the take.
-pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+/// Holds filled gaps to the rigid distances of the take.
+pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+    let captured = take.xyz;
     // frame -> gaps that are filled there
     let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (k, gap) in (gaps.iter().enumerate()).filter(|(k, _)| filled[*k].is_some()) {
@@ -48,7 +50,8 @@ pub(crate) fn hold(captured: ArrayView2<'_, f64>, gaps: &[Gap], filled: &mut [Op
                     }
                 }
             }
-            distances.hold(&mut frame, &points, &mut variance);
+            let noise = |p: usize| take.sd.map_or(0.0, |sd| sd[[*t, p]].powi(2));
+            distances.hold(&mut frame, &points, &mut variance, noise);
             (frame, variance)
         };
         frames[range].iter().map(hold).collect::<Vec<_>>()
@@ -105,8 +108,15 @@ impl TakeDistances {
 
     /// Moves the missing `points` of a frame (3 J, all that is known filled in) to where their
     /// distances are right; `variance` is that of each of their coordinates, cm², and becomes
-    /// what is left of it. What else the frame lacks may be NaN.
-    pub(crate) fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
+    /// what is left of it; `noise` gives the variance of a seen point, cm². What else the frame
+    /// lacks may be NaN.
+    pub(crate) fn hold(
+        &self,
+        frame: &mut [f64],
+        points: &[usize],
+        variance: &mut [f64],
+        noise: impl Fn(usize) -> f64,
+    ) {
         let together = points.len() <= MOST_POINTS;
         let mut places = vec![None; frame.len() / 3];
         points
@@ -114,8 +124,16 @@ impl TakeDistances {
             .enumerate()
             .for_each(|(k, p)| places[*p] = Some(k));
         let at = |frame: &[f64], p: usize| DVec3::from_slice(&frame[3 * p..3 * p + 3]);
-        let pairs: Vec<(&Pair, [Option<usize>; 2])> = (self.0.iter())
-            .map(|pair| (pair, pair.points.map(|p| places[p])))
+        let noisy = |pair: &Pair| {
+            let seen = pair.points.iter().filter(|p| places[**p].is_none());
+            let noise: f64 = seen.map(|p| noise(*p)).filter(|v| v.is_finite()).sum();
+            Pair {
+                variance: pair.variance + noise,
+                ..*pair
+            }
+        };
+        let pairs: Vec<(Pair, [Option<usize>; 2])> = (self.0.iter())
+            .map(|pair| (noisy(pair), pair.points.map(|p| places[p])))
             .filter(|(pair, places)| {
                 let missing = places.iter().flatten().count();
                 let is_known = pair.points.iter().all(|p| at(frame, *p).is_finite());
@@ -241,7 +259,7 @@ mod tests {
         let truth = frame.clone();
         frame[6] += 0.3;
         frame[7] -= 0.4;
-        distances.hold(&mut frame, &[2], &mut [1.0; 3]);
+        distances.hold(&mut frame, &[2], &mut [1.0; 3], |_| 0.0);
         let off = (6..9)
             .map(|i| (frame[i] - truth[i]).abs())
             .fold(0.0, f64::max);
@@ -249,11 +267,11 @@ mod tests {
         // A sure point hardly moves, and unknown ends count for nothing.
         let mut frame = truth.clone();
         frame[6] += 0.3;
-        distances.hold(&mut frame, &[2], &mut [1e-9; 3]);
+        distances.hold(&mut frame, &[2], &mut [1e-9; 3], |_| 0.0);
         assert!((frame[6] - truth[6] - 0.3).abs() <= 1e-3);
         frame[0] = f64::NAN;
         frame[3] = f64::NAN;
-        distances.hold(&mut frame, &[2], &mut [1.0; 3]);
+        distances.hold(&mut frame, &[2], &mut [1.0; 3], |_| 0.0);
         assert!((frame[6] - truth[6] - 0.3).abs() <= 1e-3);
     }
 }

@@ -32,6 +32,7 @@ pub(crate) fn spikes_of_take(
         xyz,
         runs,
         rate,
+        sd: None,
     };
     spikes_by_time(&take, None)
 }
@@ -343,6 +344,7 @@ mod tests {
             xyz: xyz.view(),
             runs,
             rate: RATE,
+            sd: None,
         };
         let spikes = spikes(&take, &[noise; 2]);
         let each = spikes.into_iter().enumerate();
