@@ -24,7 +24,8 @@ pub(crate) struct Targets<'a> {
 pub(crate) struct Estimates {
     /// One (frames, 3 T) a process; then that of PCHIP, if the gap has two ends.
     pub means: Vec<Array2<f64>>,
-    /// (frames, 3 T), cm²: the mean of the processes that know time.
+    /// (frames, 3 T), cm²: the mean of the processes that know time, and the variance of the
+    /// estimates about their mean. They disagree most where the take has seen nothing alike.
     pub variance: Array2<f64>,
 }
 
@@ -35,6 +36,14 @@ pub(crate) struct GapFrames {
     pub gap: Range<usize>,
     /// Those of them to estimate, in order.
     pub frames: Vec<usize>,
+}
+
+/// The variance of estimates (frames, 3 T) about their mean, cm².
+fn spread_of(means: &[Array2<f64>]) -> Array2<f64> {
+    let n = means.len() as f64;
+    let zero = Array2::zeros(means[0].dim());
+    let mean = means.iter().fold(zero.clone(), |sum, m| sum + m) / n;
+    (means.iter()).fold(zero, |sum, m| sum + (m - &mean).mapv(|v| v * v)) / n
 }
 
 impl Targets<'_> {
@@ -63,13 +72,14 @@ impl Targets<'_> {
                     rows(&p.mean, 0, n) + self.bridge(wanted, beside, &errors)
                 })
                 .collect();
-            means.extend(self.over_time(wanted, &gaps));
             let mut variance = Array2::zeros((n, self.columns.len()));
             let known = predictions.iter().zip(&timed).filter(|(_, timed)| **timed);
             known
                 .clone()
                 .for_each(|(p, _)| variance += &rows(&p.variance, 0, n));
             variance /= known.count().max(1) as f64;
+            variance += &spread_of(&means[..predictions.len()]);
+            means.extend(self.over_time(wanted, &gaps));
             out.push(Estimates { means, variance });
             first += n + m;
         }

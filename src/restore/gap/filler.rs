@@ -169,6 +169,7 @@ impl<'a, 't> GapFiller<'a, 't> {
             seconds: &known.seconds[around],
             rate: self.take.rate,
             others: others.as_ref(),
+            noise: self.noise(&predictors, &(start..end)),
         };
         let found = weights::weigh(
             &Targets {
@@ -218,6 +219,17 @@ impl<'a, 't> GapFiller<'a, 't> {
             });
         }
         Some(filled)
+    }
+
+    /// The variance of a coordinate of `points` in some frames, cm².
+    fn noise(&self, points: &[usize], frames: &Range<usize>) -> f64 {
+        let Some(sd) = self.take.sd else { return 0.0 };
+        let all = frames
+            .clone()
+            .flat_map(|t| points.iter().map(move |p| sd[[t, *p]].powi(2)));
+        let known = all.filter(|v| v.is_finite());
+        let (sum, count) = known.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+        sum / f64::max(count, 1.0)
     }
 
     /// The frames around a gap that are learned from.

@@ -6,8 +6,8 @@
 //! points, its training poses ("others").
 //!
 //! ```text
-//! y ≈ m_y + K (x − m_x) + r(z, t)      K = C_yx (C_xx + 0.01 I)⁻¹
-//!     means and covariance: half own, half others'
+//! y ≈ m_y + K (x − m_x) + r(z, t)      K = C_yx (C_xx + (0.01 + r) I)⁻¹
+//!     means and covariance: half own, half others'; r: the noise of the predictors
 //! cov(r, r′) = σ² [1 / (1 + d² / (w h)) + τ M(t − t′) + 3·10⁻⁴ δ]
 //!     d² = |z − z′|²,  z = s ∘ (x − m_x)
 //! ```
@@ -56,6 +56,8 @@ pub(crate) struct Regression<'a> {
     pub rate: f64,
     /// Others' poses.
     pub others: Option<&'a OtherPoses>,
+    /// The variance of a predictor's coordinate, cm².
+    pub noise: f64,
 }
 
 /// The prediction of one process for some frames.
@@ -184,7 +186,10 @@ impl Basis {
             let w = 0.5 * (known.len() as f64 / OWN_FRAMES).min(1.0);
             moments = moments.pooled(w, &others.moments);
         }
-        let (p, coefficients) = (own.predictors.ncols(), conditional(&moments, own)?);
+        let (p, coefficients) = (
+            own.predictors.ncols(),
+            conditional(&moments, own, RIDGE + regression.noise)?,
+        );
         let mut basis = Basis {
             mean_x: moments.mean.slice(s![..p]).to_owned(),
             mean_y: moments.mean.slice(s![p..]).to_owned(),
@@ -315,10 +320,10 @@ fn matern(apart: f64) -> f64 {
 }
 
 /// Kᵀ (3 P, 3 T).
-fn conditional(moments: &Moments, own: &LocalPoses) -> Option<Array2<f64>> {
+fn conditional(moments: &Moments, own: &LocalPoses, ridge: f64) -> Option<Array2<f64>> {
     let p = own.predictors.ncols();
     let mut xx = moments.covariance.slice(s![..p, ..p]).to_owned();
-    xx.diag_mut().mapv_inplace(|v| v + RIDGE);
+    xx.diag_mut().mapv_inplace(|v| v + ridge);
     let xy = moments.covariance.slice(s![..p, p..]).to_owned();
     Cholesky::new(xx)?.solve(&xy)
 }
