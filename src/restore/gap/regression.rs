@@ -267,7 +267,10 @@ impl Basis {
     ) -> Option<Prediction> {
         let n = self.z.nrows();
         let mut gram = self.covariance(kernel, &self.distances, &self.seconds);
-        (0..n).for_each(|i| gram[[i, i]] += NUGGET);
+        let variance =
+            self.residual.iter().map(|r| r * r).sum::<f64>() / self.residual.len() as f64;
+        let noise = (regression.noise / variance.max(1e-12)).min(MOST_NOISE);
+        (0..n).for_each(|i| gram[[i, i]] += NUGGET + noise);
         let factor = Cholesky::new(gram)?;
         let weights = factor.solve(&self.residual)?;
         // The most likely σ² of each coordinate; that of a point is the mean of its three.

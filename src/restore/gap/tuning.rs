@@ -72,6 +72,8 @@ pub(crate) mod local_poses {
 pub(crate) mod regression {
     /// Added to the variance of each predictor, cm²: what no predictor is more exact than.
     pub(crate) const RIDGE: f64 = 0.01;
+    /// The share of noise in what a process learns, at most.
+    pub(crate) const MOST_NOISE: f64 = 1.0;
     /// Own frames spread over the take.
     pub(crate) const SPREAD_FRAMES: usize = 330;
     /// Other poses, nearest to the gap's.
