@@ -2,6 +2,7 @@
 
 use super::other_speeds::OtherSpeeds;
 use super::{Finding, FindingKind, Limits, Take, ranges};
+use crate::label::out_and_back::stretches;
 use crate::pose::stray::PointApart;
 use crate::restore::outliers::spikes_of_take;
 use glam::DVec3;
@@ -56,8 +57,24 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
     let Some(rate) = take.rate else {
         return Vec::new();
     };
-    let spikes = spikes_of_take(take.xyz, &take.runs, rate);
+    let mut spikes = spikes_of_take(take.xyz, &take.runs, rate);
+    let away = stretches(take.xyz, &take.runs, rate);
     let mut out = Vec::new();
+    for stretch in away.iter().filter(|away| away.height > limits.jump) {
+        let (p, frames) = (stretch.point, &stretch.frames);
+        let what = format!(
+            "{} stands off its place for {} from frame {} on, by {:.1} cm (limit {} cm)",
+            take.points[p],
+            number_of_frames(frames.len()),
+            frames.start,
+            stretch.height,
+            limits.jump
+        );
+        out.push(take.finding(FindingKind::Jump, &[p], Some(frames.clone()), what));
+        frames
+            .clone()
+            .for_each(|t| spikes[t].retain(|spike| *spike != p));
+    }
     let mut frames = vec![Vec::new(); take.points.len()];
     for (t, points) in spikes.iter().enumerate() {
         points.iter().for_each(|p| frames[*p].push(t));
@@ -81,6 +98,13 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
         out.push(take.finding(FindingKind::Jump, &[p], Some(worst.clone()), what));
     }
     out
+}
+
+fn number_of_frames(count: usize) -> String {
+    match count {
+        1 => "a frame".to_string(),
+        n => format!("{n} frames"),
+    }
 }
 
 /// How far a point is at most from the line between the frames around a range, cm; `None` where one

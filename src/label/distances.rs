@@ -4,6 +4,13 @@ use ndarray::ArrayView2;
 
 /// Frames that a distance is measured in, at most about.
 const MOST_FRAMES: usize = 1500;
+/// Least spread of a distance, cm: skin and cloth move.
+const LEAST_SPREAD: f64 = 0.4;
+/// Share of lengths that are those to any point, within so many cm.
+const ANY: f64 = 0.03;
+const ANYWHERE: f64 = 60.0;
+/// By how much of its length a distance is looser.
+const LOOSER: f64 = 0.004;
 
 /// The distance of two points over a take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +37,11 @@ impl Distance {
         Distance::of(all.filter(|l| l.is_finite()).collect())
     }
 
+    /// How little it says, cm: its spread, and a little for its length.
+    pub(crate) fn looseness(&self) -> f64 {
+        self.spread + LOOSER * self.median
+    }
+
     /// Of measured lengths, cm.
     pub(crate) fn of(mut lengths: Vec<f64>) -> Option<Distance> {
         let last = lengths.len().checked_sub(1)?;
@@ -42,6 +54,15 @@ impl Distance {
             frames: lengths.len(),
         })
     }
+}
+
+/// How much likelier a length is as that of a distance than as that to any point, nats; both may be
+/// wrong now and then.
+pub(crate) fn log_likelihood(length: f64, distance: &Distance) -> f64 {
+    let sd = distance.spread.max(LEAST_SPREAD);
+    let z = (length - distance.median) / sd;
+    let density = (-0.5 * z * z).exp() / (sd * (2.0 * std::f64::consts::PI).sqrt());
+    ((1.0 - ANY) * density * ANYWHERE + ANY).ln()
 }
 
 #[cfg(test)]

@@ -1,3 +1,4 @@
 //! Which track is which point: what the distances within a body say of the labels of a take.
 
 pub(crate) mod distances;
+pub(crate) mod out_and_back;

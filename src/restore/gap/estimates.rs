@@ -78,7 +78,7 @@ impl Targets<'_> {
                 .clone()
                 .for_each(|(p, _)| variance += &rows(&p.variance, 0, n));
             variance /= known.count().max(1) as f64;
-            variance += &spread_of(&means[..predictions.len()]);
+            variance += &(spread_of(&means[..predictions.len()]) * DISAGREE);
             means.extend(self.over_time(wanted, &gaps));
             out.push(Estimates { means, variance });
             first += n + m;

@@ -128,6 +128,9 @@ pub(crate) mod estimates {
     pub(crate) const ERROR_REACH: f64 = 1.0 / 12.0;
     /// Seconds after which e⁻¹ of an error is left where a gap has one end.
     pub(crate) const FADES: f64 = 0.25;
+    /// The variance of estimates about their mean counts so often. With people left out of the
+    /// model .86 of coordinates were within two stated deviations at 0, .89 at 1.
+    pub(crate) const DISAGREE: f64 = 2.0;
 }
 
 /// The weights of the estimates.

@@ -1,6 +1,7 @@
 //! Outliers of a take: points that cannot be where they were measured.
 //!
-//! 1. `trajectory` finds spikes: points that leave their path for some frames. No model is needed.
+//! 1. [`crate::label::out_and_back`] finds stretches of a track that stand away from their point,
+//!    `trajectory` spikes: points that leave their path for some frames. No model is needed.
 //! 2. The model is adapted to the body that the other points show. Rigid distances then say which
 //!    frames hold outliers ([`super::rigid::noise_floor`]), each frame together with its neighbors.
 //! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
@@ -13,6 +14,7 @@ pub(crate) mod rigid_likelihood;
 mod trajectory;
 mod tuning;
 
+use crate::label::out_and_back::stretches;
 use crate::numeric::parallel;
 use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::SmoothedTake;
@@ -97,13 +99,21 @@ pub(crate) fn find_outliers<'m>(
     take: &Take<'_>,
     noise: Option<f64>,
 ) -> (Outliers, Option<AdaptedPrior<'m>>) {
+    let away = stretches(take.xyz, take.runs, take.rate);
+    let mut spikes = vec![Vec::new(); take.xyz.nrows()];
+    for stretch in &away {
+        (stretch.frames.clone()).for_each(|t| spikes[t].push(stretch.point));
+    }
+    let back = without(take.xyz, &spikes);
+    let take = &take.with_xyz(back.view());
     let is_foreign = |p: &usize| mapping.is_none_or(|m| m.in_model(*p).is_none());
     let foreign: Vec<usize> = (0..take.names.len()).filter(is_foreign).collect();
     let columns: Vec<usize> = foreign.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
     let xyz = take.xyz.select(Axis(1), &columns);
-    let spikes = spikes_by_time(&take.with_xyz(xyz.view()), noise);
-    let named = |found: Vec<usize>| found.into_iter().map(|p| foreign[p]).collect();
-    let spikes: Vec<Vec<usize>> = spikes.into_iter().map(named).collect();
+    let by_time = spikes_by_time(&take.with_xyz(xyz.view()), noise);
+    for (spikes, found) in spikes.iter_mut().zip(by_time) {
+        spikes.extend(found.into_iter().map(|p| foreign[p]));
+    }
     let Some(mapping) = mapping else {
         let points = spikes.clone();
         return (Outliers { points, spikes }, None);

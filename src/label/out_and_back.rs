@@ -1,0 +1,251 @@
+//! Stretches of a track that stand away from their point: it jumps off, stays there for up to half a
+//! second, and jumps back, as where a marker's name went to a reflection.
+//!
+//! A jump is a step far longer than the others nearby. Between two of them the track is away where
+//! it goes on from one side to the other as the point moves, and its distances to the points that
+//! are steadiest beside it deny that it belongs there.
+
+use super::distances::{Distance, log_likelihood};
+use crate::numeric::parallel;
+use glam::DVec3;
+use ndarray::ArrayView2;
+use std::ops::Range;
+
+/// Least jump, cm.
+const LEAST: f64 = 4.0;
+/// Least jump, in steps that few of those nearby exceed.
+const UNUSUAL: f64 = 3.0;
+/// Frames on either side of a step that are nearby, and the share of their steps that are usual.
+const NEARBY: usize = 8;
+const USUAL: f64 = 0.8;
+/// Longest stretch, seconds.
+const LONGEST: f64 = 0.6;
+/// Other points, the nearest, that may be steady beside a point, and the steadiest that count.
+const OTHERS: usize = 60;
+const STEADIEST: usize = 3;
+/// Frames in which a distance is known, at least.
+const FEWEST_FRAMES: usize = 20;
+/// Frames of a stretch whose distances are looked at, at most.
+const MOST_FRAMES: usize = 48;
+
+/// A stretch of a track away from its point.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Stretch {
+    /// The point.
+    pub point: usize,
+    /// The frames in which the track is away from it.
+    pub frames: Range<usize>,
+    /// How far it is away at most, cm.
+    pub height: f64,
+}
+
+/// The stretches of the tracks of `xyz` (frames, 3 J; cm, NaN missing) away from their points.
+/// `runs` are ranges of consecutive frames, `rate` is in frames a second.
+pub(crate) fn stretches(
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+) -> Vec<Stretch> {
+    let longest = ((LONGEST * rate) as usize).max(1);
+    let found = parallel::map_chunks(xyz.ncols() / 3, 16, |points| {
+        let of_point = |point: usize| {
+            let track = Track { xyz, point };
+            let all = seen_ranges(&track, runs);
+            let candidates = all.iter().flat_map(|seen| track.candidates(seen, longest));
+            let candidates: Vec<Stretch> = candidates.collect();
+            match candidates.is_empty() {
+                true => candidates,
+                false => track.denied(candidates),
+            }
+        };
+        points.flat_map(of_point).collect::<Vec<_>>()
+    });
+    found.into_iter().flatten().collect()
+}
+
+/// The frames of each run in which a track is seen on end.
+fn seen_ranges(track: &Track<'_>, runs: &[Range<usize>]) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for run in runs {
+        let mut is_open = false;
+        for t in run.clone() {
+            let is_seen = track.at(t).is_finite();
+            match out.last_mut() {
+                Some(last) if is_seen && is_open => last.end = t + 1,
+                _ if is_seen => out.push(t..t + 1),
+                _ => {}
+            }
+            is_open = is_seen;
+        }
+    }
+    out
+}
+
+/// One track of a take.
+struct Track<'a> {
+    xyz: ArrayView2<'a, f64>,
+    point: usize,
+}
+
+impl Track<'_> {
+    fn at(&self, t: usize) -> DVec3 {
+        place(self.xyz, t, self.point)
+    }
+
+    /// Stretches of some frames in which the track is seen that lie between two jumps.
+    fn candidates(&self, seen: &Range<usize>, longest: usize) -> Vec<Stretch> {
+        let steps: Vec<f64> = (seen.start + 1..seen.end)
+            .map(|t| self.at(t).distance(self.at(t - 1)))
+            .collect();
+        // The first frame of the take, those after jumps, and the end.
+        let mut bounds = vec![(seen.start, 0.0)];
+        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > LEAST) {
+            let usual = usual_step(&steps, k);
+            if *step > UNUSUAL * usual {
+                bounds.push((seen.start + 1 + k, usual));
+            }
+        }
+        bounds.push((seen.end, 0.0));
+        let is_away = |w: &&[(usize, f64)]| {
+            let [before, (from, usual), (to, _), after] = **w else {
+                return false;
+            };
+            let beside = (from - before.0) + (after.0 - to);
+            let frames = (to - from + 1) as f64;
+            let across = self.at(to).distance(self.at(from - 1));
+            to - from <= longest
+                && 2 * (to - from) <= beside
+                && across <= LEAST + UNUSUAL * usual * frames
+        };
+        let all = bounds.windows(4).filter(is_away).map(|w| w[1].0..w[2].0);
+        let all = all.map(|frames| Stretch {
+            point: self.point,
+            height: self.height(&frames),
+            frames,
+        });
+        all.filter(|stretch| stretch.height >= LEAST).collect()
+    }
+
+    /// How far the track is at most from the line between the frames beside a stretch, cm.
+    fn height(&self, frames: &Range<usize>) -> f64 {
+        let (before, after) = (self.at(frames.start - 1), self.at(frames.end));
+        let count = (frames.len() + 1) as f64;
+        let off = |t: usize| {
+            let line = before.lerp(after, (t + 1 - frames.start) as f64 / count);
+            self.at(t).distance(line)
+        };
+        frames.clone().map(off).fold(0.0, f64::max)
+    }
+
+    /// The stretches in which the distances to the steadiest points beside the track are less
+    /// likely its own than any.
+    fn denied(&self, candidates: Vec<Stretch>) -> Vec<Stretch> {
+        let steadiest = self.steadiest(candidates[0].frames.start - 1);
+        let is_denied = |stretch: &Stretch| {
+            let step = stretch.frames.len().div_ceil(MOST_FRAMES);
+            let frames = stretch.frames.clone().step_by(step);
+            let each = frames.flat_map(|t| {
+                let likely = move |(other, distance): &(usize, Distance)| {
+                    let length = self.at(t).distance(place(self.xyz, t, *other));
+                    log_likelihood(length, distance)
+                };
+                steadiest.iter().map(likely)
+            });
+            let known = each.filter(|v| v.is_finite());
+            let (sum, count) = known.fold((0.0, 0), |(sum, n), v| (sum + v, n + 1));
+            count > 0 && sum < 0.0
+        };
+        candidates.into_iter().filter(is_denied).collect()
+    }
+
+    /// The points whose distances to the track's are steadiest, of those that are near it in a
+    /// frame.
+    fn steadiest(&self, frame: usize) -> Vec<(usize, Distance)> {
+        let here = self.at(frame);
+        let mut near: Vec<(f64, usize)> = (0..self.xyz.ncols() / 3)
+            .filter(|other| *other != self.point)
+            .map(|other| (place(self.xyz, frame, other).distance(here), other))
+            .filter(|(distance, _)| distance.is_finite())
+            .collect();
+        if near.len() > OTHERS {
+            near.select_nth_unstable_by(OTHERS, |a, b| a.0.total_cmp(&b.0));
+            near.truncate(OTHERS);
+        }
+        let measured = near.into_iter().filter_map(|(_, other)| {
+            let distance = Distance::measure(self.xyz, [self.point, other])?;
+            (distance.frames >= FEWEST_FRAMES).then_some((other, distance))
+        });
+        let mut measured: Vec<(usize, Distance)> = measured.collect();
+        measured.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
+        measured.truncate(STEADIEST);
+        measured
+    }
+}
+
+/// The step that few of those near step `k` exceed, itself aside.
+fn usual_step(steps: &[f64], k: usize) -> f64 {
+    let near = k.saturating_sub(NEARBY)..(k + NEARBY + 1).min(steps.len());
+    let mut others: Vec<f64> = near.filter(|i| *i != k).map(|i| steps[i]).collect();
+    if others.is_empty() {
+        return f64::INFINITY;
+    }
+    let at = ((others.len() - 1) as f64 * USUAL) as usize;
+    *others.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+fn place(xyz: ArrayView2<'_, f64>, t: usize, p: usize) -> DVec3 {
+    DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    /// Five points of a body that swings; the last swings about it besides.
+    fn swing() -> Array2<f64> {
+        Array2::from_shape_fn((400, 15), |(t, c)| {
+            let (p, axis, t) = ((c / 3) as f64, (c % 3) as f64, t as f64);
+            let own = if c >= 12 {
+                20.0 * (t / 9.0 + axis).sin()
+            } else {
+                0.0
+            };
+            60.0 * (t / 40.0 + axis).sin() + 10.0 * (p * (1.0 + axis)).cos() + own
+        })
+    }
+
+    #[test]
+    fn a_track_that_goes_off_and_comes_back_is_found() {
+        let truth = swing();
+        let all = 0..400;
+        let runs = std::slice::from_ref(&all);
+        assert_eq!(stretches(truth.view(), runs, 120.0), []);
+        for length in [1, 2, 6, 12, 30, 60] {
+            let mut xyz = truth.clone();
+            let mut off = xyz.slice_mut(ndarray::s![150..150 + length, 3..6]);
+            off += &ndarray::arr1(&[12.0, -8.0, 15.0]);
+            let found = stretches(xyz.view(), runs, 120.0);
+            assert_eq!(found.len(), 1, "{length}: {found:?}");
+            assert_eq!(
+                (found[0].point, &found[0].frames),
+                (1, &(150..150 + length))
+            );
+            assert!((found[0].height - 20.8).abs() <= 1.0);
+        }
+    }
+
+    #[test]
+    fn one_that_stays_away_or_moves_fast_is_not() {
+        let mut xyz = swing();
+        let all = 0..400;
+        xyz.slice_mut(ndarray::s![150..300, 3..6])
+            .mapv_inplace(|v| v + 15.0);
+        assert_eq!(stretches(xyz.view(), std::slice::from_ref(&all), 120.0), []);
+        // A whole body that is elsewhere keeps its distances.
+        let mut xyz = swing();
+        xyz.slice_mut(ndarray::s![150..160, ..])
+            .mapv_inplace(|v| v + 30.0);
+        assert_eq!(stretches(xyz.view(), std::slice::from_ref(&all), 120.0), []);
+    }
+}
