@@ -1,22 +1,23 @@
 //! Stretches of a track that stand away from their point: it jumps off, stays there for up to half a
 //! second, and jumps back, as where a marker's name went to a reflection.
 //!
-//! A jump is a step far longer than the others nearby. Between two of them the track is away where
+//! A jump is a step that differs far more from those nearby than they do among themselves. Between two of them the track is away where
 //! it goes on from one side to the other as the point moves, and its distances to the points that
 //! are steadiest beside it deny that it belongs there.
 
 use super::distances::{Distance, log_likelihood};
 use crate::numeric::parallel;
+use crate::numeric::statistics::{median, quantile};
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
 /// Least jump, cm.
 const LEAST: f64 = 4.0;
-/// Least jump, in steps that few of those nearby exceed.
+/// Least jump, in differences that few of the steps nearby exceed.
 const UNUSUAL: f64 = 3.0;
 /// Frames on either side of a step that are nearby, and the share of their steps that are usual.
-const NEARBY: usize = 8;
+const NEARBY: usize = 6;
 const USUAL: f64 = 0.8;
 /// Longest stretch, seconds.
 const LONGEST: f64 = 0.6;
@@ -94,15 +95,19 @@ impl Track<'_> {
 
     /// Stretches of some frames in which the track is seen that lie between two jumps.
     fn candidates(&self, seen: &Range<usize>, longest: usize) -> Vec<Stretch> {
-        let steps: Vec<f64> = (seen.start + 1..seen.end)
-            .map(|t| self.at(t).distance(self.at(t - 1)))
+        let steps: Vec<DVec3> = (seen.start + 1..seen.end)
+            .map(|t| self.at(t) - self.at(t - 1))
+            .collect();
+        let off: Vec<f64> = (0..steps.len())
+            .map(|k| steps[k].distance(usual_step(&steps, k)))
             .collect();
         // The first frame of the take, those after jumps, and the end.
         let mut bounds = vec![(seen.start, 0.0)];
-        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > LEAST) {
-            let usual = usual_step(&steps, k);
-            if *step > UNUSUAL * usual {
-                bounds.push((seen.start + 1 + k, usual));
+        for (k, own) in off.iter().enumerate().filter(|(_, off)| **off > LEAST) {
+            let others = nearby(k, off.len()).map(|i| off[i]).collect();
+            let usual = quantile(others, USUAL).unwrap_or(f64::INFINITY);
+            if *own > UNUSUAL * usual {
+                bounds.push((seen.start + 1 + k, usual_step(&steps, k).length() + usual));
             }
         }
         bounds.push((seen.end, 0.0));
@@ -182,15 +187,18 @@ impl Track<'_> {
     }
 }
 
-/// The step that few of those near step `k` exceed, itself aside.
-fn usual_step(steps: &[f64], k: usize) -> f64 {
-    let near = k.saturating_sub(NEARBY)..(k + NEARBY + 1).min(steps.len());
-    let mut others: Vec<f64> = near.filter(|i| *i != k).map(|i| steps[i]).collect();
-    if others.is_empty() {
-        return f64::INFINITY;
-    }
-    let at = ((others.len() - 1) as f64 * USUAL) as usize;
-    *others.select_nth_unstable_by(at, f64::total_cmp).1
+/// The steps near step `k`, itself aside.
+fn nearby(k: usize, steps: usize) -> impl Iterator<Item = usize> {
+    (k.saturating_sub(NEARBY)..(k + NEARBY + 1).min(steps)).filter(move |i| *i != k)
+}
+
+/// The median of the steps near step `k` along each axis.
+fn usual_step(steps: &[DVec3], k: usize) -> DVec3 {
+    let along = |axis: usize| {
+        let others = nearby(k, steps.len()).map(|i| steps[i][axis]).collect();
+        median(others).unwrap_or(0.0)
+    };
+    DVec3::from_array([0, 1, 2].map(along))
 }
 
 fn place(xyz: ArrayView2<'_, f64>, t: usize, p: usize) -> DVec3 {
