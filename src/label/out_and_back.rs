@@ -24,6 +24,8 @@ const LONGEST: f64 = 0.6;
 /// Other points, the nearest, that may be steady beside a point, and the steadiest that count.
 const OTHERS: usize = 60;
 const STEADIEST: usize = 3;
+/// Where the distances to these spread by no more, cm, each of them counts by itself.
+const RIGID: f64 = 1.0;
 /// Frames in which a distance is known, at least.
 const FEWEST_FRAMES: usize = 20;
 /// Frames of a stretch whose distances are looked at, at most.
@@ -112,15 +114,17 @@ impl Track<'_> {
         }
         bounds.push((seen.end, 0.0));
         let is_away = |w: &&[(usize, f64)]| {
-            let [before, (from, usual), (to, _), after] = **w else {
+            let [before, (from, usual), (to, usual_after), after] = **w else {
                 return false;
             };
             let beside = (from - before.0) + (after.0 - to);
-            let frames = (to - from + 1) as f64;
-            let across = self.at(to).distance(self.at(from - 1));
+            // The point itself moves meanwhile, and the track may move with it.
+            let farthest = LEAST + UNUSUAL * usual.max(usual_after) * (to - from + 1) as f64;
+            let across = self.at(to) - self.at(from - 1);
+            let along = across - (self.at(to - 1) - self.at(from));
             to - from <= longest
                 && 2 * (to - from) <= beside
-                && across <= LEAST + UNUSUAL * usual * frames
+                && across.length().min(along.length()) <= farthest
         };
         let all = bounds.windows(4).filter(is_away).map(|w| w[1].0..w[2].0);
         let all = all.map(|frames| Stretch {
@@ -142,23 +146,26 @@ impl Track<'_> {
         frames.clone().map(off).fold(0.0, f64::max)
     }
 
-    /// The stretches in which the distances to the steadiest points beside the track are less
-    /// likely its own than any.
+    /// The stretches that the distances to the steadiest points beside the track deny: a rigid one
+    /// by itself, others together. A point that turns about its neighbors keeps some of them.
     fn denied(&self, candidates: Vec<Stretch>) -> Vec<Stretch> {
         let steadiest = self.steadiest(candidates[0].frames.start - 1);
         let is_denied = |stretch: &Stretch| {
             let step = stretch.frames.len().div_ceil(MOST_FRAMES);
-            let frames = stretch.frames.clone().step_by(step);
-            let each = frames.flat_map(|t| {
-                let likely = move |(other, distance): &(usize, Distance)| {
-                    let length = self.at(t).distance(place(self.xyz, t, *other));
-                    log_likelihood(length, distance)
-                };
-                steadiest.iter().map(likely)
-            });
-            let known = each.filter(|v| v.is_finite());
-            let (sum, count) = known.fold((0.0, 0), |(sum, n), v| (sum + v, n + 1));
-            count > 0 && sum < 0.0
+            let likelihood = |(other, distance): &(usize, Distance)| {
+                let frames = stretch.frames.clone().step_by(step);
+                let lengths = frames.map(|t| self.at(t).distance(place(self.xyz, t, *other)));
+                let each = lengths.map(|length| log_likelihood(length, distance));
+                mean(each.filter(|v| v.is_finite()))
+            };
+            let likely: Vec<f64> = steadiest.iter().filter_map(likelihood).collect();
+            let all = mean(likely.iter().copied());
+            let is_rigid = steadiest
+                .iter()
+                .all(|(_, distance)| distance.spread <= RIGID);
+            let worst = likely.iter().copied().reduce(f64::min);
+            let decides = if is_rigid { worst } else { all };
+            decides.is_some_and(|likely| likely < 0.0)
         };
         candidates.into_iter().filter(is_denied).collect()
     }
@@ -185,6 +192,12 @@ impl Track<'_> {
         measured.truncate(STEADIEST);
         measured
     }
+}
+
+/// The mean; `None` of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    (count > 0.0).then(|| sum / count)
 }
 
 /// The steps near step `k`, itself aside.
