@@ -2,8 +2,8 @@
 //! second, and jumps back, as where a marker's name went to a reflection.
 //!
 //! A jump is a step that differs far more from those nearby than they do among themselves. Between two of them the track is away where
-//! it goes on from one side to the other as the point moves, and its distances to the points that
-//! are steadiest beside it deny that it belongs there.
+//! it goes on from one side to the other as the point moves, and where its distances to the points
+//! that are steadiest beside it would be likelier on the straight way across.
 
 use super::distances::{Distance, log_likelihood};
 use crate::numeric::parallel;
@@ -24,7 +24,7 @@ const LONGEST: f64 = 0.6;
 /// Other points, the nearest, that may be steady beside a point, and the steadiest that count.
 const OTHERS: usize = 60;
 const STEADIEST: usize = 3;
-/// Where the distances to these spread by no more, cm, each of them counts by itself.
+/// Distances that spread by no more are rigid, cm.
 const RIGID: f64 = 1.0;
 /// Frames in which a distance is known, at least.
 const FEWEST_FRAMES: usize = 20;
@@ -137,35 +137,36 @@ impl Track<'_> {
 
     /// How far the track is at most from the line between the frames beside a stretch, cm.
     fn height(&self, frames: &Range<usize>) -> f64 {
-        let (before, after) = (self.at(frames.start - 1), self.at(frames.end));
-        let count = (frames.len() + 1) as f64;
-        let off = |t: usize| {
-            let line = before.lerp(after, (t + 1 - frames.start) as f64 / count);
-            self.at(t).distance(line)
-        };
+        let off = |t: usize| self.at(t).distance(self.on_line(frames, t));
         frames.clone().map(off).fold(0.0, f64::max)
     }
 
-    /// The stretches that the distances to the steadiest points beside the track deny: a rigid one
-    /// by itself, others together. A point that turns about its neighbors keeps some of them.
+    /// The place in frame `t` on the line between the frames beside a stretch.
+    fn on_line(&self, frames: &Range<usize>, t: usize) -> DVec3 {
+        let share = (t + 1 - frames.start) as f64 / (frames.len() + 1) as f64;
+        (self.at(frames.start - 1)).lerp(self.at(frames.end), share)
+    }
+
+    /// The stretches in which the distances to the steadiest points beside the track are less
+    /// likely than those of a line across would be, or, if they are rigid, than those to any point.
     fn denied(&self, candidates: Vec<Stretch>) -> Vec<Stretch> {
         let steadiest = self.steadiest(candidates[0].frames.start - 1);
+        let is_rigid = steadiest
+            .iter()
+            .all(|(_, distance)| distance.spread <= RIGID);
         let is_denied = |stretch: &Stretch| {
             let step = stretch.frames.len().div_ceil(MOST_FRAMES);
-            let likelihood = |(other, distance): &(usize, Distance)| {
-                let frames = stretch.frames.clone().step_by(step);
-                let lengths = frames.map(|t| self.at(t).distance(place(self.xyz, t, *other)));
-                let each = lengths.map(|length| log_likelihood(length, distance));
-                mean(each.filter(|v| v.is_finite()))
-            };
-            let likely: Vec<f64> = steadiest.iter().filter_map(likelihood).collect();
-            let all = mean(likely.iter().copied());
-            let is_rigid = steadiest
-                .iter()
-                .all(|(_, distance)| distance.spread <= RIGID);
-            let worst = likely.iter().copied().reduce(f64::min);
-            let decides = if is_rigid { worst } else { all };
-            decides.is_some_and(|likely| likely < 0.0)
+            let frames = stretch.frames.clone().step_by(step);
+            let both = frames.flat_map(|t| {
+                let places = [self.at(t), self.on_line(&stretch.frames, t)];
+                steadiest.iter().map(move |(other, distance)| {
+                    let other = place(self.xyz, t, *other);
+                    places.map(|at| log_likelihood(at.distance(other), distance))
+                })
+            });
+            let known = both.filter(|[own, _]| own.is_finite());
+            let (own, line) = known.fold((0.0, 0.0), |sum, v| (sum.0 + v[0], sum.1 + v[1]));
+            line > own || is_rigid && own < 0.0
         };
         candidates.into_iter().filter(is_denied).collect()
     }
@@ -192,12 +193,6 @@ impl Track<'_> {
         measured.truncate(STEADIEST);
         measured
     }
-}
-
-/// The mean; `None` of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
-    (count > 0.0).then(|| sum / count)
 }
 
 /// The steps near step `k`, itself aside.
