@@ -5,6 +5,7 @@ use super::pose_model::length_sd;
 use super::rigid::RigidModel;
 use super::take::PointMapping;
 use super::tuning::adapted_prior::*;
+use super::upright::UprightPoses;
 use crate::numeric::parallel;
 use crate::pose::Similarity;
 use crate::prior::Prior;
@@ -88,6 +89,26 @@ impl<'a> AdaptedPrior<'a> {
         Some(self.mapping.rows_of_table(poses.view()))
     }
 
+    /// The training poses as the body would take them, upright, for frames (m, 3 J, in the model's
+    /// order; cm) that never show some of the points; `None` where they show most, where y is not up
+    /// in them, where the model does not say which way is up, or where it is for another skeleton.
+    pub(crate) fn upright_poses(&self, frames: ArrayView2<'_, f64>) -> Option<UprightPoses> {
+        let points = frames.ncols() / 3;
+        let is_seen = |p: &usize| {
+            let mut rows = frames.rows().into_iter();
+            rows.any(|row| (3 * p..3 * p + 3).all(|i| row[i].is_finite()))
+        };
+        let never_seen = points - (0..points).filter(is_seen).count();
+        if (never_seen as f64) < FEW * points as f64 || self.mapping.is_other_skeleton {
+            return None;
+        }
+        let up = self.mapping.model.up()?;
+        let estimator = self.estimator();
+        estimator.anchor.filter(|a| a.root.is_some())?;
+        let poses = estimator.prior.training_poses()?;
+        Some(UprightPoses::new(poses.view(), up)).filter(|u| u.are_upright(frames))
+    }
+
     /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;
     /// cm) are unlike all training poses. Under more than a little `noise` (standard deviation of
     /// a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
@@ -113,6 +134,15 @@ impl<'a> AdaptedPrior<'a> {
         FrameEstimator {
             prior: self.prior.as_deref().unwrap_or(own.prior),
             ..own
+        }
+    }
+
+    /// Estimates frames with upright poses and the rigid distances, wherever they stand.
+    pub(crate) fn upright_estimator<'u>(&'u self, upright: &'u UprightPoses) -> FrameEstimator<'u> {
+        FrameEstimator {
+            prior: upright,
+            anchor: None,
+            ..self.rigid_estimator()
         }
     }
 

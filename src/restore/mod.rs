@@ -40,6 +40,7 @@ mod restorer;
 pub(crate) mod rigid;
 mod take;
 mod tuning;
+mod upright;
 
 pub use clean::Clean;
 pub use complete::Complete;
