@@ -171,6 +171,20 @@ mod tests {
     }
 
     #[test]
+    fn a_stature_needs_a_leg_that_is_seen_whole() {
+        let names = crate::pose::joints::cmu_names();
+        let mut xyz = ndarray::Array2::from_shape_fn((3, 69), |(_, c)| (c / 3 * (c % 3)) as f64);
+        let whole = stature(&names, xyz.view(), 0.0).unwrap();
+        // One leg is enough; its foot alone, or its knee alone, is not.
+        xyz.slice_mut(ndarray::s![.., 6..15]).fill(f64::NAN);
+        let one = stature(&names, xyz.view(), 0.0).unwrap();
+        assert!(one > 0.0 && one <= whole);
+        let knee = ndarray::s![.., 21..24];
+        xyz.slice_mut(knee).fill(f64::NAN);
+        assert!(stature(&names, xyz.view(), 0.0).is_none());
+    }
+
+    #[test]
     fn unknown_bones_take_the_usual_ratio() {
         let a = Body {
             parents: vec![None, Some(0), Some(0)],

@@ -151,3 +151,35 @@ impl<'a> AdaptedPrior<'a> {
         self.estimator().with_rigid_model(&self.rigid)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::Model;
+    use crate::prior::OpenOptions;
+    use crate::restore::pose_model::PoseModel;
+
+    #[test]
+    fn models_that_do_not_say_which_way_is_up_have_no_upright_poses() {
+        let mut model = Model::builtin().unwrap();
+        let names = model.meta.points.clone();
+        let pose = model.get("poses").unwrap().row(9).mapv(f64::from);
+        let mut frame = pose.insert_axis(ndarray::Axis(0));
+        let open = |model: &Model, world| {
+            PoseModel::open(model, &OpenOptions::default(), "m", world).unwrap()
+        };
+        let is_upright = |model: &PoseModel, frame: &Array2<f64>| {
+            let mapping = PointMapping::new(model, "m", &names, false).unwrap();
+            let adapted = AdaptedPrior::new(&mapping, frame.view(), 0.0);
+            adapted.upright_poses(frame.view()).is_some()
+        };
+        // A whole pose needs none; one without arms, whose pelvis is as upright as most, has some.
+        let with = open(&model, true);
+        assert!(!is_upright(&with, &frame));
+        frame.slice_mut(ndarray::s![.., 3 * 15..]).fill(f64::NAN);
+        assert!(is_upright(&with, &frame));
+        assert!(!is_upright(&open(&model, false), &frame));
+        model.remove("up");
+        assert!(!is_upright(&open(&model, true), &frame));
+    }
+}

@@ -153,6 +153,7 @@ impl ModelFill<'_> {
         let measured = match ends.is_empty() {
             // No end says which of the poses that the estimates jump between is right: their mean
             // over time is nearest to it.
+            true if self.is_upright => measured.max(UPRIGHT_JUMPS * typical_sd),
             true => measured.max(JUMPS * typical_sd),
             false => measured,
         };
