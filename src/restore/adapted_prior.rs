@@ -1,13 +1,14 @@
 //! A model's prior and rigid distances, carried to the body of one take.
 
-use super::frame_estimator::FrameEstimator;
+use super::frame_estimator::{FrameEstimate, FrameEstimator};
+use super::placement::PlacementSolution;
 use super::pose_model::length_sd;
 use super::rigid::RigidModel;
 use super::take::PointMapping;
 use super::tuning::adapted_prior::*;
 use super::upright::UprightPoses;
 use crate::numeric::parallel;
-use crate::pose::Similarity;
+use crate::pose::{Observation, Similarity};
 use crate::prior::Prior;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
@@ -137,13 +138,29 @@ impl<'a> AdaptedPrior<'a> {
         }
     }
 
-    /// Estimates frames with upright poses and the rigid distances, wherever they stand.
-    pub(crate) fn upright_estimator<'u>(&'u self, upright: &'u UprightPoses) -> FrameEstimator<'u> {
-        FrameEstimator {
+    /// Estimates a frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite where
+    /// missing); by upright poses, where there are some and they can be placed. `None` when too
+    /// little is seen.
+    pub(crate) fn estimate(
+        &self,
+        upright: Option<&UprightPoses>,
+        y: &[f64],
+        noise: &[f64],
+    ) -> Option<FrameEstimate> {
+        let estimator = self.rigid_estimator();
+        let seen = Observation {
+            values: y,
+            variance: noise,
+        };
+        let Some((upright, placement)) = upright.and_then(|u| Some((u, u.place(&seen)?))) else {
+            return estimator.estimate(y, noise);
+        };
+        let estimator = FrameEstimator {
             prior: upright,
-            anchor: None,
-            ..self.rigid_estimator()
-        }
+            ..estimator
+        };
+        let placed = PlacementSolution::from_placement(placement);
+        Some(estimator.estimate_placed(seen, &placed))
     }
 
     /// Estimates frames with the prior and the rigid distances.

@@ -11,7 +11,6 @@ use super::gap::{empty_gaps, fill_gaps, find_gaps, put_filled};
 use super::noise_estimation::{typical_noise, variances};
 use super::outliers::find_outliers;
 use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame};
-use super::upright::UprightPoses;
 use crate::numeric::parallel;
 use crate::pose::{Similarity, Status};
 use crate::{Error, Result};
@@ -59,13 +58,7 @@ impl Method for Complete {
             let estimator = adapted.rigid_estimator();
             let noise = variances(&y, 0.0, &[]);
             let upright = adapted.upright_poses(frame);
-            let few = upright
-                .as_ref()
-                .filter(|_| UprightPoses::can_place(&y, &noise));
-            let found = match few {
-                Some(few) => adapted.upright_estimator(few).estimate(&y, &noise),
-                None => estimator.estimate(&y, &noise),
-            };
+            let found = adapted.estimate(upright.as_ref(), &y, &noise);
             let novelty = found.as_ref().map_or(f64::NAN, |found| {
                 // What the frame still lacks is that of the estimate.
                 let all = y.iter().zip(&found.mean);

@@ -20,12 +20,13 @@
 use super::tuning::upright::*;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::rotation::shortest_arc;
-use crate::pose::{Observation, PoseTransform};
+use crate::pose::{Observation, PoseTransform, Similarity};
 use crate::prior::{Posterior, Prior, Want};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2, Axis, s};
 
-/// Training poses with their up direction along y (n, 3 J), cm; at any heading, anywhere.
+/// Training poses with their up direction along y (n, 3 J), cm; the root at the origin, the pelvis
+/// facing the same way.
 #[derive(Debug, Clone)]
 pub(crate) struct UprightPoses {
     poses: Array2<f64>,
@@ -68,18 +69,23 @@ impl UprightPoses {
         }
     }
 
-    /// Whether a frame (3 J, cm) shows enough to place a pose: three points, not all above one
-    /// another.
-    pub(crate) fn can_place(y: &[f64], noise: &[f64]) -> bool {
-        let seen = seen_points(&Observation {
-            values: y,
-            variance: noise,
-        });
-        let center = center(&seen);
-        let is_beside = |(_, at): &(usize, DVec3)| {
-            DVec3::new(at.x - center.x, 0.0, at.z - center.z).length() > LEAST_BREADTH
-        };
-        seen.len() >= 3 && seen.iter().any(is_beside)
+    /// The placement of the pose nearest to a frame: poses here look along the same axis, so that a
+    /// frame that is turned about y has the turned answer. `None` where the frame does not show three
+    /// points that are not all above one another.
+    pub(crate) fn place(&self, observation: &Observation<'_>) -> Option<Similarity> {
+        let seen = seen_points(observation);
+        let to = center(&seen);
+        let is_beside = |(_, at): &(usize, DVec3)| (*at - to).with_y(0.0).length() > LEAST_BREADTH;
+        if seen.len() < 3 || !seen.iter().any(is_beside) {
+            return None;
+        }
+        let nearest = self.nearest(&seen, 1).pop()?;
+        let rotation = DMat3::from_rotation_y(nearest.angle);
+        Some(Similarity {
+            scale: 1.0,
+            rotation,
+            shift: to - rotation * nearest.center,
+        })
     }
 
     /// Whether y is up in the frames of a take (frames, 3 J; cm, NaN missing): some frames of it are
@@ -276,11 +282,12 @@ mod tests {
         let upright = UprightPoses::new(poses.view(), up.view());
         let truth = standing(&upright, 17);
         let noise = only(&[3, 4, 5]);
-        assert!(UprightPoses::can_place(&truth, &noise));
         let given = Observation {
             values: &truth,
             variance: &noise,
         };
+        let placed = upright.place(&given).unwrap();
+        assert!((placed.shift - DVec3::new(300.0, 95.0, -40.0)).length() <= 1e-6);
         let found = upright.posterior(&given, Want::Covariance);
         for (c, (found, truth)) in found.mean.iter().zip(&truth).enumerate() {
             let most = if c < 9 { 2.0 } else { 1e-6 };
@@ -314,11 +321,20 @@ mod tests {
 
     #[test]
     fn points_above_one_another_say_no_heading() {
+        let (poses, up) = leaning();
+        let upright = UprightPoses::new(poses.view(), up.view());
+        let can_place = |y: &[f64], points: &[usize]| {
+            let seen = Observation {
+                values: y,
+                variance: &only(points),
+            };
+            upright.place(&seen).is_some()
+        };
         let mut y = vec![0.0; 18];
         (0..6).for_each(|p| y[3 * p + 1] = 30.0 * p as f64);
-        assert!(!UprightPoses::can_place(&y, &only(&[3, 4, 5])));
+        assert!(!can_place(&y, &[3, 4, 5]));
         y[9] = 20.0;
-        assert!(UprightPoses::can_place(&y, &only(&[3, 4, 5])));
-        assert!(!UprightPoses::can_place(&y, &only(&[3, 4])));
+        assert!(can_place(&y, &[3, 4, 5]));
+        assert!(!can_place(&y, &[3, 4]));
     }
 }

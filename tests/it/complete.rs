@@ -91,9 +91,10 @@ fn a_turned_and_shifted_take_has_the_turned_answer() {
     let Some(walk) = walk(40) else { return };
     let table = Numbers::read(&walk);
     // Of which few points are seen stands upright: it may turn about y alone.
-    let all: [(Numbers, fn([f64; 3]) -> [f64; 3]); 2] = [
-        (Numbers::read(&gappy(&walk)), carry),
-        (six_of(&table), carry_upright),
+    let upright = six_of(&table);
+    let all = [
+        (Numbers::read(&gappy(&walk)), carry as fn(_) -> _),
+        (upright, carry_upright),
     ];
     for (damaged, carry) in all {
         for flags in [&["-q"][..], &["-q", "--per-frame"]] {

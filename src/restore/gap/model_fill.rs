@@ -14,7 +14,7 @@ use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::{path_of, smooth_path};
-use crate::restore::frame_estimator::{FrameEstimate, FrameEstimator};
+use crate::restore::frame_estimator::FrameEstimate;
 use crate::restore::noise_estimation::{noise_of_path, variances};
 use crate::restore::take::{FRAMES_PER_TASK, Take};
 use crate::restore::upright::UprightPoses;
@@ -53,8 +53,7 @@ pub(crate) fn fill(
         estimates: BTreeMap::new(),
         is_upright: upright.is_some(),
     };
-    let few = upright.as_ref().map(|u| adapted.upright_estimator(u));
-    let model = model.estimated(&adapted.rigid_estimator(), few.as_ref(), &gaps, done);
+    let model = model.estimated(adapted, upright.as_ref(), &gaps, done);
     let variance = |filled: &FilledGap| filled.variance.iter().sum::<f64>();
     for (k, gap) in left.into_iter().zip(&gaps) {
         let by_model = model.fill_gap(gap);
@@ -82,8 +81,8 @@ impl ModelFill<'_> {
     /// Estimates the frames of gaps and those at their ends.
     fn estimated(
         mut self,
-        estimator: &FrameEstimator<'_>,
-        few: Option<&FrameEstimator<'_>>,
+        adapted: &AdaptedPrior<'_>,
+        upright: Option<&UprightPoses>,
         gaps: &[Gap],
         done: &(dyn Fn(usize) + Sync),
     ) -> Self {
@@ -96,11 +95,7 @@ impl ModelFill<'_> {
             done(range.len());
             let estimate = |(t, hidden): &Key| {
                 let y = self.seen.row(*t).to_vec();
-                let noise = variances(&y, 0.0, hidden);
-                match few.filter(|_| UprightPoses::can_place(&y, &noise)) {
-                    Some(few) => few.estimate(&y, &noise),
-                    None => estimator.estimate(&y, &noise),
-                }
+                adapted.estimate(upright, &y, &variances(&y, 0.0, hidden))
             };
             keys[range].iter().map(estimate).collect::<Vec<_>>()
         });
