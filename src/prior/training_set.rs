@@ -29,8 +29,8 @@ pub struct TrainingSet {
     pub body: Option<Body>,
     /// The anchor by which the poses were placed, in world space.
     pub anchor: Option<Anchor>,
-    /// The unit vector of the world's y axis in each pose's model space (m, 3); `None` in body space,
-    /// and where y is not up.
+    /// The unit vector of the world's y axis in each pose's model space (m, 3); `None` in body
+    /// space, and where y is not up.
     pub up: Option<Array2<f32>>,
     /// Number of frames left out because a point is missing.
     pub incomplete: usize,

@@ -91,16 +91,26 @@ impl<'a> AdaptedPrior<'a> {
     }
 
     /// The training poses as the body would take them, upright, for frames (m, 3 J, in the model's
-    /// order; cm) that never show some of the points; `None` where they show most, where y is not up
-    /// in them, where the model does not say which way is up, or where it is for another skeleton.
-    pub(crate) fn upright_poses(&self, frames: ArrayView2<'_, f64>) -> Option<UprightPoses> {
+    /// order; cm) of one take, or for one frame, that never show some of the points; `None` where
+    /// they show most, where y is not up in them, where the model does not say which way is up, or
+    /// where it is for another skeleton.
+    pub(crate) fn upright_poses(
+        &self,
+        frames: ArrayView2<'_, f64>,
+        whole_take: bool,
+    ) -> Option<UprightPoses> {
+        let few = if whole_take {
+            FEW_OF_TAKE
+        } else {
+            FEW_OF_FRAME
+        };
         let points = frames.ncols() / 3;
         let is_seen = |p: &usize| {
             let mut rows = frames.rows().into_iter();
-            rows.any(|row| (3 * p..3 * p + 3).all(|i| row[i].is_finite()))
+            rows.any(|row| (3 * p..3 * p + 3).any(|i| row[i].is_finite()))
         };
         let never_seen = points - (0..points).filter(is_seen).count();
-        if (never_seen as f64) < FEW * points as f64 || self.mapping.is_other_skeleton {
+        if (never_seen as f64) < few * points as f64 || self.mapping.is_other_skeleton {
             return None;
         }
         let up = self.mapping.model.up()?;
@@ -138,9 +148,9 @@ impl<'a> AdaptedPrior<'a> {
         }
     }
 
-    /// Estimates a frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite where
-    /// missing); by upright poses, where there are some and they can be placed. `None` when too
-    /// little is seen.
+    /// Estimates a frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite
+    /// where missing); by upright poses, where there are some and they can be placed. `None` when
+    /// too little is seen.
     pub(crate) fn estimate(
         &self,
         upright: Option<&UprightPoses>,
@@ -152,6 +162,8 @@ impl<'a> AdaptedPrior<'a> {
             values: y,
             variance: noise,
         };
+        // A picture, of which whole points say little, is placed by its parts.
+        let upright = upright.filter(|_| !seen.is_partial());
         let Some((upright, placement)) = upright.and_then(|u| Some((u, u.place(&seen)?))) else {
             return estimator.estimate(y, noise);
         };
@@ -188,7 +200,7 @@ mod tests {
         let is_upright = |model: &PoseModel, frame: &Array2<f64>| {
             let mapping = PointMapping::new(model, "m", &names, false).unwrap();
             let adapted = AdaptedPrior::new(&mapping, frame.view(), 0.0);
-            adapted.upright_poses(frame.view()).is_some()
+            adapted.upright_poses(frame.view(), true).is_some()
         };
         // A whole pose needs none; one without arms, whose pelvis is as upright as most, has some.
         let with = open(&model, true);

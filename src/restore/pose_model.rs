@@ -35,8 +35,8 @@ pub struct PoseModel {
     mirror: Vec<Option<usize>>,
     /// Empty where the model has no rigid pairs or they were not read.
     pub rigid: RigidModel,
-    /// Which way is up for each training pose (n, 3), where the model says it and poses are in world
-    /// space.
+    /// Which way is up for each training pose (n, 3), where the model says it and poses are in
+    /// world space.
     up: Option<Array2<f64>>,
     /// Rigid distances of a person who has not been measured.
     unknown_body: RigidModel,

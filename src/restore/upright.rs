@@ -20,10 +20,11 @@
 use super::tuning::upright::*;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::rotation::shortest_arc;
+use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Observation, PoseTransform, Similarity};
 use crate::prior::{Posterior, Prior, Want};
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView2, Axis, s};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
 
 /// Training poses with their up direction along y (n, 3 J), cm; the root at the origin, the pelvis
 /// facing the same way.
@@ -59,7 +60,7 @@ impl UprightPoses {
             let turn = shortest_arc(DVec3::new(up[0], up[1], up[2]), DVec3::Y);
             let turn = turn.unwrap_or(DMat3::IDENTITY);
             for p in 0..pose.len() / 3 {
-                let at = turn * DVec3::new(pose[3 * p], pose[3 * p + 1], pose[3 * p + 2]);
+                let at = turn * point(pose.view(), p);
                 (0..3).for_each(|axis| pose[3 * p + axis] = at[axis]);
             }
         }
@@ -69,9 +70,9 @@ impl UprightPoses {
         }
     }
 
-    /// The placement of the pose nearest to a frame: poses here look along the same axis, so that a
-    /// frame that is turned about y has the turned answer. `None` where the frame does not show three
-    /// points that are not all above one another.
+    /// The placement of the pose nearest to a frame: poses here look along the same axis, so that
+    /// a frame that is turned about y has the turned answer. `None` where the frame does not show
+    /// three points that are not all above one another.
     pub(crate) fn place(&self, observation: &Observation<'_>) -> Option<Similarity> {
         let seen = seen_points(observation);
         let to = center(&seen);
@@ -88,31 +89,35 @@ impl UprightPoses {
         })
     }
 
-    /// Whether y is up in the frames of a take (frames, 3 J; cm, NaN missing): some frames of it are
-    /// not much nearer to the poses when turned so that another axis is up.
+    /// Whether y is up in the frames of a take (frames, 3 J; cm, NaN missing): upright poses are
+    /// not much farther from them than the same poses would be at any tilt.
     pub(crate) fn are_upright(&self, frames: ArrayView2<'_, f64>) -> bool {
         let step = frames.nrows().div_ceil(JUDGED_FRAMES).max(1) as isize;
-        let misfit = |axes: [usize; 3], signs: DVec3| -> f64 {
-            let of_frame = |row: ndarray::ArrayView1<'_, f64>| {
-                let at = |p: usize| signs * DVec3::from_array(axes.map(|axis| row[3 * p + axis]));
-                let seen = (0..row.len() / 3).map(|p| (p, at(p)));
-                let seen: Vec<(usize, DVec3)> = seen.filter(|s| s.1.is_finite()).collect();
-                let nearest = self.nearest(&seen, 1);
-                nearest.first().map_or(0.0, |n| n.square)
+        let some = (self.poses.nrows().div_ceil(TILTED_POSES)).max(1) as isize;
+        let tilted = self.poses.slice(s![..;some, ..]);
+        let (mut upright, mut free, mut most) = (0.0, 0.0, 0);
+        for row in frames.slice(s![..;step, ..]).rows() {
+            let row = row.to_vec();
+            let seen = row.chunks_exact(3).map(DVec3::from_slice).enumerate();
+            let seen: Vec<(usize, DVec3)> = seen.filter(|s| s.1.is_finite()).collect();
+            let Some(nearest) = self.nearest(&seen, 1).pop() else {
+                continue;
             };
-            let frames = frames.slice(s![..;step, ..]);
-            frames.rows().into_iter().map(of_frame).sum()
+            let misfit = |pose: ArrayView1<'_, f64>| {
+                let pairs = seen.iter().map(|(p, at)| (point(pose, *p), *at, 1.0));
+                Some(fit_similarity(pairs, TransformKind::Rigid)?.error)
+            };
+            let misfits = tilted.rows().into_iter().filter_map(misfit);
+            upright += nearest.square;
+            free += misfits.fold(f64::INFINITY, f64::min).min(nearest.square);
+            most = most.max(seen.len());
+        }
+        let limit = if most >= MANY_POINTS {
+            NOT_UP.1
+        } else {
+            NOT_UP.0
         };
-        // x or z up, or down.
-        let turned = [
-            ([1, 2, 0], DVec3::ONE),
-            ([2, 0, 1], DVec3::ONE),
-            ([1, 2, 0], DVec3::new(1.0, -1.0, -1.0)),
-            ([2, 0, 1], DVec3::new(-1.0, -1.0, 1.0)),
-        ];
-        let turned = turned.map(|(axes, signs)| misfit(axes, signs));
-        let best = turned.into_iter().fold(f64::INFINITY, f64::min);
-        misfit([0, 1, 2], DVec3::ONE) <= NOT_UP * best
+        upright <= limit * limit * free
     }
 
     /// The `count` poses nearest to the seen points, the nearest first.
@@ -120,11 +125,11 @@ impl UprightPoses {
         let to = center(seen);
         let seen: Vec<(usize, DVec3)> = seen.iter().map(|(p, at)| (*p, *at - to)).collect();
         let size: f64 = seen.iter().map(|(_, at)| at.length_squared()).sum();
-        let near = |(row, pose): (usize, ndarray::ArrayView1<'_, f64>)| {
+        let near = |(row, pose): (usize, ArrayView1<'_, f64>)| {
             let (mut center, mut squares) = (DVec3::ZERO, 0.0);
             let (mut sin, mut cos, mut along) = (0.0, 0.0, 0.0);
             for (p, at) in &seen {
-                let x = DVec3::new(pose[3 * p], pose[3 * p + 1], pose[3 * p + 2]);
+                let x = point(pose, *p);
                 center += x;
                 squares += x.length_squared();
                 sin += x.z * at.x - x.x * at.z;
@@ -175,12 +180,11 @@ impl Prior for UprightPoses {
         for (near, mut out) in near.iter().zip(poses.rows_mut()) {
             let (turn, pose) = (DMat3::from_rotation_y(near.angle), self.poses.row(near.row));
             for p in 0..width / 3 {
-                let x = DVec3::new(pose[3 * p], pose[3 * p + 1], pose[3 * p + 2]);
-                let x = turn * (x - near.center) + to;
+                let x = turn * (point(pose, p) - near.center) + to;
                 (0..3).for_each(|axis| out[3 * p + axis] = x[axis]);
             }
         }
-        let weights = ndarray::Array1::from_iter(weights.iter().map(|w| w / total));
+        let weights = Array1::from_iter(weights.iter().map(|w| w / total));
         let mean = weights.dot(&poses);
         let mut off = poses - &mean;
         off *= &weights.mapv(f64::sqrt).insert_axis(Axis(1));
@@ -228,6 +232,10 @@ fn seen_points(observation: &Observation<'_>) -> Vec<(usize, DVec3)> {
     (points.filter(|(p, _)| is_seen(*p)))
         .map(|(p, at)| (p, DVec3::from_slice(at)))
         .collect()
+}
+
+fn point(pose: ArrayView1<'_, f64>, p: usize) -> DVec3 {
+    DVec3::new(pose[3 * p], pose[3 * p + 1], pose[3 * p + 2])
 }
 
 fn center(seen: &[(usize, DVec3)]) -> DVec3 {
@@ -307,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_told_where_another_axis_is_up() {
+    fn a_take_that_is_tilted_is_told() {
         let (poses, up) = leaning();
         let upright = UprightPoses::new(poses.view(), up.view());
         let take = (0..40).flat_map(|t| standing(&upright, t));

@@ -212,8 +212,8 @@ impl KeptExemplars {
     }
 }
 
-/// The rows of `takes` that are exemplars, at most about `most` of `count`, evenly spaced; and where
-/// each take is among them.
+/// The rows of `takes` that are exemplars, at most about `most` of `count`, evenly spaced; and
+/// where each take is among them.
 fn kept(takes: &[Range<usize>], count: usize, most: usize) -> (Vec<usize>, Vec<Range<usize>>) {
     let stride = count.div_ceil(most.max(1)).max(1);
     let (mut rows, mut ranges) = (Vec::new(), Vec::new());

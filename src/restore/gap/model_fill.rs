@@ -44,7 +44,7 @@ pub(crate) fn fill(
     let seen = adapted.mapping.gather(take.xyz);
     let take = take.with_xyz(seen.view());
     let upright = (!gaps.is_empty())
-        .then(|| adapted.upright_poses(seen.view()))
+        .then(|| adapted.upright_poses(seen.view(), true))
         .flatten();
     let model = ModelFill {
         seen: seen.view(),
