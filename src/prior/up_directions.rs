@@ -12,7 +12,7 @@ use ndarray::{Array2, Axis};
 /// the `poses` (N, 3 J).
 const ARRAY: &str = "up";
 /// Where y is up, people are upright most of the time: the mean of their up directions is at least
-/// this long. CMU's is .96; that of people who turn about another axis is near zero.
+/// this long. CMU's is .95; that of people who turn about another axis is near zero.
 const LEAST_MEAN: f64 = 0.5;
 
 /// The up directions (m, 3) of poses that were placed so; `None` where y is not up, or where all
