@@ -106,16 +106,21 @@ impl Body {
 
 /// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with
 /// CMU's names (bone ends) and `noise` of this standard deviation on each coordinate, cm; `None`
-/// where a foot, a hip and the head are not all among them, or no frame shows a bone of each.
+/// where a foot, a hip and the head are not all among them, or no foot and head of which every bone
+/// to the root is seen: what is left of a body is no measure of it.
 pub(crate) fn stature(names: &[String], xyz: ArrayView2<'_, f64>, noise: f64) -> Option<f64> {
     let find = |name: &str| names.iter().position(|n| n == name);
     let head = find(CMU[14])?;
     find(CMU[1]).or(find(CMU[5])).or(find(CMU[0]))?;
     let body = Body::measure(&parents_by_name(names), xyz);
     let up = |from: usize| {
-        std::iter::successors(Some(from), |&k| body.parents[k])
-            .map(|k| body.lengths[k])
-            .filter(|l| l.is_finite())
+        let chain = std::iter::successors(Some(from), |&k| body.parents[k]);
+        let bones = chain.filter(|&k| body.parents[k].is_some());
+        let lengths: Vec<f64> = bones.map(|k| body.lengths[k]).collect();
+        if !lengths.iter().all(|l| l.is_finite()) {
+            return 0.0;
+        }
+        (lengths.iter())
             // Noise makes a bone longer: the mean square is L² + 6 σ².
             .map(|l| (l * l - 6.0 * noise * noise).max(0.25 * l * l).sqrt())
             .sum::<f64>()
@@ -163,6 +168,20 @@ mod tests {
         let inverse: Vec<f64> = ratios.iter().map(|r| 1.0 / r).collect();
         from.reshape(&order, &inverse, &out, &mut back);
         assert!(pose.iter().zip(back).all(|(a, b)| (a - b).abs() <= 1e-12));
+    }
+
+    #[test]
+    fn a_stature_needs_a_leg_that_is_seen_whole() {
+        let names = crate::pose::joints::cmu_names();
+        let mut xyz = ndarray::Array2::from_shape_fn((3, 69), |(_, c)| (c / 3 * (c % 3)) as f64);
+        let whole = stature(&names, xyz.view(), 0.0).unwrap();
+        // One leg is enough; its foot alone, or its knee alone, is not.
+        xyz.slice_mut(ndarray::s![.., 6..15]).fill(f64::NAN);
+        let one = stature(&names, xyz.view(), 0.0).unwrap();
+        assert!(one > 0.0 && one <= whole);
+        let knee = ndarray::s![.., 21..24];
+        xyz.slice_mut(knee).fill(f64::NAN);
+        assert!(stature(&names, xyz.view(), 0.0).is_none());
     }
 
     #[test]

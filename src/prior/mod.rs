@@ -20,6 +20,7 @@ pub mod sparse_coding;
 mod testdata;
 pub mod training_set;
 pub mod tuning;
+pub(crate) mod up_directions;
 
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};

@@ -242,6 +242,7 @@ mod tests {
             takes: vec![0..50, 50..80, 80..120],
             body: None,
             anchor: None,
+            up: None,
             incomplete: 0,
             unplaced: 0,
         }

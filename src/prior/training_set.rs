@@ -6,6 +6,7 @@
 use super::provenance::digest;
 use super::representative_poses::representative_poses;
 use super::rigid_pairs::RigidPairs;
+use super::up_directions;
 use crate::io::Model;
 use crate::io::model::{BodyMeta, check_point_count};
 use crate::pose::{Anchor, Body, PoseTransform, Poses, Space, joints};
@@ -28,6 +29,9 @@ pub struct TrainingSet {
     pub body: Option<Body>,
     /// The anchor by which the poses were placed, in world space.
     pub anchor: Option<Anchor>,
+    /// The unit vector of the world's y axis in each pose's model space (m, 3); `None` in body
+    /// space, and where y is not up.
+    pub up: Option<Array2<f32>>,
     /// Number of frames left out because a point is missing.
     pub incomplete: usize,
     /// Number of frames left out because their placement is not determined.
@@ -146,10 +150,12 @@ fn prepare(
         takes: Vec::new(),
         body,
         anchor: anchor.clone(),
+        up: None,
         incomplete: 0,
         unplaced: 0,
     };
     let mut rows: Vec<f32> = Vec::new();
+    let mut placements = Vec::new();
     let width = poses.xyz.ncols();
     let (mut pose, mut placed) = (vec![0.0; width], vec![0.0; width]);
     for (take, measured) in takes.iter().zip(&bodies) {
@@ -171,6 +177,7 @@ fn prepare(
                     out.unplaced += 1;
                     continue;
                 };
+                placements.push(placement);
                 placement.undo_pose(&pose, &mut placed);
                 match &map {
                     Some(map) => map.apply(&placed, &mut pose),
@@ -192,6 +199,7 @@ fn prepare(
         };
         return Err(Error::data(Place::file(name), what));
     }
+    out.up = up_directions::of_placements(&placements);
     out.xyz =
         Array2::from_shape_vec((frames, width), rows).map_err(|e| Error::usage(e.to_string()))?;
     Ok(out)

@@ -1,13 +1,15 @@
 //! A model's prior and rigid distances, carried to the body of one take.
 
-use super::frame_estimator::FrameEstimator;
+use super::frame_estimator::{FrameEstimate, FrameEstimator};
+use super::placement::PlacementSolution;
 use super::pose_model::length_sd;
 use super::rigid::{OwnLength, RigidModel};
 use super::take::PointMapping;
 use super::tuning::adapted_prior::*;
+use super::upright::UprightPoses;
 use crate::label::distances::Distance;
 use crate::numeric::parallel;
-use crate::pose::Similarity;
+use crate::pose::{Observation, Similarity};
 use crate::prior::Prior;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
@@ -97,6 +99,36 @@ impl<'a> AdaptedPrior<'a> {
         Some(self.mapping.rows_of_table(poses.view()))
     }
 
+    /// The training poses as the body would take them, upright, for frames (m, 3 J, in the model's
+    /// order; cm) of one take, or for one frame, that never show some of the points; `None` where
+    /// they show most, where y is not up in them, where the model does not say which way is up, or
+    /// where it is for another skeleton.
+    pub(crate) fn upright_poses(
+        &self,
+        frames: ArrayView2<'_, f64>,
+        whole_take: bool,
+    ) -> Option<UprightPoses> {
+        let few = if whole_take {
+            FEW_OF_TAKE
+        } else {
+            FEW_OF_FRAME
+        };
+        let points = frames.ncols() / 3;
+        let is_seen = |p: &usize| {
+            let mut rows = frames.rows().into_iter();
+            rows.any(|row| (3 * p..3 * p + 3).any(|i| row[i].is_finite()))
+        };
+        let never_seen = points - (0..points).filter(is_seen).count();
+        if (never_seen as f64) < few * points as f64 || self.mapping.is_other_skeleton {
+            return None;
+        }
+        let up = self.mapping.model.up()?;
+        let estimator = self.estimator();
+        estimator.anchor.filter(|a| a.root.is_some())?;
+        let poses = estimator.prior.training_poses()?;
+        Some(UprightPoses::new(poses.view(), up)).filter(|u| u.are_upright(frames))
+    }
+
     /// Whether at most half of the complete frames of a take (frames, 3 J, in the table's order;
     /// cm) are unlike all training poses. Under more than a little `noise` (standard deviation of
     /// a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
@@ -125,6 +157,33 @@ impl<'a> AdaptedPrior<'a> {
         }
     }
 
+    /// Estimates a frame: `y` (3 J, cm) and the noise variance of each coordinate (cm², infinite
+    /// where missing); by upright poses, where there are some and they can be placed. `None` when
+    /// too little is seen.
+    pub(crate) fn estimate(
+        &self,
+        upright: Option<&UprightPoses>,
+        y: &[f64],
+        noise: &[f64],
+    ) -> Option<FrameEstimate> {
+        let estimator = self.rigid_estimator();
+        let seen = Observation {
+            values: y,
+            variance: noise,
+        };
+        // A picture, of which whole points say little, is placed by its parts.
+        let upright = upright.filter(|_| !seen.is_partial());
+        let Some((upright, placement)) = upright.and_then(|u| Some((u, u.place(&seen)?))) else {
+            return estimator.estimate(y, noise);
+        };
+        let estimator = FrameEstimator {
+            prior: upright,
+            ..estimator
+        };
+        let placed = PlacementSolution::from_placement(placement);
+        Some(estimator.estimate_placed(seen, &placed))
+    }
+
     /// Estimates frames with the prior and the rigid distances.
     pub(crate) fn rigid_estimator(&self) -> FrameEstimator<'_> {
         self.estimator().with_rigid_model(&self.rigid)
@@ -148,4 +207,36 @@ fn measured_length(
         length: found.median,
         sd: ((variance - noise_variance).max(0.0) + variance / found.frames as f64).sqrt(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::Model;
+    use crate::prior::OpenOptions;
+    use crate::restore::pose_model::PoseModel;
+
+    #[test]
+    fn models_that_do_not_say_which_way_is_up_have_no_upright_poses() {
+        let mut model = Model::builtin().unwrap();
+        let names = model.meta.points.clone();
+        let pose = model.get("poses").unwrap().row(9).mapv(f64::from);
+        let mut frame = pose.insert_axis(ndarray::Axis(0));
+        let open = |model: &Model, world| {
+            PoseModel::open(model, &OpenOptions::default(), "m", world).unwrap()
+        };
+        let is_upright = |model: &PoseModel, frame: &Array2<f64>| {
+            let mapping = PointMapping::new(model, "m", &names, false).unwrap();
+            let adapted = AdaptedPrior::new(&mapping, frame.view(), 0.0);
+            adapted.upright_poses(frame.view(), true).is_some()
+        };
+        // A whole pose needs none; one without arms, whose pelvis is as upright as most, has some.
+        let with = open(&model, true);
+        assert!(!is_upright(&with, &frame));
+        frame.slice_mut(ndarray::s![.., 3 * 15..]).fill(f64::NAN);
+        assert!(is_upright(&with, &frame));
+        assert!(!is_upright(&open(&model, false), &frame));
+        model.remove("up");
+        assert!(!is_upright(&open(&model, true), &frame));
+    }
 }

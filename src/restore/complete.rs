@@ -56,7 +56,9 @@ impl Method for Complete {
             }
             let adapted = AdaptedPrior::measured(mapping, frame, 0.0);
             let estimator = adapted.rigid_estimator();
-            let found = estimator.estimate(&y, &variances(&y, 0.0, &[]));
+            let noise = variances(&y, 0.0, &[]);
+            let upright = adapted.upright_poses(frame, false);
+            let found = adapted.estimate(upright.as_ref(), &y, &noise);
             let novelty = found.as_ref().map_or(f64::NAN, |found| {
                 // What the frame still lacks is that of the estimate.
                 let all = y.iter().zip(&found.mean);

@@ -81,7 +81,7 @@ impl<'a> FrameEstimator<'a> {
     }
 
     /// Estimates a frame whose placement is known.
-    fn estimate_placed(
+    pub(crate) fn estimate_placed(
         &self,
         seen: Observation<'_>,
         solution: &PlacementSolution,

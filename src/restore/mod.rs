@@ -15,7 +15,8 @@
 //!    estimates (`model_estimates`); `complete` assumes that seen values are exact.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
-//!    the model's space, `rigid` projects it onto the known distances.
+//!    the model's space, `rigid` projects it onto the known distances. Where few points are seen
+//!    and y is up, `upright` poses stand in for placement and prior.
 //! 5. `clean` denoises the takes that are noisy and completes the others.
 //! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
 
@@ -41,6 +42,7 @@ mod restorer;
 pub(crate) mod rigid;
 mod take;
 mod tuning;
+mod upright;
 
 pub use clean::Clean;
 pub use complete::Complete;

@@ -15,8 +15,8 @@ use super::tuning::pose_model::*;
 use crate::Result;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Poses, joints};
-use crate::prior::{self, OpenOptions, Prior};
-use ndarray::ArrayView2;
+use crate::prior::{self, OpenOptions, Prior, up_directions};
+use ndarray::{Array2, ArrayView2};
 
 /// A pose model in memory, for poses in world space or in the model's own.
 pub struct PoseModel {
@@ -35,6 +35,9 @@ pub struct PoseModel {
     mirror: Vec<Option<usize>>,
     /// Empty where the model has no rigid pairs or they were not read.
     pub rigid: RigidModel,
+    /// Which way is up for each training pose (n, 3), where the model says it and poses are in
+    /// world space.
+    up: Option<Array2<f64>>,
     /// Rigid distances of a person who has not been measured.
     unknown_body: RigidModel,
 }
@@ -52,6 +55,7 @@ impl PoseModel {
         world: bool,
     ) -> Result<PoseModel> {
         let prior = prior::open(model, options, source)?;
+        let up = up_directions::read(model, source)?;
         let points = model.meta.points.clone();
         let anchor = world.then(|| match Anchor::pelvis(&points) {
             Some(pelvis) => pelvis,
@@ -67,6 +71,7 @@ impl PoseModel {
                 .collect(),
             points,
             rigid: RigidModel::default(),
+            up: up.filter(|_| world),
             unknown_body: RigidModel::default(),
         })
     }
@@ -107,6 +112,11 @@ impl PoseModel {
             xyz: self.prior.representative_poses().to_owned(),
             ..Poses::default()
         }
+    }
+
+    /// Which way is up for each training pose (n, 3).
+    pub(crate) fn up(&self) -> Option<ArrayView2<'_, f64>> {
+        self.up.as_ref().map(|up| up.view())
     }
 
     /// The rigid distances to judge one frame by before its body is measured, and the frame's noise
@@ -200,7 +210,6 @@ pub(crate) fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array2;
 
     #[test]
     fn a_longer_body_is_measured_and_noise_is_allowed_for() {

@@ -25,6 +25,7 @@ fn poses() -> TrainingSet {
         xyz,
         body: None,
         anchor: None,
+        up: None,
         incomplete: 0,
         unplaced: 0,
     }

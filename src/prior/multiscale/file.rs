@@ -14,6 +14,7 @@
 //! | `ways` | (F, 1) | the log weight of each factorization into parts |
 //! | `typical` | (k, 3 J) | representative poses, from which placements start |
 //! | `limit` | (1, 1) | the novelty threshold, nats; missing where no take could be held out |
+//! | `up` | (N, 3) | the direction up in the space of each pose; missing where unknown |
 //!
 //! The parts follow from the names of the points; the scales are in `details`.
 

@@ -274,6 +274,7 @@ mod tests {
             takes: vec![0..150, 150..280, 280..400],
             body: None,
             anchor: None,
+            up: None,
             incomplete: 0,
             unplaced: 0,
         }

@@ -24,6 +24,7 @@ use crate::numeric::small_linalg::log_sum;
 use crate::pose::{ASF_UNIT_CM, joints};
 use crate::prior::representative_poses::representative_poses;
 use crate::prior::training_set::{TrainOptions, TrainingSet};
+use crate::prior::up_directions;
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::Rng;
 use rand::seq::SliceRandom;
@@ -134,6 +135,8 @@ pub fn model(
     let mixture = train(poses, options, settings, report)?;
     let mut model = poses.model(super::file::KIND)?;
     super::file::write(&mixture, settings, &mut model)?;
+    let (rows, _) = kept(&poses.takes, poses.xyz.nrows(), settings.max_exemplars);
+    up_directions::write(poses.up.as_ref(), &rows, &mut model);
     Ok(model)
 }
 
@@ -200,19 +203,26 @@ struct KeptExemplars {
 
 impl KeptExemplars {
     fn of(rows: &TrainingRows<'_>, most: usize) -> KeptExemplars {
-        let stride = rows.xyz.nrows().div_ceil(most.max(1)).max(1);
-        let (mut kept, mut takes) = (Vec::new(), Vec::new());
-        for take in rows.takes {
-            let start = kept.len();
-            kept.extend(take.clone().step_by(stride));
-            takes.push(start..kept.len());
-        }
+        let (kept, takes) = kept(rows.takes, rows.xyz.nrows(), most);
         let xyz = rows.xyz.select(Axis(0), &kept);
         KeptExemplars {
             rows: kept,
             poses: Arc::new(ExemplarPoses::new(xyz, takes)),
         }
     }
+}
+
+/// The rows of `takes` that are exemplars, at most about `most` of `count`, evenly spaced; and
+/// where each take is among them.
+fn kept(takes: &[Range<usize>], count: usize, most: usize) -> (Vec<usize>, Vec<Range<usize>>) {
+    let stride = count.div_ceil(most.max(1)).max(1);
+    let (mut rows, mut ranges) = (Vec::new(), Vec::new());
+    for take in takes {
+        let start = rows.len();
+        rows.extend(take.clone().step_by(stride));
+        ranges.push(start..rows.len());
+    }
+    (rows, ranges)
 }
 
 fn part(

@@ -67,6 +67,7 @@ pub(crate) fn hold_back(
         points: poses.points.clone(),
         body: poses.body.clone(),
         anchor: poses.anchor.clone(),
+        up: None,
         ..*poses
     };
     let step = tested.len().div_ceil(MAX_TESTED).max(1);
@@ -150,6 +151,7 @@ mod tests {
             takes: (0..takes).map(|t| t * frames..(t + 1) * frames).collect(),
             body: None,
             anchor: None,
+            up: None,
             incomplete: 0,
             unplaced: 0,
         }

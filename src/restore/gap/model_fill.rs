@@ -14,10 +14,11 @@ use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::{path_of, put_path, smooth_path};
-use crate::restore::frame_estimator::{FrameEstimate, FrameEstimator};
+use crate::restore::frame_estimator::FrameEstimate;
 use crate::restore::kalman_smoother::PathNoise;
 use crate::restore::noise_estimation::{noise_of_path, variances};
 use crate::restore::take::{FRAMES_PER_TASK, Take};
+use crate::restore::upright::UprightPoses;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::{BTreeMap, BTreeSet};
@@ -43,13 +44,17 @@ pub(crate) fn fill(
     let (left, gaps): (Vec<usize>, Vec<Gap>) = (0..gaps.len()).filter_map(of_model).unzip();
     let seen = adapted.mapping.gather(take.xyz);
     let take = take.with_xyz(seen.view());
+    let upright = (!gaps.is_empty())
+        .then(|| adapted.upright_poses(seen.view(), true))
+        .flatten();
     let model = ModelFill {
         seen: seen.view(),
         rate: take.rate,
         limits: MotionLimits::measure(&take, &gaps),
         estimates: BTreeMap::new(),
+        is_upright: upright.is_some(),
     };
-    let model = model.estimated(&adapted.rigid_estimator(), &gaps, done);
+    let model = model.estimated(adapted, upright.as_ref(), &gaps, done);
     let variance = |filled: &FilledGap| filled.variance.iter().sum::<f64>();
     for (k, gap) in left.into_iter().zip(&gaps) {
         let by_model = model.fill_gap(gap);
@@ -69,13 +74,16 @@ struct ModelFill<'a> {
     /// Those of all frames of gaps, and of the frames at their ends with what is missing beside
     /// hidden.
     estimates: BTreeMap<Key, FrameEstimate>,
+    /// Whether they are by upright poses, which know how sure the placement is.
+    is_upright: bool,
 }
 
 impl ModelFill<'_> {
     /// Estimates the frames of gaps and those at their ends.
     fn estimated(
         mut self,
-        estimator: &FrameEstimator<'_>,
+        adapted: &AdaptedPrior<'_>,
+        upright: Option<&UprightPoses>,
         gaps: &[Gap],
         done: &(dyn Fn(usize) + Sync),
     ) -> Self {
@@ -88,7 +96,7 @@ impl ModelFill<'_> {
             done(range.len());
             let estimate = |(t, hidden): &Key| {
                 let y = self.seen.row(*t).to_vec();
-                estimator.estimate(&y, &variances(&y, 0.0, hidden))
+                adapted.estimate(upright, &y, &variances(&y, 0.0, hidden))
             };
             keys[range].iter().map(estimate).collect::<Vec<_>>()
         });
@@ -141,6 +149,7 @@ impl ModelFill<'_> {
         let measured = match ends.is_empty() {
             // No end says which of the poses that the estimates jump between is right: their mean
             // over time is nearest to it.
+            true if self.is_upright => measured.max(UPRIGHT_JUMPS * typical_sd),
             true => measured.max(JUMPS * typical_sd),
             false => measured,
         };
@@ -165,6 +174,9 @@ impl ModelFill<'_> {
     /// model states: they leave out how sure the body's placement is, which moves all points
     /// together, and people's proportions.
     fn variance(&self, t: usize, sd: &[f64], point: usize) -> f64 {
+        if self.is_upright {
+            return sd[point].powi(2);
+        }
         let is_missing = |p: &usize| (3 * p..3 * p + 3).any(|i| self.seen[[t, i]].is_nan());
         let missing: Vec<f64> = (0..sd.len())
             .filter(is_missing)
