@@ -119,7 +119,7 @@ impl<'a> AdaptedPrior<'a> {
             rows.any(|row| (3 * p..3 * p + 3).any(|i| row[i].is_finite()))
         };
         let never_seen = points - (0..points).filter(is_seen).count();
-        if (never_seen as f64) < few * points as f64 || self.mapping.is_other_skeleton {
+        if (never_seen as f64) < few * points as f64 {
             return None;
         }
         let up = self.mapping.model.up()?;
@@ -226,7 +226,7 @@ mod tests {
             PoseModel::open(model, &OpenOptions::default(), "m", world).unwrap()
         };
         let is_upright = |model: &PoseModel, frame: &Array2<f64>| {
-            let mapping = PointMapping::new(model, "m", &names, false).unwrap();
+            let mapping = PointMapping::new(model, "m", &names).unwrap();
             let adapted = AdaptedPrior::new(&mapping, frame.view(), 0.0);
             adapted.upright_poses(frame.view(), true).is_some()
         };

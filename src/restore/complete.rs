@@ -79,18 +79,13 @@ impl Method for Complete {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        let own = mapping.filter(|mapping| !mapping.is_other_skeleton);
-        let (outliers, mut adapted) = find_outliers(own, take, None);
+        let (outliers, adapted) = find_outliers(mapping, take, None);
         let captured = outliers.removed_from(take.xyz);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = TakeResult::captured(take.xyz);
         let noise = typical_noise(captured.view(), take.runs);
         // A take unlike all that the model knows is restored alone.
         out.take_alone = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
-        if let Some(mapping) = mapping.filter(|mapping| mapping.is_other_skeleton) {
-            let seen = mapping.gather(captured.view());
-            adapted = Some(AdaptedPrior::measured(mapping, seen.view(), noise));
-        }
         let known = adapted.as_ref().filter(|_| !out.take_alone);
         let filled = fill_gaps(known, &take.with_xyz(captured.view()), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {

@@ -49,10 +49,6 @@ impl Default for Denoise {
 
 impl Method for Denoise {
     fn restore_frames(&self, mapping: &PointMapping<'_>, table: ArrayView2<'_, f64>) -> TakeResult {
-        if mapping.is_other_skeleton {
-            // A model of another skeleton says nothing about noise.
-            return TakeResult::captured(table);
-        }
         let restore = |frame: ArrayView2<'_, f64>| self.frame(mapping, frame);
         restore_each_frame(mapping, table, restore, |out, t, found| {
             self.put_frame(out, t, &found);
@@ -65,8 +61,6 @@ impl Method for Denoise {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        // A model of another skeleton says nothing about noise.
-        let mapping = mapping.filter(|mapping| !mapping.is_other_skeleton);
         // 1. The outliers, and the paths of the other points, smoothed.
         let (outliers, smoothed) = self.smooth(mapping, take);
         // 2. The model for the body that the smoothed frames show.

@@ -194,8 +194,7 @@ impl<'m> Restorer<'m> {
             (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
             _ => naming.model_names(&poses.points),
         };
-        let is_mapped = matches!(naming, PointNaming::Map(_));
-        let mapping = PointMapping::new(opened, &self.name, &names, is_mapped)?;
+        let mapping = PointMapping::new(opened, &self.name, &names)?;
         Ok((mapping, names))
     }
 
@@ -225,10 +224,9 @@ impl<'m> Restorer<'m> {
         let mapped = self.model.map(|model| self.mapping(model, poses));
         let mapped = mapped.transpose()?;
         let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
-        // A body's own frame is known by the names of its points; that of another skeleton is not.
         let names = match &mapped {
-            Some((mapping, names)) if !mapping.is_other_skeleton => names,
-            _ => &poses.points[..],
+            Some((_, names)) => names,
+            None => &poses.points[..],
         };
         let seen = hide(&poses.xyz, hidden);
         let mut out = Restoration::unchanged(table);

@@ -82,9 +82,6 @@ pub(crate) struct PointMapping<'a> {
     points: Vec<Option<usize>>,
     /// The number of points of the table.
     table_points: usize,
-    /// Whether the points are those of another skeleton: the model knows roughly what their poses
-    /// look like, and nothing of how they are placed on the body.
-    pub is_other_skeleton: bool,
 }
 
 impl<'a> PointMapping<'a> {
@@ -97,7 +94,6 @@ impl<'a> PointMapping<'a> {
         model: &'a PoseModel,
         source: &str,
         names: &[String],
-        is_other_skeleton: bool,
     ) -> Result<PointMapping<'a>> {
         let in_table = |name: &String| names.iter().position(|p| p == name);
         let points: Vec<_> = model.points.iter().map(in_table).collect();
@@ -117,7 +113,6 @@ impl<'a> PointMapping<'a> {
             model,
             points,
             table_points: names.len(),
-            is_other_skeleton,
         })
     }
 

@@ -92,8 +92,14 @@ pub fn anchor(
     complete: &[usize],
 ) -> Option<Anchor> {
     let pelvis = Anchor::pelvis(names).map(|a| a.rigid_only());
+    // Hip joints on a line with the root, as in some rigs, are no frame of reference.
+    let places = |pelvis: &Anchor| {
+        let first = complete.first().map(|&t| xyz.row(t).to_vec());
+        first.is_some_and(|pose| pelvis.fit(&pose).is_some())
+    };
     if let Some(pelvis) = pelvis
         && pelvis.points().all(|p| predictors.contains(&p))
+        && places(&pelvis)
     {
         return Some(pelvis);
     }

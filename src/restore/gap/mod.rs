@@ -110,9 +110,7 @@ pub(crate) fn fill_gaps(
     gaps: &[Gap],
     done: &(dyn Fn(usize) + Sync),
 ) -> Vec<Option<FilledGap>> {
-    // How the points of another skeleton go together, the take itself knows best.
-    let own = adapted.filter(|adapted| !adapted.mapping.is_other_skeleton);
-    let poses = own.and_then(AdaptedPrior::training_poses);
+    let poses = adapted.and_then(AdaptedPrior::training_poses);
     let others = poses.as_ref().map(|p| p.view());
     let (mut filled, implausible) = GapFiller::new(take, gaps, others).fill(done);
     if let Some(adapted) = adapted {

@@ -143,10 +143,26 @@ fn find_by_model<'m>(
     let (spikes, clean, typical) = spikes_in_rounds(mapping.model, take, noise);
     let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
     let mut points = by_distances(&adapted, &take.with_xyz(clean.view()), typical);
+    release_most(&mut points, clean.view());
     for (points, spikes) in points.iter_mut().zip(&spikes) {
         points.extend(spikes);
     }
     (Outliers { points, spikes }, adapted)
+}
+
+/// A point that is an outlier in most of the frames that show it is where it is on this body, and
+/// the model is wrong about it: it is none.
+fn release_most(points: &mut [Vec<usize>], xyz: ArrayView2<'_, f64>) {
+    for p in 0..xyz.ncols() / 3 {
+        let is_seen = |t: &usize| (3 * p..3 * p + 3).all(|i| xyz[[*t, i]].is_finite());
+        let seen = (0..points.len()).filter(is_seen).count();
+        let off = points.iter().filter(|points| points.contains(&p)).count();
+        if 2 * off > seen {
+            points
+                .iter_mut()
+                .for_each(|points| points.retain(|q| *q != p));
+        }
+    }
 }
 
 /// The outliers of each frame by rigid distances and the prior; `noise` is that of most
