@@ -90,7 +90,13 @@ impl Method for Complete {
             adapted = Some(AdaptedPrior::measured(mapping, seen.view(), noise));
         }
         let known = adapted.as_ref().filter(|_| !out.take_alone);
-        let filled = fill_gaps(known, &take.with_xyz(captured.view()), &gaps, done);
+        let filled = fill_gaps(
+            known,
+            &take.with_xyz(captured.view()),
+            &gaps,
+            self.max_gap,
+            done,
+        );
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);
         }

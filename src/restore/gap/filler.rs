@@ -8,12 +8,12 @@ use super::motion_limits::MotionLimits;
 use super::predictors::{other_poses, predictors};
 use super::regression::Regression;
 use super::tuning::filler::*;
-use super::{FilledGap, Gap, path, weights};
+use super::{FilledGap, Gap, ends, path, weights};
 use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use crate::restore::take::Take;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2, CowArray, s};
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
@@ -44,11 +44,12 @@ impl<'a, 't> GapFiller<'a, 't> {
         }
     }
 
-    /// Fills the gaps. `None` for one that cannot be filled: there is nothing to learn from, or no
+    /// Fills the gaps, those that are not `bridged` already. `None` for one that cannot be filled: there is nothing to learn from, or no
     /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
     /// last estimate of each gap that no body could follow.
     pub(crate) fn fill(
         mut self,
+        bridged: &[Option<FilledGap>],
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Option<FilledGap>>, Vec<Option<FilledGap>>) {
         let gaps = self.gaps;
@@ -56,8 +57,11 @@ impl<'a, 't> GapFiller<'a, 't> {
         let mut implausible = filled.clone();
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             *filled = path::interpolate_rest(self.take.xyz, gap, self.take.rate);
-            if let Some(rest) = filled {
-                self.known.put(gap, &rest.xyz);
+        }
+        for ((gap, filled), bridged) in gaps.iter().zip(&mut filled).zip(bridged) {
+            *filled = filled.take().or(bridged.clone());
+            if let Some(filled) = filled {
+                self.known.put(gap, &filled.xyz);
             }
         }
         for mut open in by_length(gaps) {
@@ -153,20 +157,20 @@ impl<'a, 't> GapFiller<'a, 't> {
         let gap = start - around.start..end - around.start;
         let (predictors, frames) =
             predictors(known, self.others, &around, &targets, &(start..end))?;
-        let xyz = known.xyz.slice(s![around.clone(), ..]);
+        let mut xyz = CowArray::from(known.xyz.slice(s![around.clone(), ..]));
         let captured = self.take.xyz.slice(s![around.clone(), ..]);
-        let anchor = anchor(self.take.names, xyz, &predictors, &frames)?;
-        let own = LocalPoses::new(&anchor, xyz, &predictors, &targets);
+        let anchor = anchor(self.take.names, xyz.view(), &predictors, &frames)?;
+        let seconds = &known.seconds[around];
+        let held = ends::hold(&mut xyz, seconds, &gap, &predictors, &targets);
+        let own = LocalPoses::new(&anchor, xyz.view(), &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
-        frames
-            .iter()
-            .for_each(|&t| complete[t] = own.is_complete(t));
+        (frames.iter().chain(&held)).for_each(|&t| complete[t] = own.is_complete(t));
         let others = other_poses(self.others, &anchor, &predictors, &targets);
         let columns: Vec<usize> = targets.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
         let regression = Regression {
             own: &own,
             complete: &complete,
-            seconds: &known.seconds[around],
+            seconds,
             rate: self.take.rate,
             others: others.as_ref(),
         };
@@ -320,7 +324,7 @@ mod tests {
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| {});
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| {});
         for (gap, filled) in gaps.iter().zip(&filled) {
             // At the ends of the take nothing is known on one side.
             if gap.before.is_none() || gap.after.is_none() {
@@ -374,7 +378,7 @@ mod tests {
             rate: 100.0,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| ());
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             let filled = filled.as_ref().expect("a gap stays");
             for (i, t) in gap.frames.clone().enumerate() {
