@@ -1,12 +1,13 @@
 //! The ends of a gap at which its points are seen, but not all of what they are learned from.
 //!
 //! Where a predictor goes missing in the very frame in which a gap ends, the regression would not
-//! know that end. For that one frame the predictor goes straight on, which errs by less than what a
-//! whole gap drifts from an end that is not known.
+//! know that end. For that one frame the predictor goes straight on, at its rigid distances from what
+//! is seen, which errs by less than what a whole gap drifts from an end that is not known.
 
+use super::rigid_distances::TakeDistances;
 use super::tuning::ends::*;
 use crate::numeric::hermite::velocity;
-use ndarray::{CowArray, Ix2};
+use ndarray::{ArrayView1, CowArray, Ix2};
 use std::ops::Range;
 
 /// Carries predictors on into the frames right before and after `gap` in which all `targets` of
@@ -42,7 +43,11 @@ pub(crate) fn hold(
         };
         let coordinates = missing.iter().flat_map(|p| 3 * p..3 * p + 3);
         if let Some(carried) = coordinates.map(carried).collect::<Option<Vec<_>>>() {
-            carried.into_iter().for_each(|(i, v)| xyz[[t, i]] = v);
+            let mut frame = xyz.row(t).to_vec();
+            carried.into_iter().for_each(|(i, v)| frame[i] = v);
+            let mut variance = vec![SD * SD; 3 * missing.len()];
+            TakeDistances::measure(xyz.view(), &missing).hold(&mut frame, &missing, &mut variance);
+            xyz.row_mut(t).assign(&ArrayView1::from(&frame));
             held.push(t);
         }
     }

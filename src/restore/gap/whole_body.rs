@@ -231,7 +231,7 @@ fn paths(
 }
 
 /// Where gaps of `length` frames are simulated: spread over the frames that are seen with those
-/// beside them, or, where that is nowhere, over all that are seen.
+/// beside them, or, where these are few, over all that are seen.
 fn starts(runs: &[Range<usize>], bare: &[bool], length: usize) -> Vec<usize> {
     let windows = || {
         let of_run = |run: &Range<usize>| run.start + 1..run.end.saturating_sub(length);
@@ -239,7 +239,7 @@ fn starts(runs: &[Range<usize>], bare: &[bool], length: usize) -> Vec<usize> {
     };
     let is_whole = |s: &usize| !bare[s - 1..s + length + 1].contains(&true);
     let mut all: Vec<usize> = windows().filter(is_whole).collect();
-    if all.len() < 2 {
+    if all.len() < SIMULATED {
         all = windows()
             .filter(|s| !bare[*s] && !bare[s + length - 1])
             .collect();
@@ -307,7 +307,7 @@ mod tests {
         let (sds, off) = errors(&truth, &bridged(&hidden(&truth, 140..160), None));
         assert!(off < 0.5 && sds < 4.0, "{off} cm, {sds} sd");
         // Every second frame, with no room to simulate such a gap alone.
-        let other = bridged(&hidden(&truth, (1..299).step_by(2)), None);
+        let other = bridged(&hidden(&truth, (5..295).step_by(2)), None);
         let (sds, off) = errors(&truth, &other);
         assert!(off < 0.05 && sds < 4.0, "{off} cm, {sds} sd");
         // A take with no room to simulate at all.
