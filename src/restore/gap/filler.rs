@@ -14,7 +14,7 @@ use crate::pose::FillMethod;
 use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, CowArray, s};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::Range;
 
 /// A take whose gaps are filled.
@@ -97,7 +97,37 @@ impl<'a, 't> GapFiller<'a, 't> {
                 now = open.iter().copied().filter(learns).collect();
             }
         }
+        self.refill(&mut filled, done);
         (filled, implausible)
+    }
+
+    /// Fills gaps once more beside which another one was filled later: the frames of that one now
+    /// say what the regression misses at their ends, and how that changes.
+    fn refill(&self, filled: &mut [Option<FilledGap>], done: &(dyn Fn(usize) + Sync)) {
+        let length = |gap: &Gap| gap.frames.len().ilog(SAME_LENGTH);
+        // The longest gap from each frame on, and up to each.
+        let (mut from, mut until) = (HashMap::new(), HashMap::new());
+        for gap in self.gaps {
+            let longest: &mut u32 = from.entry(gap.frames.start).or_default();
+            *longest = length(gap).max(*longest);
+            let longest: &mut u32 = until.entry(gap.frames.end).or_default();
+            *longest = length(gap).max(*longest);
+        }
+        let is_learned = |k: &usize| {
+            let gap = &self.gaps[*k];
+            let beside = [from.get(&gap.frames.end), until.get(&gap.frames.start)];
+            let is_later = beside.into_iter().flatten().any(|l| *l > length(gap));
+            is_later && (filled[*k].as_ref()).is_some_and(|f| f.method == FillMethod::Regression)
+        };
+        let again: Vec<usize> = (0..self.gaps.len()).filter(is_learned).collect();
+        if again.len() > MANY_GROUPS {
+            return;
+        }
+        for (gap, estimate) in self.fill_groups(&again, done) {
+            if self.limits.allow(self.take.xyz, &self.gaps[gap], &estimate) {
+                filled[gap] = Some(estimate);
+            }
+        }
     }
 
     /// A gap filled by its point's own path, if that is smooth enough.
