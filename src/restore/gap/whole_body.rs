@@ -285,35 +285,37 @@ mod tests {
         xyz
     }
 
-    /// The largest error over its standard deviation, and the largest error, cm.
+    /// The root mean square error over its standard deviation, and the largest error, cm.
     fn errors(truth: &Array2<f64>, all: &[(Gap, Option<FilledGap>)]) -> (f64, f64) {
-        let mut worst = (0.0f64, 0.0f64);
+        let (mut squares, mut count, mut worst) = (0.0, 0.0, 0.0f64);
         for (gap, filled) in all {
             let filled = filled.as_ref().expect("a bridge");
             for (k, t) in gap.frames.clone().enumerate() {
                 for axis in 0..3 {
                     let off = (filled.xyz[[k, axis]] - truth[[t, 3 * gap.point + axis]]).abs();
-                    let sd = filled.variance[k].sqrt();
-                    worst = (worst.0.max(off / sd), worst.1.max(off));
+                    squares += off * off / filled.variance[k];
+                    count += 1.0;
+                    worst = worst.max(off);
                 }
             }
         }
-        worst
+        (f64::sqrt(squares / count), worst)
     }
 
     #[test]
     fn a_body_is_bridged_over_time_with_a_deviation_that_holds() {
         let truth = swing(300);
         let (sds, off) = errors(&truth, &bridged(&hidden(&truth, 140..160), None));
-        assert!(off < 0.5 && sds < 4.0, "{off} cm, {sds} sd");
-        // Every second frame, with no room to simulate such a gap alone.
+        assert!(off < 0.5 && sds < 2.0, "{off} cm, {sds} sd");
+        // Every second frame, with no room to simulate such a gap alone. Without noise errors
+        // are largest in the few frames where paths turn.
         let other = bridged(&hidden(&truth, (5..295).step_by(2)), None);
         let (sds, off) = errors(&truth, &other);
-        assert!(off < 0.05 && sds < 4.0, "{off} cm, {sds} sd");
+        assert!(off < 0.05 && sds < 3.0, "{off} cm, {sds} sd");
         // A take with no room to simulate at all.
         let short = truth.slice(s![..40, ..]).to_owned();
         let (sds, off) = errors(&short, &bridged(&hidden(&short, 10..30), None));
-        assert!(off < 1.0 && sds < 4.0, "{off} cm, {sds} sd");
+        assert!(off < 1.0 && sds < 2.0, "{off} cm, {sds} sd");
     }
 
     #[test]
