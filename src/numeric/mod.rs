@@ -1,8 +1,9 @@
 //! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS,
-//! Levenberg-Marquardt, Gaussians, SIMD, deterministic parallelism.
+//! Levenberg-Marquardt, Gaussians, interpolation, SIMD, deterministic parallelism.
 
 pub(crate) mod butterworth;
 pub(crate) mod gaussian;
+pub(crate) mod hermite;
 pub(crate) mod lbfgs;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod linalg;

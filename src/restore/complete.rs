@@ -87,7 +87,13 @@ impl Method for Complete {
         // A take unlike all that the model knows is restored alone.
         out.take_alone = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
         let known = adapted.as_ref().filter(|_| !out.take_alone);
-        let filled = fill_gaps(known, &take.with_xyz(captured.view()), &gaps, done);
+        let filled = fill_gaps(
+            known,
+            &take.with_xyz(captured.view()),
+            &gaps,
+            self.max_gap,
+            done,
+        );
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);
         }

@@ -8,7 +8,7 @@
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
-use super::gap::{Gap, fill_gaps, find_gaps, put_filled};
+use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation;
 use super::outliers::{LIKELY, Outliers, find_outliers};
@@ -197,10 +197,16 @@ impl Denoise {
             sd: Some(sd.view()),
             ..take.with_xyz(seen.view())
         };
-        let filled = fill_gaps(known, &seen, &gaps, &|_| ());
+        let filled = fill_gaps(known, &seen, &gaps, self.max_gap, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
         }
+        // What is bridged has enough.
+        let bare = bare_frames(take.xyz);
+        let is_unknown = |t: usize, p: usize| out.state(t, p).status == Status::Unknown;
+        let is_bridged = |t: &usize| bare[*t] && !(0..out.points()).any(|p| is_unknown(*t, p));
+        let bridged = (0..bare.len()).filter(is_bridged).count();
+        out.too_little = out.too_little.saturating_sub(bridged);
     }
 
     /// Denoises one frame (1, 3 J).

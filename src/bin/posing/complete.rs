@@ -14,7 +14,8 @@ use std::path::PathBuf;
 /// --fps) a gap is learned from the points that are seen, by the take's own frames, a pose model's
 /// training poses and time; what is filled joins the measured path at both ends and keeps distances
 /// that are rigid in the take, such as bone lengths. Without times, a pose model fills each frame
-/// by itself. A frame in which too little is seen keeps empty cells and is counted.
+/// by itself. Frames of a take in which too little is seen to place a body are bridged for up to a
+/// second, or up to --max-gap; others keep empty cells and are counted.
 ///
 /// Outliers are ignored: points of a take that jump off their path and back, or that break rigid
 /// distances. They keep their values; --status marks them as rejected.

@@ -1,12 +1,13 @@
-//! The estimates of a gap's points: those of each process of the regression, and PCHIP over time.
+//! The estimates of a gap's points: those of each process of the regression, and over time PCHIP and
+//! a cubic that meets both ends with the velocities there (`numeric::hermite`).
 //!
 //! What a regression misses at the gap's ends is known there; it is carried into the gap by the
 //! mean of a ramp and of PCHIP, and where the gap has one end only, it fades within [`FADES`].
 
 use super::regression::Regression;
 use super::tuning::{estimates::*, path::REACH};
-use crate::numeric::pchip::pchip;
-use ndarray::{Array2, ArrayView2};
+use crate::numeric::{hermite::hermite, pchip::pchip};
+use ndarray::{Array1, Array2, ArrayView2};
 use std::ops::Range;
 
 /// The points that are to be estimated together, in one or more gaps.
@@ -22,7 +23,7 @@ pub(crate) struct Targets<'a> {
 /// The estimates for some frames of a gap, in the regression's frame of reference.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimates {
-    /// One (frames, 3 T) a process; then that of PCHIP, if the gap has two ends.
+    /// One (frames, 3 T) a process; then those over time, PCHIP and Hermite, if the gap has two ends.
     pub means: Vec<Array2<f64>>,
     /// (frames, 3 T), cm²: the mean of the processes that know time, and the variance of the
     /// estimates about their mean. They disagree most where the take has seen nothing alike.
@@ -52,38 +53,53 @@ impl Targets<'_> {
     pub(crate) fn estimates(&self, wanted: &[GapFrames]) -> Option<Vec<Estimates>> {
         let gaps: Vec<Range<usize>> = wanted.iter().map(|w| w.gap.clone()).collect();
         let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
-        let frames = |k: usize| wanted[k].frames.iter().chain(&beside[k]).copied();
-        let frames: Vec<usize> = (0..gaps.len()).flat_map(frames).collect();
-        let predictions = self.regression.predict(&gaps, &frames)?;
+        let frames: Vec<usize> = wanted.iter().flat_map(|w| w.frames.clone()).collect();
+        let all_beside: Vec<usize> = beside.iter().flatten().copied().collect();
+        let predictions = self.regression.predict(&gaps, &frames, &all_beside)?;
         let timed: Vec<bool> = (self.regression.kernels().iter())
             .map(|k| k.time > 0.0)
             .collect();
-        let mut first = 0;
+        let (mut first, mut first_beside) = (0, frames.len());
         let mut out = Vec::new();
         for (wanted, beside) in wanted.iter().zip(&beside) {
             let (n, m) = (wanted.frames.len(), beside.len());
             let rows = |all: &Array2<f64>, from: usize, count: usize| {
-                all.slice(ndarray::s![first + from..first + from + count, ..])
-                    .to_owned()
+                all.slice(ndarray::s![from..from + count, ..]).to_owned()
             };
             let mut means: Vec<Array2<f64>> = (predictions.iter())
                 .map(|p| {
-                    let errors = self.known(beside) - rows(&p.mean, n, m);
-                    rows(&p.mean, 0, n) + self.bridge(wanted, beside, &errors)
+                    let errors = self.known(beside) - rows(&p.mean, first_beside, m);
+                    rows(&p.mean, first, n) + self.bridge(wanted, beside, &errors)
                 })
                 .collect();
             let mut variance = Array2::zeros((n, self.columns.len()));
             let known = predictions.iter().zip(&timed).filter(|(_, timed)| **timed);
             known
                 .clone()
-                .for_each(|(p, _)| variance += &rows(&p.variance, 0, n));
+                .for_each(|(p, _)| variance += &rows(&p.variance, first, n));
             variance /= known.count().max(1) as f64;
             variance += &(spread_of(&means[..predictions.len()]) * DISAGREE);
-            means.extend(self.over_time(wanted, &gaps));
+            means.extend(self.over_time(wanted, &gaps).into_iter().flatten());
             out.push(Estimates { means, variance });
-            first += n + m;
+            first += n;
+            first_beside += m;
         }
         Some(out)
+    }
+
+    /// How fast the targets move beside a gap, cm a frame; NaN where it is not seen.
+    pub(crate) fn speed_beside(&self, gap: &Range<usize>) -> f64 {
+        let reach = ((SPEED_REACH * self.regression.rate).round() as usize).max(1);
+        let before = gap.start.checked_sub(1 + reach);
+        let after = Some(gap.end).filter(|t| t + reach < self.captured.nrows());
+        let sides = before.into_iter().chain(after);
+        let speeds = sides.map(|t| {
+            let moved =
+                |c: &usize| (self.captured[[t + reach, *c]] - self.captured[[t, *c]]).powi(2);
+            self.columns.iter().map(moved).sum::<f64>().sqrt() / reach as f64
+        });
+        let known: Vec<f64> = speeds.filter(|v| v.is_finite()).collect();
+        known.iter().sum::<f64>() / known.len() as f64
     }
 
     /// The targets in complete frames, (frames, 3 T).
@@ -140,12 +156,12 @@ impl Targets<'_> {
         out
     }
 
-    /// PCHIP in world space between the frames around a gap, in the frame of reference; `None`
+    /// PCHIP and Hermite in world space between the frames around a gap, in the frame of reference; `None`
     /// where the gap lacks an end.
-    fn over_time(&self, wanted: &GapFrames, gaps: &[Range<usize>]) -> Option<Array2<f64>> {
+    fn over_time(&self, wanted: &GapFrames, gaps: &[Range<usize>]) -> Option<[Array2<f64>; 2]> {
         let seconds = self.regression.seconds;
         let at: Vec<f64> = wanted.frames.iter().map(|&t| seconds[t]).collect();
-        let mut out = Array2::zeros((at.len(), self.columns.len()));
+        let mut out = [(); 2].map(|()| Array2::zeros((at.len(), self.columns.len())));
         for (c, &column) in self.columns.iter().enumerate() {
             let is_seen = |t: &usize| {
                 self.captured[[*t, column]].is_finite() && !gaps.iter().any(|g| g.contains(t))
@@ -157,17 +173,19 @@ impl Targets<'_> {
             }
             let x: Vec<f64> = around.iter().map(|&t| seconds[t]).collect();
             let y: Vec<f64> = around.iter().map(|&t| self.captured[[t, column]]).collect();
-            let values = pchip(&x, &y, &at);
-            out.column_mut(c)
-                .iter_mut()
-                .zip(values)
-                .for_each(|(o, v)| *o = v);
+            let step = 1.0 / self.regression.rate;
+            let both = [pchip(&x, &y, &at), hermite(&x, &y, before, &at, step)];
+            for (out, values) in out.iter_mut().zip(both) {
+                out.column_mut(c).assign(&Array1::from(values));
+            }
         }
-        for (t, mut row) in wanted.frames.iter().zip(out.outer_iter_mut()) {
-            let placement = self.regression.own.placements[*t]?;
-            for c in (0..row.len()).step_by(3) {
-                let local = placement.undo([row[c], row[c + 1], row[c + 2]].into());
-                (row[c], row[c + 1], row[c + 2]) = (local.x, local.y, local.z);
+        for out in &mut out {
+            for (t, mut row) in wanted.frames.iter().zip(out.outer_iter_mut()) {
+                let placement = self.regression.own.placements[*t]?;
+                for c in (0..row.len()).step_by(3) {
+                    let local = placement.undo([row[c], row[c + 1], row[c + 2]].into());
+                    (row[c], row[c + 1], row[c + 2]) = (local.x, local.y, local.z);
+                }
             }
         }
         Some(out)

@@ -8,13 +8,13 @@ use super::motion_limits::MotionLimits;
 use super::predictors::{other_poses, predictors};
 use super::regression::Regression;
 use super::tuning::filler::*;
-use super::{FilledGap, Gap, path, weights};
+use super::{FilledGap, Gap, ends, path, weights};
 use crate::numeric::parallel;
 use crate::pose::FillMethod;
 use crate::restore::take::Take;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2, s};
-use std::collections::{BTreeMap, HashSet};
+use ndarray::{Array2, ArrayView2, CowArray, s};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::Range;
 
 /// A take whose gaps are filled.
@@ -44,11 +44,12 @@ impl<'a, 't> GapFiller<'a, 't> {
         }
     }
 
-    /// Fills the gaps. `None` for one that cannot be filled: there is nothing to learn from, or no
+    /// Fills the gaps, those that are not `bridged` already. `None` for one that cannot be filled: there is nothing to learn from, or no
     /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
     /// last estimate of each gap that no body could follow.
     pub(crate) fn fill(
         mut self,
+        bridged: &[Option<FilledGap>],
         done: &(dyn Fn(usize) + Sync),
     ) -> (Vec<Option<FilledGap>>, Vec<Option<FilledGap>>) {
         let gaps = self.gaps;
@@ -56,8 +57,11 @@ impl<'a, 't> GapFiller<'a, 't> {
         let mut implausible = filled.clone();
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             *filled = path::interpolate_rest(self.take.xyz, gap, self.take.rate);
-            if let Some(rest) = filled {
-                self.known.put(gap, &rest.xyz);
+        }
+        for ((gap, filled), bridged) in gaps.iter().zip(&mut filled).zip(bridged) {
+            *filled = filled.take().or(bridged.clone());
+            if let Some(filled) = filled {
+                self.known.put(gap, &filled.xyz);
             }
         }
         for mut open in by_length(gaps) {
@@ -93,7 +97,37 @@ impl<'a, 't> GapFiller<'a, 't> {
                 now = open.iter().copied().filter(learns).collect();
             }
         }
+        self.refill(&mut filled, done);
         (filled, implausible)
+    }
+
+    /// Fills gaps once more beside which another one was filled later: the frames of that one now
+    /// say what the regression misses at their ends, and how that changes.
+    fn refill(&self, filled: &mut [Option<FilledGap>], done: &(dyn Fn(usize) + Sync)) {
+        let length = |gap: &Gap| gap.frames.len().ilog(SAME_LENGTH);
+        // The longest gap from each frame on, and up to each.
+        let (mut from, mut until) = (HashMap::new(), HashMap::new());
+        for gap in self.gaps {
+            let longest: &mut u32 = from.entry(gap.frames.start).or_default();
+            *longest = length(gap).max(*longest);
+            let longest: &mut u32 = until.entry(gap.frames.end).or_default();
+            *longest = length(gap).max(*longest);
+        }
+        let is_learned = |k: &usize| {
+            let gap = &self.gaps[*k];
+            let beside = [from.get(&gap.frames.end), until.get(&gap.frames.start)];
+            let is_later = beside.into_iter().flatten().any(|l| *l > length(gap));
+            is_later && (filled[*k].as_ref()).is_some_and(|f| f.method == FillMethod::Regression)
+        };
+        let again: Vec<usize> = (0..self.gaps.len()).filter(is_learned).collect();
+        if again.len() > MANY_GROUPS {
+            return;
+        }
+        for (gap, estimate) in self.fill_groups(&again, done) {
+            if self.limits.allow(self.take.xyz, &self.gaps[gap], &estimate) {
+                filled[gap] = Some(estimate);
+            }
+        }
     }
 
     /// A gap filled by its point's own path, if that is smooth enough.
@@ -153,20 +187,20 @@ impl<'a, 't> GapFiller<'a, 't> {
         let gap = start - around.start..end - around.start;
         let (predictors, frames) =
             predictors(known, self.others, &around, &targets, &(start..end))?;
-        let xyz = known.xyz.slice(s![around.clone(), ..]);
+        let mut xyz = CowArray::from(known.xyz.slice(s![around.clone(), ..]));
         let captured = self.take.xyz.slice(s![around.clone(), ..]);
-        let anchor = anchor(self.take.names, xyz, &predictors, &frames)?;
-        let own = LocalPoses::new(&anchor, xyz, &predictors, &targets);
+        let anchor = anchor(self.take.names, xyz.view(), &predictors, &frames)?;
+        let seconds = &known.seconds[around];
+        let held = ends::hold(&mut xyz, seconds, &gap, &predictors, &targets);
+        let own = LocalPoses::new(&anchor, xyz.view(), &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
-        frames
-            .iter()
-            .for_each(|&t| complete[t] = own.is_complete(t));
+        (frames.iter().chain(&held)).for_each(|&t| complete[t] = own.is_complete(t));
         let others = other_poses(self.others, &anchor, &predictors, &targets);
         let columns: Vec<usize> = targets.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
         let regression = Regression {
             own: &own,
             complete: &complete,
-            seconds: &known.seconds[around],
+            seconds,
             rate: self.take.rate,
             others: others.as_ref(),
             noise: self.noise(&predictors, &(start..end)),
@@ -333,7 +367,7 @@ mod tests {
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| {});
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| {});
         for (gap, filled) in gaps.iter().zip(&filled) {
             // At the ends of the take nothing is known on one side.
             if gap.before.is_none() || gap.after.is_none() {
@@ -388,7 +422,7 @@ mod tests {
             sd: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&|_| ());
+        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             let filled = filled.as_ref().expect("a gap stays");
             for (i, t) in gap.frames.clone().enumerate() {

@@ -5,11 +5,12 @@
 //!
 //! 0. A point that rests on either side of a short gap, as a planted foot does, rests in it
 //!    (`path`).
+//!    Gaps of a whole body are bridged point by point (`whole_body`).
 //! 1. Gaps of about the same frames are one group (`filler`). The points that are seen all through
 //!    it are its `predictors`; they also give the frame of reference (`local_poses`).
 //! 2. `regression` learns the missing points from the predictors: from the take's own frames, from
 //!    a model's training poses, and over time. `estimates` adds what is known at the ends, and
-//!    PCHIP.
+//!    interpolation.
 //! 3. `weights` simulates gaps of the same length where the take is known, and mixes the estimates
 //!    by their errors.
 //! 4. Where nothing can be learned, `path` interpolates each point over time, if its path is smooth
@@ -20,6 +21,7 @@
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's
 //! training poses share. The constants of all steps stand in `tuning`.
 
+mod ends;
 mod estimates;
 mod filler;
 mod known_frames;
@@ -32,6 +34,7 @@ mod regression;
 mod rigid_distances;
 mod tuning;
 mod weights;
+mod whole_body;
 
 use super::adapted_prior::AdaptedPrior;
 use super::take::{PointState, Take, TakeResult};
@@ -40,6 +43,7 @@ use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
+pub(crate) use whole_body::bare_frames;
 
 /// A point that is missing for some frames on end.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,18 +107,23 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
-/// Fills the gaps of a take: by the frames around them, else by the model.
+/// Fills the gaps of a take: by the frames around them, else by the model. Those in which no body
+/// can be placed are bridged up to `longest` seconds; `None`: one.
 pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     take: &Take<'_>,
     gaps: &[Gap],
+    longest: Option<f64>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Vec<Option<FilledGap>> {
     let poses = adapted.and_then(AdaptedPrior::training_poses);
     let others = poses.as_ref().map(|p| p.view());
-    let (mut filled, implausible) = GapFiller::new(take, gaps, others).fill(done);
+    let bridged = whole_body::bridge(take, gaps, longest);
+    let (mut filled, implausible) = GapFiller::new(take, gaps, others).fill(&bridged, done);
     if let Some(adapted) = adapted {
-        model_fill::fill(adapted, take, gaps, &mut filled, implausible, done);
+        let seen = whole_body::with_bridged(take.xyz, gaps, &bridged);
+        let take = take.with_xyz(seen.view());
+        model_fill::fill(adapted, &take, gaps, &mut filled, implausible, done);
     }
     rigid_distances::hold(take, gaps, &mut filled);
     if let Some(sd) = take.sd {

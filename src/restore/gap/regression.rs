@@ -65,7 +65,7 @@ pub(crate) struct Regression<'a> {
 pub(crate) struct Prediction {
     /// (frames, 3 T), cm.
     pub mean: Array2<f64>,
-    /// (frames, 3 T), cm².
+    /// (frames, 3 T), cm²; of the frames in which it is wanted.
     pub variance: Array2<f64>,
 }
 
@@ -81,14 +81,17 @@ impl Regression<'_> {
         }
     }
 
-    /// Predicts the targets in `frames`, which lie in `gaps`; the gaps' frames are not learned
-    /// from. One prediction a kernel, and last that of the conditional alone, without a
+    /// Predicts the targets in `frames`, which lie in `gaps`, and then in those `beside` them, where
+    /// no variance is wanted; the gaps' frames are not learned from. One prediction a kernel, and last that of the conditional alone, without a
     /// variance. `None` where there is nothing to learn from.
     pub(crate) fn predict(
         &self,
         gaps: &[Range<usize>],
         frames: &[usize],
+        beside: &[usize],
     ) -> Option<Vec<Prediction>> {
+        let sure = frames.len();
+        let frames = &[frames, beside].concat();
         let with_others = match self.others {
             Some(others) => Some(Basis::new(self, gaps, Some(others))?),
             None => None,
@@ -100,7 +103,7 @@ impl Regression<'_> {
         };
         let of_kernel = |kernel: &Kernel| {
             let basis = if kernel.others { &with_others } else { &alone };
-            basis.as_ref()?.predict(self, kernel, frames)
+            basis.as_ref()?.predict(self, kernel, frames, sure)
         };
         let mut out: Vec<Prediction> =
             (self.kernels().iter().map(of_kernel)).collect::<Option<_>>()?;
@@ -259,11 +262,13 @@ impl Basis {
         rows
     }
 
+    /// The prediction for some frames, with the variance of the first `sure`.
     fn predict(
         &self,
         regression: &Regression<'_>,
         kernel: &Kernel,
         frames: &[usize],
+        sure: usize,
     ) -> Option<Prediction> {
         let n = self.z.nrows();
         let mut gram = self.covariance(kernel, &self.distances, &self.seconds);
@@ -282,11 +287,11 @@ impl Basis {
         let seconds: Vec<f64> = frames.iter().map(|&t| regression.seconds[t]).collect();
         let distances = squared_distances(&self.z, &z);
         let cross = self.covariance(kernel, &distances, &seconds);
-        let half = factor.half_solve(&cross)?;
+        let half = factor.half_solve(&cross.slice(s![.., ..sure]).to_owned())?;
         let left: Vec<f64> = (half.columns().into_iter())
             .map(|c| (1.0 + kernel.time - c.dot(&c)).max(1e-9))
             .collect();
-        let variance = Array2::from_shape_fn((frames.len(), sigma.len()), |(t, c)| {
+        let variance = Array2::from_shape_fn((sure, sigma.len()), |(t, c)| {
             let point = &sigma[c / 3 * 3..c / 3 * 3 + 3];
             left[t] * point.iter().sum::<f64>() / 3.0
         });

@@ -2,11 +2,12 @@
 //! known.
 //!
 //! ```text
-//! w = argmin wᵀ G w + .1 g |w − w₀|²,   w ≥ 0,  Σ w = 1;     used is (w + w₀) / 2
+//! w = argmin wᵀ G w + .1 g |w − w₀|²,   w ≥ 0,  Σ w = 1;     used is (n w + h w₀) / (n + h)
 //! ```
 //!
 //! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its
-//! diagonal, w₀ the plain mean of the processes and, in long gaps, the conditional alone. The
+//! diagonal, n the number of these gaps, h one and more in long gaps. w₀ is the plain mean of the processes and, in long gaps,
+//! the conditional alone; brief ones are bridged over time as well. The
 //! variance of the weighted estimate is that of the processes times a factor: the geometric mean of
 //! what the errors show and of the usual one.
 
@@ -23,7 +24,7 @@ pub(crate) struct Weighed {
     pub mean: Array2<f64>,
     /// (frames, 3 T), cm².
     pub variance: Array2<f64>,
-    /// The share of PCHIP over time of each target (T).
+    /// The share of what is interpolated over time, of each target (T).
     pub over_time: Vec<f64>,
 }
 
@@ -49,9 +50,17 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
     };
     for point in 0..points {
         let columns = s![.., 3 * point..3 * point + 3];
-        let plain = plain_weights(processes, seconds, estimates.means.len());
+        let plain = plain_weights(
+            processes,
+            seconds,
+            estimates.means.len(),
+            targets.regression.rate,
+        );
         let (weights, factor) = match &simulated {
-            Some(simulated) => simulated.judge(point, processes, &plain, usual),
+            Some(simulated) => {
+                let hold = 1.0 + HOLD_SECONDS * seconds;
+                simulated.judge(point, processes, (&plain, hold), usual)
+            }
             None if seconds <= BRIEF => {
                 // Time says as much as all else.
                 let time =
@@ -79,15 +88,21 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
 }
 
 /// w₀ for a gap of some seconds: the `processes` weigh the same, the conditional up to as much the
-/// longer the gap, PCHIP nothing.
-fn plain_weights(processes: usize, seconds: f64, estimates: usize) -> Array1<f64> {
+/// longer the gap; those over time have a share that ends with [`TIME_ENDS`].
+fn plain_weights(processes: usize, seconds: f64, estimates: usize, rate: f64) -> Array1<f64> {
     let conditional = seconds / (seconds + CONDITIONAL_SECONDS);
-    let of = |k: usize| match k {
-        _ if k < processes => 1.0,
-        _ if k == processes => conditional,
-        _ => 0.0,
+    let over_time = estimates.saturating_sub(processes + 1);
+    let share = match over_time {
+        0 => 0.0,
+        _ => TIME_SHARE * (1.0 - (seconds - 1.0 / rate) / TIME_ENDS).clamp(0.0, 1.0),
     };
-    Array1::from_shape_fn(estimates, of) / (processes as f64 + conditional)
+    let each = (1.0 - share) / (processes as f64 + conditional);
+    let of = |k: usize| match k {
+        _ if k < processes => each,
+        _ if k == processes => each * conditional,
+        _ => share / over_time as f64,
+    };
+    Array1::from_shape_fn(estimates, of)
 }
 
 /// Simulated gaps: what was estimated in them, and the truth.
@@ -123,12 +138,11 @@ fn simulate_length(
     let count = SIMULATED.min(room as usize);
     let mut chosen: Vec<usize> = Vec::new();
     for k in 0..count {
-        let at = (2 * k + 1) * starts.len() / (2 * count);
-        if let Some(&start) = starts.get(at)
-            && chosen.iter().all(|c| start.abs_diff(*c) > length + 2)
-        {
-            chosen.push(start);
-        }
+        let part = &starts[k * starts.len() / count..(k + 1) * starts.len() / count];
+        let clear: Vec<usize> = (part.iter().copied())
+            .filter(|start| chosen.iter().all(|c| start.abs_diff(*c) > length + 2))
+            .collect();
+        chosen.extend(like(targets, gap, length, &clear));
     }
     if chosen.len() < 2 {
         return None;
@@ -161,6 +175,29 @@ fn simulate_length(
         truth,
         longer,
     })
+}
+
+/// The one of `starts` where a simulated gap of `length` frames is most like `gap`: what is best
+/// where a body is slow is not where it is fast. Long gaps see both: the middle one.
+fn like(
+    targets: &Targets<'_>,
+    gap: &Range<usize>,
+    length: usize,
+    starts: &[usize],
+) -> Option<usize> {
+    let speed = targets.speed_beside(gap);
+    if gap.len() as f64 > LONG * targets.regression.rate || speed.is_nan() {
+        return starts.get(starts.len() / 2).copied();
+    }
+    let unlike = |start: &usize| {
+        let own = targets.speed_beside(&(*start..start + length));
+        ((own / speed).ln().abs(), *start)
+    };
+    let some = starts
+        .iter()
+        .step_by(starts.len().div_ceil(LOOKED_AT).max(1));
+    let nearest = some.map(unlike).min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map(|(_, start)| start)
 }
 
 /// Whether a gap has complete frames right before and after it.
@@ -201,7 +238,7 @@ impl Simulated {
         &self,
         point: usize,
         processes: usize,
-        plain: &Array1<f64>,
+        (plain, hold): (&Array1<f64>, f64),
         usual: f64,
     ) -> (Array1<f64>, f64) {
         let columns = s![.., 3 * point..3 * point + 3];
@@ -225,7 +262,9 @@ impl Simulated {
         let gram = Array2::from_shape_fn((plain.len(), plain.len()), |(a, b)| {
             errors[a].dot(&errors[b]) / n
         });
-        let weights = (best_weights(&gram, plain) + plain) / 2.0;
+        let simulated = self.estimates.len() as f64;
+        let best = best_weights(&gram, plain);
+        let weights = (best * simulated + plain * hold) / (simulated + hold);
         let mut error = Array1::<f64>::zeros(errors[0].len());
         weights
             .iter()
@@ -249,7 +288,7 @@ impl Simulated {
 
 /// argmin wᵀ G w + .1 g |w − w₀|² over weights that are not negative and add up to 1: the best of
 /// the solutions on each set of estimates, which are few.
-fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
+pub(crate) fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
     let k = plain.len();
     let mut diagonal: Vec<f64> = gram.diag().to_vec();
     diagonal.sort_by(f64::total_cmp);
@@ -284,4 +323,23 @@ fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpolation_has_half_of_a_frame_and_none_of_a_long_gap() {
+        let over_time = |seconds: f64| {
+            let plain = plain_weights(3, seconds, 6, 120.0);
+            assert!((plain.sum() - 1.0).abs() < 1e-12 && plain.iter().all(|w| *w >= 0.0));
+            plain[4] + plain[5]
+        };
+        assert!((over_time(1.0 / 120.0) - 0.5).abs() < 1e-12);
+        assert!(over_time(0.1) > 0.3 && over_time(0.2) < over_time(0.1));
+        assert_eq!(over_time(0.4), 0.0);
+        // A gap with one end has no path over time.
+        assert!((plain_weights(2, 0.05, 3, 120.0).sum() - 1.0).abs() < 1e-12);
+    }
 }
