@@ -271,6 +271,7 @@ mod tests {
             xyz: xyz.view(),
             runs: std::slice::from_ref(&run),
             rate: 100.0,
+            sd: None,
         };
         let gaps = find_gaps(xyz.view(), take.runs);
         let bridged = bridge(&take, &gaps, longest);
