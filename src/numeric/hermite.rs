@@ -1,8 +1,8 @@
 //! A cubic over a gap that meets both of its ends with the velocities there (Hermite).
 //!
 //! The velocity at an end is the mean of two: that of the chord over the last frames, which errs
-//! little in noise but lags, and that of a parabola fitted to more frames, which does not lag. Where
-//! there are too few for that, it is that of the parabola that also meets the other end.
+//! little in noise but lags, and that of a parabola fitted to more frames, which does not lag.
+//! Where there are too few for that, it is that of the parabola that also meets the other end.
 
 use glam::{DMat3, DVec3};
 
