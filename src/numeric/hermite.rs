@@ -2,6 +2,7 @@
 //!
 //! The velocity at an end is the mean of two: that of the chord over the last frames, which errs
 //! little in noise but lags, and that of a parabola fitted to more frames, which does not lag.
+//! Where there are too few for that, it is that of the parabola that also meets the other end.
 
 use glam::{DMat3, DVec3};
 
@@ -17,7 +18,9 @@ pub(crate) fn hermite(x: &[f64], y: &[f64], before: usize, at: &[f64], step: f64
     let (a, b) = (before - 1, before);
     let length = x[b] - x[a];
     let secant = (y[b] - y[a]) / length;
-    let end = |samples: Vec<(f64, f64)>| velocity(&samples, step).unwrap_or(secant) * length;
+    let end = |samples: Vec<(f64, f64)>| {
+        velocity(&samples, step, Some((secant, length))).unwrap_or(secant) * length
+    };
     let sample = |k: usize| (x[k], y[k]);
     let v = end((0..before).rev().map(sample).collect());
     let w = end((before..x.len()).map(sample).collect());
@@ -30,8 +33,13 @@ pub(crate) fn hermite(x: &[f64], y: &[f64], before: usize, at: &[f64], step: f64
 }
 
 /// The velocity at the first of some samples (x, y); the others lie on one side of it, the nearest
-/// first, `step` apart where none is missing. `None` for one sample.
-pub(crate) fn velocity(samples: &[(f64, f64)], step: f64) -> Option<f64> {
+/// first, `step` apart where none is missing. `across`: the velocity of the chord over the gap on
+/// the other side, and its length. `None` for one sample.
+pub(crate) fn velocity(
+    samples: &[(f64, f64)],
+    step: f64,
+    across: Option<(f64, f64)>,
+) -> Option<f64> {
     let &(x0, y0) = samples.first()?;
     let away = |k: usize| (samples[k].0 - x0, samples[k].1 - y0);
     let within = |(seconds, steps): (f64, f64)| {
@@ -47,7 +55,8 @@ pub(crate) fn velocity(samples: &[(f64, f64)], step: f64) -> Option<f64> {
     let chord = y / x;
     let fitted = within(PARABOLA);
     if fitted < FEWEST {
-        return Some(chord);
+        let (secant, length) = across.unwrap_or((chord, x.abs()));
+        return Some((chord * length + secant * x.abs()) / (length + x.abs()));
     }
     let unit = away(fitted - 1).0;
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);

@@ -1,8 +1,8 @@
 //! The ends of a gap at which its points are seen, but not all of what they are learned from.
 //!
 //! Where a predictor goes missing in the very frame in which a gap ends, the regression would not
-//! know that end. For that one frame the predictor goes straight on, at its rigid distances from what
-//! is seen, which errs by less than what a whole gap drifts from an end that is not known.
+//! know that end. For that one frame the predictor goes straight on, at its rigid distances from
+//! what is seen, which errs by less than what a whole gap drifts from an end that is not known.
 
 use super::rigid_distances::TakeDistances;
 use super::tuning::ends::*;
@@ -38,7 +38,7 @@ pub(crate) fn hold(
         let carried = |i: usize| {
             let known = inner.iter().take_while(|k| xyz[[**k, i]].is_finite());
             let samples: Vec<(f64, f64)> = known.map(|k| (seconds[*k], xyz[[*k, i]])).collect();
-            let on = velocity(&samples, step)? * (seconds[t] - samples[0].0);
+            let on = velocity(&samples, step, None)? * (seconds[t] - samples[0].0);
             Some((i, samples[0].1 + on))
         };
         let coordinates = missing.iter().flat_map(|p| 3 * p..3 * p + 3);

@@ -1,5 +1,5 @@
-//! The estimates of a gap's points: those of each process of the regression, and over time PCHIP and
-//! a cubic that meets both ends with the velocities there (`numeric::hermite`).
+//! The estimates of a gap's points: those of each process of the regression, and over time PCHIP
+//! and a cubic that meets both ends with the velocities there (`numeric::hermite`).
 //!
 //! What a regression misses at the gap's ends is known there; it is carried into the gap by the
 //! mean of a ramp and of PCHIP, and where the gap has one end only, it fades within [`FADES`].
@@ -23,7 +23,8 @@ pub(crate) struct Targets<'a> {
 /// The estimates for some frames of a gap, in the regression's frame of reference.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimates {
-    /// One (frames, 3 T) a process; then those over time, PCHIP and Hermite, if the gap has two ends.
+    /// One (frames, 3 T) a process; then those over time, PCHIP and Hermite, if the gap has two
+    /// ends.
     pub means: Vec<Array2<f64>>,
     /// (frames, 3 T), cm²: the mean of the processes that know time, and the variance of the
     /// estimates about their mean. They disagree most where the take has seen nothing alike.
@@ -156,8 +157,8 @@ impl Targets<'_> {
         out
     }
 
-    /// PCHIP and Hermite in world space between the frames around a gap, in the frame of reference; `None`
-    /// where the gap lacks an end.
+    /// PCHIP and Hermite in world space between the frames around a gap, in the frame of reference;
+    /// `None` where the gap lacks an end.
     fn over_time(&self, wanted: &GapFrames, gaps: &[Range<usize>]) -> Option<[Array2<f64>; 2]> {
         let seconds = self.regression.seconds;
         let at: Vec<f64> = wanted.frames.iter().map(|&t| seconds[t]).collect();

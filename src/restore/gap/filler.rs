@@ -44,9 +44,9 @@ impl<'a, 't> GapFiller<'a, 't> {
         }
     }
 
-    /// Fills the gaps, those that are not `bridged` already. `None` for one that cannot be filled: there is nothing to learn from, or no
-    /// body could follow the estimate, and the point's path is not smooth enough. Beside it the
-    /// last estimate of each gap that no body could follow.
+    /// Fills the gaps, those that are not `bridged` already. `None` for one that cannot be filled:
+    /// there is nothing to learn from, or no body could follow the estimate, and the point's path
+    /// is not smooth enough. Beside it the last estimate of each gap that no body could follow.
     pub(crate) fn fill(
         mut self,
         bridged: &[Option<FilledGap>],

@@ -81,9 +81,10 @@ impl Regression<'_> {
         }
     }
 
-    /// Predicts the targets in `frames`, which lie in `gaps`, and then in those `beside` them, where
-    /// no variance is wanted; the gaps' frames are not learned from. One prediction a kernel, and last that of the conditional alone, without a
-    /// variance. `None` where there is nothing to learn from.
+    /// Predicts the targets in `frames`, which lie in `gaps`, and then in those `beside` them,
+    /// where no variance is wanted; the gaps' frames are not learned from. One prediction a
+    /// kernel, and last that of the conditional alone, without a variance. `None` where there is
+    /// nothing to learn from.
     pub(crate) fn predict(
         &self,
         gaps: &[Range<usize>],

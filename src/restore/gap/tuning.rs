@@ -181,7 +181,8 @@ pub(crate) mod weights {
     /// seconds from which on there is none.
     pub(crate) const TIME_SHARE: f64 = 0.5;
     pub(crate) const TIME_ENDS: f64 = 0.3;
-    /// Up to this length, seconds, interpolation counts half where nothing can be simulated.
+    /// Up to this length, seconds, interpolation has half of the weight and its share of the rest
+    /// where nothing can be simulated.
     pub(crate) const BRIEF: f64 = 0.1;
     /// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is
     /// steady, but knows no details.

@@ -6,10 +6,10 @@
 //! ```
 //!
 //! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its
-//! diagonal, n the number of these gaps, h one and more in long gaps. w₀ is the plain mean of the processes and, in long gaps,
-//! the conditional alone; brief ones are bridged over time as well. The
-//! variance of the weighted estimate is that of the processes times a factor: the geometric mean of
-//! what the errors show and of the usual one.
+//! diagonal, n the number of these gaps, h one and more in long gaps. w₀ is the plain mean of the
+//! processes and, in long gaps, of the conditional alone; in brief ones interpolation has a share.
+//! The variance of the weighted estimate is that of the processes times a factor: the geometric
+//! mean of what the errors show and of the usual one.
 
 use super::estimates::{Estimates, GapFrames, Targets};
 use super::regression::spread;
@@ -61,16 +61,12 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
                 let hold = 1.0 + HOLD_SECONDS * seconds;
                 simulated.judge(point, processes, (&plain, hold), usual)
             }
-            None if seconds <= BRIEF => {
-                // Time says as much as all else.
-                let time =
-                    Array1::from_shape_fn(plain.len(), |k| f64::from(u8::from(k > processes)));
+            None if seconds <= BRIEF && plain.len() > processes + 1 => {
+                // Time says more than all else.
+                let each = 1.0 / (plain.len() - processes - 1) as f64;
+                let of = |k: usize| if k > processes { each } else { 0.0 };
                 (
-                    if time.sum() > 0.0 {
-                        (plain + time) / 2.0
-                    } else {
-                        plain
-                    },
+                    (Array1::from_shape_fn(plain.len(), of) + plain) / 2.0,
                     usual,
                 )
             }

@@ -9,8 +9,9 @@
 //! ```
 //!
 //! G and g are those of [`super::weights`], here of all points together in n gaps of the same
-//! length simulated where the body is seen; w₀ is Hermite, with PCHIP in brief gaps; u runs from 0 to 1 over the gap,
-//! and σ² is the point's in the simulated gaps. `rigid_distances` then holds the bones' lengths.
+//! length simulated where the body is seen; w₀ is Hermite, with PCHIP in brief gaps; u runs from 0
+//! to 1 over the gap, and σ² is the point's in the simulated gaps. `rigid_distances` then holds the
+//! bones' lengths.
 
 use super::tuning::{path::MISS, path::REACH, whole_body::*};
 use super::weights::best_weights;
