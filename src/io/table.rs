@@ -195,8 +195,9 @@ impl PosesBuilder {
     }
 }
 
-/// The standard deviations (frames, J; cm) that the columns NAME.sd of some cells hold, in a unit of
-/// so many `centimeters`; NaN where a cell is no number. `None` where no point has such a column.
+/// The standard deviations (frames, J; cm) that the columns NAME.sd of some cells hold, in a unit
+/// of so many `centimeters`; NaN where a cell is no number. `None` where no point has such a
+/// column.
 pub(crate) fn deviations(
     columns: &Columns,
     cells: &[Cells],

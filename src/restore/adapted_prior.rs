@@ -101,8 +101,7 @@ impl<'a> AdaptedPrior<'a> {
 
     /// The training poses as the body would take them, upright, for frames (m, 3 J, in the model's
     /// order; cm) of one take, or for one frame, that never show some of the points; `None` where
-    /// they show most, where y is not up in them, where the model does not say which way is up, or
-    /// where it is for another skeleton.
+    /// they show most, where y is not up in them, or where the model does not say which way is up.
     pub(crate) fn upright_poses(
         &self,
         frames: ArrayView2<'_, f64>,

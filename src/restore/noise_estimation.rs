@@ -102,8 +102,9 @@ pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<
 }
 
 /// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences
-/// over time ([`noise_of_path`]). A point that is never seen long enough takes the median of the others;
-/// where there is none, `model` measures some frames, given beside it in its own order of points.
+/// over time ([`noise_of_path`]). A point that is never seen long enough takes the median of the
+/// others; where there is none, `model` measures some frames, given beside it in its own order of
+/// points.
 pub(crate) fn by_point(
     model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
     take: &Take<'_>,

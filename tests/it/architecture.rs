@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 const MAY_NAME: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("pose", &["numeric"]),
+    ("label", &["numeric"]),
     ("io", &["pose", "numeric"]),
     ("cluster", &["pose", "numeric"]),
     ("sparse", &["pose", "numeric"]),
@@ -26,7 +27,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "restore",
         &[
-            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "io",
+            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "label", "io",
         ],
     ),
     ("draw", &["pose", "numeric", "io"]),
@@ -37,7 +38,10 @@ const MAY_NAME: &[(&str, &[&str])] = &[
             "draw",
         ],
     ),
-    ("audit", &["pose", "numeric", "restore", "io", "draw"]),
+    (
+        "audit",
+        &["pose", "numeric", "label", "restore", "io", "draw"],
+    ),
     (
         "clean",
         &[
