@@ -204,7 +204,7 @@ fn outliers_of_a_take_are_found_by_its_motion_however_far_off() {
         let (hit, mse) = hit(&walk, noise);
         let (sought, plain) = (mse(&hit, &[]), mse(&hit, &["--outliers", "none"]));
         assert!(
-            sought <= 0.05 && plain >= 1.0,
+            sought <= 0.05 && plain >= 50.0 * sought,
             "{noise}: {plain} became {sought}"
         );
     }
