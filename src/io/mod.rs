@@ -63,6 +63,7 @@ pub use npz_take::{NpzTake, read_npy};
 pub use output::Output;
 pub use row::{Cells, Row, TableOptions};
 pub use skeleton_file::SkeletonFile;
+#[cfg(feature = "cli")]
 pub(crate) use table::deviations;
 pub use table::{PosesBuilder, Table};
 pub use table_reader::{RowReader, TakeRows};

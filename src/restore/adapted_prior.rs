@@ -225,7 +225,7 @@ mod tests {
             PoseModel::open(model, &OpenOptions::default(), "m", world).unwrap()
         };
         let is_upright = |model: &PoseModel, frame: &Array2<f64>| {
-            let mapping = PointMapping::new(model, "m", &names).unwrap();
+            let mapping = PointMapping::new(model, "m", &names, false).unwrap();
             let adapted = AdaptedPrior::new(&mapping, frame.view(), 0.0);
             adapted.upright_poses(frame.view(), true).is_some()
         };

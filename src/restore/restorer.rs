@@ -194,7 +194,8 @@ impl<'m> Restorer<'m> {
             (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
             _ => naming.model_names(&poses.points),
         };
-        let mapping = PointMapping::new(opened, &self.name, &names)?;
+        let is_mapped = matches!(naming, PointNaming::Map(_));
+        let mapping = PointMapping::new(opened, &self.name, &names, is_mapped)?;
         Ok((mapping, names))
     }
 

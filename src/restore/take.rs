@@ -82,6 +82,8 @@ pub(crate) struct PointMapping<'a> {
     points: Vec<Option<usize>>,
     /// The number of points of the table.
     table_points: usize,
+    /// Whether a map names the points: they may stand elsewhere on the body than the model's.
+    pub is_mapped: bool,
 }
 
 impl<'a> PointMapping<'a> {
@@ -94,6 +96,7 @@ impl<'a> PointMapping<'a> {
         model: &'a PoseModel,
         source: &str,
         names: &[String],
+        is_mapped: bool,
     ) -> Result<PointMapping<'a>> {
         let in_table = |name: &String| names.iter().position(|p| p == name);
         let points: Vec<_> = model.points.iter().map(in_table).collect();
@@ -113,6 +116,7 @@ impl<'a> PointMapping<'a> {
             model,
             points,
             table_points: names.len(),
+            is_mapped,
         })
     }
 
