@@ -42,7 +42,7 @@ impl Distance {
         self.spread + LOOSER * self.median
     }
 
-    /// Of measured lengths, cm.
+    /// The distance whose measured lengths, cm, these are; `None` of none.
     pub(crate) fn of(mut lengths: Vec<f64>) -> Option<Distance> {
         let last = lengths.len().checked_sub(1)?;
         lengths.sort_unstable_by(f64::total_cmp);

@@ -148,7 +148,7 @@ impl RigidPairs {
         out
     }
 
-    /// Those of the pairs that are listed.
+    /// The rigid pairs of which these are the numbers, with their lengths.
     pub(crate) fn selected(&self, pairs: &[usize]) -> RigidPairs {
         RigidPairs {
             pairs: pairs.iter().map(|k| self.pairs[*k]).collect(),

@@ -89,8 +89,8 @@ impl CaptureNoise {
         CaptureNoise { sd, correlation: a }
     }
 
-    /// That of a point's path. What motion without any noise reads as is taken off white noise: a
-    /// clean take stays as it is.
+    /// The noise of a point's path. What motion without any noise reads as is taken off white
+    /// noise: a clean take stays as it is.
     pub(crate) fn of_path(&self, point: usize) -> PathNoise {
         let r = self.sd[point] * self.sd[point];
         let own = match self.correlation > 0.0 {

@@ -16,7 +16,7 @@
 /// The noise of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PathNoise {
-    /// Of a coordinate, cm².
+    /// The variance of a coordinate, cm².
     pub variance: f64,
     /// The correlation of the noise of one frame and the next; 0 is white.
     pub correlation: f64,

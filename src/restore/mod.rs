@@ -9,10 +9,10 @@
 //!
 //! 1. [`Restorer`] opens the [`PoseModel`], finds its points in the table, and walks the takes
 //!    (`take`).
-//! 2. `outliers` finds spikes, adapts the prior to the body (`adapted_prior`) and finds the other
-//!    outliers.
-//! 3. `denoise` smooths each path over time (`adaptive_smoothing`), and draws it to the model's
-//!    estimates (`model_estimates`); `complete` assumes that seen values are exact.
+//! 2. `outliers` finds tracks that jump off and back (`label`) and spikes, adapts the prior
+//!    to the body (`adapted_prior`) and finds the other outliers.
+//! 3. `denoise` measures the noise (`capture_noise`), smooths each path over time
+//!    (`adaptive_smoothing`), and draws it to the model's estimates (`model_estimates`); `complete` assumes that seen values are exact.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
 //!    the model's space, `rigid` projects it onto the known distances. Where few points are seen

@@ -157,7 +157,7 @@ pub(crate) mod estimates {
     /// Seconds after which e⁻¹ of an error is left where a gap has one end.
     pub(crate) const FADES: f64 = 0.25;
     /// The variance of estimates about their mean counts so often. With people left out of the
-    /// model .86 of coordinates were within two stated deviations at 0, .89 at 1.
+    /// model .86 of coordinates were within two stated deviations at 0, .89 at 1, .90 at 2.
     pub(crate) const DISAGREE: f64 = 2.0;
 }
 

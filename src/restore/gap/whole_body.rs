@@ -85,7 +85,7 @@ pub(crate) fn bare_frames(xyz: ArrayView2<'_, f64>) -> Vec<bool> {
 
 /// How gaps of one length are bridged.
 struct Bridges {
-    /// Of PCHIP and Hermite.
+    /// The weights of PCHIP and Hermite.
     weights: Array1<f64>,
     /// σ² of each point that was simulated, cm².
     variance: BTreeMap<usize, f64>,
@@ -155,7 +155,7 @@ struct Errors {
 }
 
 impl Errors {
-    /// Those of a point in the frames `hidden`. `None` where it is not seen in them or around them.
+    /// The errors of a point in the frames `hidden`; `None` where it is not seen in or around them.
     fn simulated(take: &Take<'_>, point: usize, hidden: &Range<usize>) -> Option<Errors> {
         let frames: Vec<usize> = (hidden.clone())
             .filter(|t| is_seen(take.xyz, *t, point))

@@ -80,9 +80,9 @@ impl From<Posterior> for Corrected {
 /// What is known of a distance of another body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum OwnLength {
-    /// It is the model's, transformed, with this standard deviation besides, cm.
+    /// The model's length, transformed, with this standard deviation besides, cm.
     Transformed { sd: f64 },
-    /// It was measured, cm.
+    /// A length measured in the take, cm.
     Measured { length: f64, sd: f64 },
 }
 
