@@ -200,6 +200,12 @@ fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) ->
     if let PointNaming::Map(map) = naming {
         out.push(format!("the points have the names of the map {}", map.name));
     }
+    match restored.counts().exchanged {
+        0 => {}
+        n => out.push(format!(
+            "left and right are exchanged ({n} pairs of points, frame by frame): put back"
+        )),
+    }
     match restored.counts().cuts {
         0 => {}
         n => out.push(format!(

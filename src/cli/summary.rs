@@ -77,6 +77,12 @@ pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool,
     outliers(counts.rejected, counts.replaced)
         .iter()
         .for_each(|line| messages::info(line));
+    if counts.exchanged > 0 {
+        messages::info(&format!(
+            "{} pairs of points exchanged left and right, frame by frame: put back",
+            counts.exchanged
+        ));
+    }
     match counts.cuts {
         0 => {}
         1 => messages::info("the whole body jumps once: taken as a cut, nothing is joined across"),

@@ -1,16 +1,7 @@
 //! The distances between points of a take: how long they are, and how steady.
 
+use super::tuning::distances::*;
 use ndarray::ArrayView2;
-
-/// Frames that a distance is measured in, at most about.
-const MOST_FRAMES: usize = 1500;
-/// Least spread of a distance, cm: skin and cloth move.
-const LEAST_SPREAD: f64 = 0.4;
-/// Share of lengths that are those to any point, within so many cm.
-const ANY: f64 = 0.03;
-const ANYWHERE: f64 = 60.0;
-/// By how much of its length a distance is looser.
-const LOOSER: f64 = 0.004;
 
 /// The distance of two points over a take.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,30 +7,13 @@
 //! straight way across.
 
 use super::distances::{Distance, log_likelihood};
+use super::tuning::out_and_back::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::{median, quantile};
+use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
-
-/// Least jump, cm.
-const LEAST: f64 = 4.0;
-/// Least jump, in differences that few of the steps nearby exceed.
-const UNUSUAL: f64 = 3.0;
-/// Frames on either side of a step that are nearby, and the share of their steps that are usual.
-const NEARBY: usize = 6;
-const USUAL: f64 = 0.8;
-/// Longest stretch, seconds.
-const LONGEST: f64 = 0.6;
-/// Other points, the nearest, that may be steady beside a point, and the steadiest that count.
-const OTHERS: usize = 60;
-const STEADIEST: usize = 3;
-/// Distances that spread by no more are rigid, cm.
-const RIGID: f64 = 1.0;
-/// Frames in which a distance is known, at least.
-const FEWEST_FRAMES: usize = 20;
-/// Frames of a stretch whose distances are looked at, at most.
-const MOST_FRAMES: usize = 48;
 
 /// A stretch of a track away from its point.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,7 +76,7 @@ struct Track<'a> {
 
 impl Track<'_> {
     fn at(&self, t: usize) -> DVec3 {
-        place(self.xyz, t, self.point)
+        point_at(self.xyz, t, self.point)
     }
 
     /// Stretches of some frames in which the track is seen that lie between two jumps.
@@ -161,7 +144,7 @@ impl Track<'_> {
             let both = frames.flat_map(|t| {
                 let places = [self.at(t), self.on_line(&stretch.frames, t)];
                 steadiest.iter().map(move |(other, distance)| {
-                    let other = place(self.xyz, t, *other);
+                    let other = point_at(self.xyz, t, *other);
                     places.map(|at| log_likelihood(at.distance(other), distance))
                 })
             });
@@ -178,7 +161,7 @@ impl Track<'_> {
         let here = self.at(frame);
         let mut near: Vec<(f64, usize)> = (0..self.xyz.ncols() / 3)
             .filter(|other| *other != self.point)
-            .map(|other| (place(self.xyz, frame, other).distance(here), other))
+            .map(|other| (point_at(self.xyz, frame, other).distance(here), other))
             .filter(|(distance, _)| distance.is_finite())
             .collect();
         if near.len() > OTHERS {
@@ -208,10 +191,6 @@ fn usual_step(steps: &[DVec3], k: usize) -> DVec3 {
         median(others).unwrap_or(0.0)
     };
     DVec3::from_array([0, 1, 2].map(along))
-}
-
-fn place(xyz: ArrayView2<'_, f64>, t: usize, p: usize) -> DVec3 {
-    DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]])
 }
 
 #[cfg(test)]

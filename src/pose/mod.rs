@@ -29,6 +29,7 @@ pub use observation::Observation;
 pub use one_take::one_take;
 pub use placement::Anchor;
 pub use poses::Poses;
+pub(crate) use poses::point_at;
 pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
 pub use smpl_joints::smpl_names;

@@ -1,8 +1,14 @@
 //! Poses: frames of named points, with their takes and times.
 
-use ndarray::{Array2, ArrayView1, s};
+use glam::DVec3;
+use ndarray::{Array2, ArrayView1, ArrayView2, s};
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
+
+/// The place of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
+pub(crate) fn point_at(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|axis| xyz[[frame, 3 * point + axis]]))
+}
 
 /// Frames x points: positions of named points over time.
 #[derive(Debug, Clone, Default)]

@@ -7,15 +7,17 @@
 
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
+use super::bone_lengths;
 use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, put_filled};
 use super::model_estimates::ModelEstimates;
-use super::noise_estimation;
+use super::noise_estimation::{self, typical_noise};
 use super::outliers::{LIKELY, Outliers, find_outliers};
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
 use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
-use crate::pose::Status;
-use ndarray::ArrayView2;
+use crate::label::exchanges::{Exchange, exchanges};
+use crate::pose::{Status, point_at};
+use ndarray::{Array2, ArrayView2};
 
 /// How to denoise.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,8 +67,14 @@ impl Method for Denoise {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        // 1. The outliers, and the paths of the other points, smoothed.
-        let (outliers, smoothed) = self.smooth(mapping, take);
+        // 1. What is exchanged left and right, put back; the outliers; and the paths of the other
+        //    points, smoothed.
+        let captured = take.xyz;
+        let exchanged = self.exchanges(take);
+        let (xyz, emptied) = put_back(captured, &exchanged);
+        let take = &take.with_xyz(xyz.view());
+        let (mut outliers, smoothed) = self.smooth(mapping, take);
+        outliers.add(&emptied);
         // 2. The model for the body that the smoothed frames show.
         let noise_left = smoothed.noise_left();
         let adapted = mapping.map(|mapping| {
@@ -81,17 +89,37 @@ impl Method for Denoise {
         let mut out = TakeResult::captured(take.xyz);
         out.take_alone = adapted.is_some() && known.is_none();
         out.noise = smoothed.noise.mean();
-        put_denoised(&mut out, take, &smoothed, expected.as_ref());
+        out.exchanged = exchanged.iter().map(|e| e.frames.len()).sum();
+        put_denoised(&mut out, captured, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.
-        self.fill(&mut out, take, &outliers, known);
+        self.fill(&mut out, captured, take, &outliers, known);
+        // 6. The bones of the limbs, of one length each.
+        let bones = mapping.map_or(Vec::new(), PointMapping::limb_bones);
+        bone_lengths::hold(&mut out, &bones);
         out
     }
+}
+
+/// Gives exchanged points of `xyz` (frames, 3 J) their own places. Beside the frames, the points of
+/// each that were measured in another's place alone, and are now missing.
+fn put_back(xyz: ArrayView2<'_, f64>, exchanged: &[Exchange]) -> (Array2<f64>, Vec<Vec<usize>>) {
+    let mut mended = xyz.to_owned();
+    exchanged.iter().for_each(|e| e.put_back(&mut mended));
+    let mut emptied = vec![Vec::new(); xyz.nrows()];
+    for e in exchanged {
+        for t in e.frames.clone() {
+            let is_seen = |xyz, p| point_at(xyz, t, p).is_finite();
+            let is_emptied = |p: &&usize| is_seen(xyz, **p) && !is_seen(mended.view(), **p);
+            emptied[t].extend(e.points.iter().filter(is_emptied));
+        }
+    }
+    (mended, emptied)
 }
 
 /// Puts smoothed points, drawn to what the model expects by as much as they are noisy, in place.
 fn put_denoised(
     out: &mut TakeResult,
-    take: &Take<'_>,
+    captured: ArrayView2<'_, f64>,
     smoothed: &SmoothedTake,
     expected: Option<&ModelEstimates>,
 ) {
@@ -101,7 +129,7 @@ fn put_denoised(
     }
     let points = out.points();
     let common = expected.map_or(Vec::new(), ModelEstimates::mean_variances);
-    for t in 0..take.xyz.nrows() {
+    for t in 0..captured.nrows() {
         for p in 0..points {
             if (3 * p..3 * p + 3).any(|i| smoothed.mean[[t, i]].is_nan()) {
                 continue;
@@ -113,7 +141,7 @@ fn put_denoised(
             for i in 3 * p..3 * p + 3 {
                 let expected = expected.map_or(0.0, |e| share * e.mean[[t, i]]);
                 out.xyz[[t, i]] = (1.0 - share) * smoothed.mean[[t, i]] + expected;
-                moved += (out.xyz[[t, i]] - take.xyz[[t, i]]).powi(2);
+                moved += (out.xyz[[t, i]] - captured[[t, i]]).powi(2);
             }
             let left = smoothed.variance[[t, 3 * p]];
             let sd = expected.map_or(left.sqrt(), |e| {
@@ -123,6 +151,8 @@ fn put_denoised(
             });
             let status = match moved <= UNCHANGED * UNCHANGED {
                 true => Status::Observed,
+                // It bore another's name.
+                false if moved.is_nan() => Status::Inferred,
                 false => Status::Changed,
             };
             out.set(t, p, status, sd);
@@ -159,6 +189,16 @@ impl DenoisedFrame {
 }
 
 impl Denoise {
+    /// Left and right exchanged; nothing where outliers are not wanted.
+    fn exchanges(&self, take: &Take<'_>) -> Vec<Exchange> {
+        let noise = self.noise;
+        let noise = noise.unwrap_or_else(|| typical_noise(take.xyz, take.runs));
+        match self.outliers {
+            true => exchanges(take.names, take.xyz, take.runs, take.rate, noise),
+            false => Vec::new(),
+        }
+    }
+
     /// The outliers of a take, and the paths of the other points smoothed. Suspected outliers that
     /// lie where the rest of the take expects them are kept; the paths are then smoothed with them.
     fn smooth(
@@ -185,6 +225,7 @@ impl Denoise {
     fn fill(
         &self,
         out: &mut TakeResult,
+        captured: ArrayView2<'_, f64>,
         take: &Take<'_>,
         outliers: &Outliers,
         known: Option<&AdaptedPrior<'_>>,
@@ -203,7 +244,7 @@ impl Denoise {
         };
         let filled = fill_gaps(known, &seen, &gaps, self.max_gap, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
-            put_filled(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
+            put_filled(out, captured, gap, filled.as_ref(), !is_filled(gap));
         }
         // What is bridged has enough.
         let bare = bare_frames(take.xyz);

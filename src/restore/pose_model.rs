@@ -32,7 +32,7 @@ pub struct PoseModel {
     /// other bodies.
     body: Option<Body>,
     /// The other of each left-right pair of points (J).
-    mirror: Vec<Option<usize>>,
+    pub mirror: Vec<Option<usize>>,
     /// Empty where the model has no rigid pairs or they were not read.
     pub rigid: RigidModel,
     /// Which way is up for each training pose (n, 3), where the model says it and poses are in

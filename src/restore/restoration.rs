@@ -25,6 +25,8 @@ pub struct RestorationCounts {
     pub cuts: usize,
     /// Missing points that were filled.
     pub filled: usize,
+    /// Pairs of points, frame by frame, that were exchanged left and right, and put back.
+    pub exchanged: usize,
     /// Outliers.
     pub rejected: usize,
     /// Outliers that were replaced by an estimate.
@@ -44,6 +46,7 @@ impl RestorationCounts {
         self.takes_alone += other.takes_alone;
         self.cuts += other.cuts;
         self.filled += other.filled;
+        self.exchanged += other.exchanged;
         self.rejected += other.rejected;
         self.replaced += other.replaced;
         self.unfilled += other.unfilled;
@@ -104,6 +107,7 @@ impl<'t> Restoration<'t> {
             frames: count,
             too_little: restored.too_little,
             takes_alone: usize::from(restored.take_alone),
+            exchanged: restored.exchanged,
             novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
             noise: restored.noise * count as f64,
             ..RestorationCounts::default()

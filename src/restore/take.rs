@@ -135,6 +135,14 @@ impl<'a> PointMapping<'a> {
         ends.collect()
     }
 
+    /// [`PointMapping::bones`] of which both ends have a counterpart on the other side.
+    pub(crate) fn limb_bones(&self) -> Vec<[usize; 2]> {
+        let is_paired = |p: &usize| self.model.mirror[*p].is_some();
+        let ends = self.model.bones().filter(|ends| ends.iter().all(is_paired));
+        ends.filter_map(|[a, b]| Some([self.points[a]?, self.points[b]?]))
+            .collect()
+    }
+
     /// The model's point that is `point` of the table.
     pub(crate) fn in_model(&self, point: usize) -> Option<usize> {
         self.points.iter().position(|i| *i == Some(point))
@@ -218,6 +226,8 @@ pub(crate) struct TakeResult {
     pub take_alone: bool,
     /// Frames with too little seen to restore them.
     pub too_little: usize,
+    /// How often two points bore each other's names, and were put back.
+    pub exchanged: usize,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
     /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN

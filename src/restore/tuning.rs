@@ -160,6 +160,14 @@ pub(crate) mod model_estimates {
     pub(crate) const SHARE_LEFT: f64 = 0.02;
 }
 
+/// Bones held to their lengths.
+pub(crate) mod bone_lengths {
+    /// Rounds over the bones of a frame, at most.
+    pub(crate) const ROUNDS: usize = 60;
+    /// How far a length is off, at most, cm.
+    pub(crate) const NEAR: f64 = 1e-3;
+}
+
 /// Denoised takes and frames.
 pub(crate) mod denoise {
     /// Noise assumed to measure the body of one frame by, cm, where none is given.

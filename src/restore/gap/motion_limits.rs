@@ -3,8 +3,8 @@
 
 use super::tuning::motion_limits::*;
 use super::{FilledGap, Gap};
+use crate::pose::point_at;
 use crate::restore::take::Take;
-use glam::DVec3;
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
 
@@ -30,16 +30,20 @@ impl MotionLimits {
         let points: BTreeMap<usize, ()> = gaps.iter().map(|g| (g.point, ())).collect();
         let limits = |(point, ()): (usize, ())| {
             let steps = take.runs.iter().flat_map(|r| r.start + 1..r.end);
-            let steps = steps.map(|t| at(captured, t, point).distance(at(captured, t - 1, point)));
+            let steps = steps
+                .map(|t| point_at(captured, t, point).distance(point_at(captured, t - 1, point)));
             let spread = captured.nrows().div_ceil(FRAMES).max(1);
             let stride = (captured.ncols() / 3).div_ceil(OTHERS).max(1);
             let others = (0..captured.ncols() / 3)
                 .step_by(stride)
                 .filter(|o| *o != point);
-            let distance = |other: usize| {
-                let frames = (0..captured.nrows()).step_by(spread);
-                most(frames.map(|t| at(captured, t, point).distance(at(captured, t, other))))
-            };
+            let distance =
+                |other: usize| {
+                    let frames = (0..captured.nrows()).step_by(spread);
+                    most(frames.map(|t| {
+                        point_at(captured, t, point).distance(point_at(captured, t, other))
+                    }))
+                };
             let distances = others.map(|o| (o, distance(o))).collect();
             (
                 point,
@@ -65,12 +69,12 @@ impl MotionLimits {
         let Some(limits) = self.points.get(&gap.point) else {
             return true;
         };
-        let path = |k: usize| at(filled.xyz.view(), k, 0);
+        let path = |k: usize| point_at(filled.xyz.view(), k, 0);
         let step = self.any_step.max(MORE * limits.step);
         (1..filled.xyz.nrows()).all(|k| path(k).distance(path(k - 1)) <= step)
             && gap.frames.clone().enumerate().all(|(k, t)| {
                 limits.distances.iter().all(|&(other, most)| {
-                    let distance = path(k).distance(at(captured, t, other));
+                    let distance = path(k).distance(point_at(captured, t, other));
                     distance.is_nan() || distance <= LEAST_DISTANCE + MORE * most
                 })
             })
@@ -82,10 +86,6 @@ fn most(values: impl Iterator<Item = f64>) -> f64 {
     let known = values.filter(|v| v.is_finite());
     let (count, most) = known.fold((0, 0.0), |(n, most), v| (n + 1, v.max(most)));
     if count < FEWEST { f64::INFINITY } else { most }
-}
-
-fn at(xyz: ArrayView2<'_, f64>, t: usize, point: usize) -> DVec3 {
-    DVec3::from_array([0, 1, 2].map(|axis| xyz[[t, 3 * point + axis]]))
 }
 
 #[cfg(test)]

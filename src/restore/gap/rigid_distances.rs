@@ -14,6 +14,7 @@ use super::tuning::rigid_distances::*;
 use super::{FilledGap, Gap};
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
+use crate::pose::point_at;
 use crate::restore::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
@@ -89,7 +90,7 @@ impl TakeDistances {
         let step = xyz.nrows().div_ceil(MOST_FRAMES).max(1);
         let frames: Vec<Vec<DVec3>> = (0..xyz.nrows())
             .step_by(step)
-            .map(|t| (0..count).map(|p| position(xyz, t, p)).collect())
+            .map(|t| (0..count).map(|p| point_at(xyz, t, p)).collect())
             .collect();
         let mut pairs = Vec::new();
         for &a in points {
@@ -217,10 +218,6 @@ impl TakeDistances {
         let explained = half.map_axis(Axis(0), |column| column.dot(&column));
         (variance.iter_mut().zip(explained)).for_each(|(v, e)| *v = (*v - e).max(1e-3 * *v));
     }
-}
-
-fn position(xyz: ArrayView2<'_, f64>, t: usize, p: usize) -> DVec3 {
-    DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]])
 }
 
 /// The distance of two points, if it is rigid.

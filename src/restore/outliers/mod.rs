@@ -51,6 +51,12 @@ impl Outliers {
         without(xyz, &self.points)
     }
 
+    /// Adds points of each frame.
+    pub(crate) fn add(&mut self, points: &[Vec<usize>]) {
+        let each = self.points.iter_mut().zip(points);
+        each.for_each(|(all, more)| all.extend(more));
+    }
+
     /// Whether a gap has a frame in which the point is an outlier; in others it may be missing.
     pub(crate) fn is_in(&self, gap: &Gap) -> bool {
         (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point))

@@ -1,0 +1,94 @@
+//! The bones of the limbs of a denoised take held to one length each, as no smoothing of single
+//! points does.
+//!
+//! A bone's length is the median over the take. In each frame the ends of the bones are moved along
+//! them until every length is right, the less the surer they are (Müller et al. 2007, Position based
+//! dynamics).
+
+use super::take::TakeResult;
+use super::tuning::bone_lengths::*;
+use crate::numeric::statistics::median;
+use crate::pose::{Status, point_at};
+use glam::DVec3;
+
+/// Holds `bones`, pairs of points, to their lengths. Points that are as they were measured stay.
+pub(crate) fn hold(out: &mut TakeResult, bones: &[[usize; 2]]) {
+    let frames = out.xyz.nrows();
+    let length = |[a, b]: [usize; 2]| {
+        let of = |t| point_at(out.xyz.view(), t, a).distance(point_at(out.xyz.view(), t, b));
+        median((0..frames).map(of).filter(|l| l.is_finite()).collect())
+    };
+    let measured = bones.iter().map(|bone| Some((*bone, length(*bone)?)));
+    let bones: Vec<([usize; 2], f64)> = measured.flatten().collect();
+    for t in 0..frames {
+        hold_frame(out, t, &bones);
+    }
+}
+
+fn hold_frame(out: &mut TakeResult, t: usize, bones: &[([usize; 2], f64)]) {
+    let mut at: Vec<DVec3> = (0..out.points())
+        .map(|p| point_at(out.xyz.view(), t, p))
+        .collect();
+    let variance = |p: usize| match out.state(t, p).status {
+        Status::Observed | Status::Unknown => 0.0,
+        _ => out.state(t, p).sd.powi(2),
+    };
+    let known = bones.iter().filter_map(|(ends, length)| {
+        let [a, b] = ends.map(variance);
+        let is_known = ends.iter().all(|p| at[*p].is_finite());
+        (is_known && a + b > 0.0).then_some((*ends, *length, [a / (a + b), b / (a + b)]))
+    });
+    let known: Vec<([usize; 2], f64, [f64; 2])> = known.collect();
+    for _ in 0..ROUNDS {
+        let mut worst = 0.0f64;
+        for ([a, b], length, share) in &known {
+            let apart = at[*b] - at[*a];
+            let off = apart.length() - length;
+            let along = apart.normalize_or_zero() * off;
+            at[*a] += share[0] * along;
+            at[*b] -= share[1] * along;
+            worst = worst.max(off.abs());
+        }
+        if worst <= NEAR {
+            break;
+        }
+    }
+    for p in known.iter().flat_map(|(ends, ..)| ends) {
+        (0..3).for_each(|axis| out.xyz[[t, 3 * p + axis]] = at[*p][axis]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    #[test]
+    fn lengths_are_right_and_sure_points_move_less() {
+        let x = [0.0, 30.0, 55.0];
+        let xyz = Array2::from_shape_fn((40, 9), |(t, c)| match c % 3 {
+            0 => x[c / 3] + 2.0 * ((t * (c + 7)) as f64).sin(),
+            _ => (t as f64 / 10.0 + c as f64).sin(),
+        });
+        let mut out = TakeResult::captured(xyz.view());
+        for t in 0..40 {
+            (0..3).for_each(|p| out.set(t, p, Status::Changed, [0.1, 1.0, 1.0][p]));
+        }
+        out.set(7, 1, Status::Observed, 1e-6);
+        let before = out.xyz.clone();
+        hold(&mut out, &[[0, 1], [1, 2]]);
+        let length = |t: usize, a: usize, b: usize| {
+            point_at(out.xyz.view(), t, a).distance(point_at(out.xyz.view(), t, b))
+        };
+        let [first, second] = [length(0, 0, 1), length(0, 1, 2)];
+        for t in 0..40 {
+            assert!((length(t, 0, 1) - first).abs() <= 2.0 * NEAR);
+            assert!((length(t, 1, 2) - second).abs() <= 2.0 * NEAR);
+        }
+        let moved = |t: usize, p: usize| {
+            point_at(out.xyz.view(), t, p).distance(point_at(before.view(), t, p))
+        };
+        assert_eq!(moved(7, 1), 0.0);
+        assert!(moved(3, 0) < 0.1 * moved(3, 1));
+    }
+}
