@@ -188,6 +188,12 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
         Task::Denoise(_) => "are left unchanged by the model: too little is seen there",
     };
     report(&counts, left, args.status, task.max_gap().is_some());
+    if matches!(task, Task::Denoise(_)) && !args.status && counts.unfilled > 0 {
+        messages::info(
+            "without --status, complete takes these values for exact: with it, it reads how \
+             uncertain they are",
+        );
+    }
     Ok(())
 }
 

@@ -9,9 +9,11 @@
 //! a change of state                 C for the first pair of the limb, C' for each further
 //! an exchanged pair in a frame      P
 //!     h the duration of a frame, r the variance of the noise, cm²
+//!     V how fast the pair is in the frames nearby, cm/s
 //! ```
 
 use super::tuning::exchanges::*;
+use crate::numeric::statistics::median;
 use crate::pose::joints::{mirrored, parents_by_name};
 use crate::pose::point_at;
 use ndarray::{Array2, ArrayView2};
@@ -130,12 +132,14 @@ impl Limb<'_> {
                 n => CHANGE + FURTHER_CHANGE * f64::from(n - 1),
             }
         });
-        let mut tracks: Vec<PairTrack> = vec![PairTrack::default(); self.pairs.len()];
-        let mut cost = vec![0.0; states];
+        let mut tracks: Vec<PairTrack> = (self.pairs.iter())
+            .map(|pair| PairTrack::new(self, *pair))
+            .collect();
+        let mut cost = changes.row(0).to_vec();
         let mut cheapest: Vec<Vec<usize>> = Vec::with_capacity(self.frames.len());
         for t in self.frames.clone() {
-            let steps: Vec<[[f64; 2]; 2]> = (tracks.iter_mut().zip(self.pairs))
-                .map(|(track, pair)| track.step(self, *pair, t))
+            let steps: Vec<[[f64; 2]; 2]> = (tracks.iter_mut())
+                .map(|track| track.step(self, t))
                 .collect();
             let step = |from: usize, to: usize| {
                 let of_pair = |(k, s): (usize, &[[f64; 2]; 2])| s[from >> k & 1][to >> k & 1];
@@ -163,25 +167,51 @@ impl Limb<'_> {
         out
     }
 
-    /// The cost of a point's way between two places, `frames` apart.
-    fn way(&self, square: f64, frames: usize) -> f64 {
-        let moved = FAST * frames as f64 / self.rate;
-        let variance = moved * moved + 2.0 * self.noise * self.noise;
-        (square / (2.0 * variance)).min(FARTHEST)
+    /// Frames over which a speed is measured, and before and after which.
+    fn nearby(&self) -> usize {
+        ((NEARBY * self.rate) as usize).max(FEWEST_NEARBY)
     }
 }
 
-/// The frames in which the two columns of a pair were seen last.
-#[derive(Default, Clone)]
+/// A pair of a limb, frame by frame.
 struct PairTrack {
+    columns: [usize; 2],
+    /// How far the pair goes in a frame, cm, for each [`Limb::nearby`] frames.
+    steps: Vec<f64>,
+    /// The frames in which its columns were seen last.
     last: [Option<usize>; 2],
 }
 
 impl PairTrack {
+    fn new(limb: &Limb<'_>, columns: [usize; 2]) -> PairTrack {
+        let Range { start, end } = limb.frames;
+        let at = |t: usize, column: usize| point_at(limb.xyz, t, column);
+        let step = |t: usize| columns.map(|c| at(t, c).distance(at(t - 1, c)));
+        let near = limb.nearby();
+        let of_block = |from: usize| {
+            let to = (from + 2 * near).min(end);
+            let frames = from.saturating_sub(near).max(start + 1)..to;
+            let known = frames.flat_map(step).filter(|d| d.is_finite());
+            let usual = median(known.collect()).unwrap_or(0.0);
+            usual.max(FAST / limb.rate)
+        };
+        PairTrack {
+            columns,
+            steps: (start..end).step_by(near).map(of_block).collect(),
+            last: [None; 2],
+        }
+    }
+
     /// The cost of the steps to frame `t`, for each state before it and in it; 0 where one of the
     /// columns is not seen.
-    fn step(&mut self, limb: &Limb<'_>, columns: [usize; 2], t: usize) -> [[f64; 2]; 2] {
+    fn step(&mut self, limb: &Limb<'_>, t: usize) -> [[f64; 2]; 2] {
+        let columns = self.columns;
         let now = columns.map(|column| point_at(limb.xyz, t, column));
+        let usual = self.steps[(t - limb.frames.start) / limb.nearby()];
+        let way = |square: f64, frames: usize| {
+            let variance = (usual * frames as f64).powi(2) + 2.0 * limb.noise * limb.noise;
+            (square / (2.0 * variance)).min(FARTHEST)
+        };
         let mut cost = [[0.0; 2]; 2];
         for (before, last) in self.last.iter().enumerate() {
             let Some(last) = last.filter(|last| (t - last) as f64 <= limb.rate) else {
@@ -189,7 +219,7 @@ impl PairTrack {
             };
             let there = point_at(limb.xyz, last, columns[before]);
             for (after, here) in now.iter().enumerate().filter(|(_, x)| x.is_finite()) {
-                let way = limb.way(here.distance_squared(there), t - last);
+                let way = way(here.distance_squared(there), t - last);
                 // The left point: column `before` in state `before`; the right one: the others.
                 cost[before][after] += way;
                 cost[1 - before][1 - after] += way;

@@ -131,7 +131,7 @@ impl Track<'_> {
         (self.at(frames.start - 1)).lerp(self.at(frames.end), share)
     }
 
-    /// The stretches in which the distances to the steadiest points beside the track are less
+    /// The stretches in which the distances to the steadiest points beside the track are far less
     /// likely than those of a line across would be, or, if they are rigid, than those to any point.
     fn denied(&self, candidates: Vec<Stretch>) -> Vec<Stretch> {
         let steadiest = self.steadiest(candidates[0].frames.start - 1);
@@ -150,7 +150,7 @@ impl Track<'_> {
             });
             let known = both.filter(|[own, _]| own.is_finite());
             let (own, line) = known.fold((0.0, 0.0), |sum, v| (sum.0 + v[0], sum.1 + v[1]));
-            line > own || is_rigid && own < 0.0
+            line - own > EVIDENCE || is_rigid && own < 0.0
         };
         candidates.into_iter().filter(is_denied).collect()
     }

@@ -6,8 +6,11 @@
 /// of CMU's takes here, clean or with white noise of 1 and 2 cm, at 120 and 30 frames a second:
 /// none found.
 pub(crate) mod exchanges {
-    /// How fast the points of a body are, cm/s: 8 cm in a frame at 30 frames a second.
+    /// How fast the points of a body are, at least, cm/s: 8 cm in a frame at 30 frames a second.
+    /// Where they are faster nearby, so many seconds before and after, and frames, they may be here.
     pub(crate) const FAST: f64 = 240.0;
+    pub(crate) const NEARBY: f64 = 0.25;
+    pub(crate) const FEWEST_NEARBY: usize = 3;
     /// Cost of a way that no body goes.
     pub(crate) const FARTHEST: f64 = 25.0;
     /// Cost of an exchange that begins or ends, for its first pair and each further one.
@@ -50,6 +53,9 @@ pub(crate) mod out_and_back {
     pub(crate) const RIGID: f64 = 1.0;
     /// Frames in which a distance is known, at least.
     pub(crate) const FEWEST_FRAMES: usize = 20;
+    /// Nats by which the way across is likelier, at least: where a fifth of all positions are off,
+    /// distances seem loose, and what lies between two of these would else be away now and then.
+    pub(crate) const EVIDENCE: f64 = 6.0;
     /// Frames of a stretch whose distances are looked at, at most.
     pub(crate) const MOST_FRAMES: usize = 48;
 }

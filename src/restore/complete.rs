@@ -79,11 +79,12 @@ impl Method for Complete {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        let (outliers, adapted) = find_outliers(mapping, take, None);
+        let sd = take.typical_sd();
+        let (outliers, adapted) = find_outliers(mapping, take, sd);
         let captured = outliers.removed_from(take.xyz);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = TakeResult::captured(take.xyz);
-        let noise = typical_noise(captured.view(), take.runs);
+        let noise = typical_noise(captured.view(), take.runs).max(sd.unwrap_or(0.0));
         // A take unlike all that the model knows is restored alone.
         out.take_alone = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
         let known = adapted.as_ref().filter(|_| !out.take_alone);

@@ -12,7 +12,7 @@ use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation::{self, typical_noise};
-use super::outliers::{LIKELY, Outliers, find_outliers};
+use super::outliers::{LIKELY, Outliers, find_outliers, spikes_by_time, without};
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
 use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
 use crate::label::exchanges::{Exchange, exchanges};
@@ -191,12 +191,14 @@ impl DenoisedFrame {
 impl Denoise {
     /// Left and right exchanged; nothing where outliers are not wanted.
     fn exchanges(&self, take: &Take<'_>) -> Vec<Exchange> {
-        let noise = self.noise;
-        let noise = noise.unwrap_or_else(|| typical_noise(take.xyz, take.runs));
-        match self.outliers {
-            true => exchanges(take.names, take.xyz, take.runs, take.rate, noise),
-            false => Vec::new(),
+        if !self.outliers {
+            return Vec::new();
         }
+        // Spikes are on the way to the other side at times.
+        let seen = without(take.xyz, &spikes_by_time(take, self.noise));
+        let noise = self.noise;
+        let noise = noise.unwrap_or_else(|| typical_noise(seen.view(), take.runs));
+        exchanges(take.names, seen.view(), take.runs, take.rate, noise)
     }
 
     /// The outliers of a take, and the paths of the other points smoothed. Suspected outliers that

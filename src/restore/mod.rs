@@ -12,7 +12,7 @@
 //! 2. `outliers` finds tracks that jump off and back (`label`) and spikes, adapts the prior
 //!    to the body (`adapted_prior`) and finds the other outliers.
 //! 3. `denoise` puts back what is exchanged left and right (`label`), measures the noise (`capture_noise`), smooths each path over time
-//!    (`adaptive_smoothing`), draws it to the model's estimates (`model_estimates`), and holds the
+//!    (`adaptive_smoothing`), draws it to the model's estimates (`model_estimates`, at `knots`), and holds the
 //!    limbs' bones to their lengths (`bone_lengths`); `complete` assumes that seen values are exact,
 //!    but for those whose deviation the table says.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
@@ -35,6 +35,7 @@ pub(crate) mod frame_estimator;
 mod gap;
 pub mod gap_report;
 mod kalman_smoother;
+mod knots;
 mod model_estimates;
 mod noise_estimation;
 pub(crate) mod outliers;

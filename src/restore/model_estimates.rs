@@ -4,12 +4,13 @@ use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::{SmoothedTake, path_of, put_path, smooth_path};
 use super::frame_estimator::{FrameEstimate, FrameEstimator};
 use super::kalman_smoother::PathNoise;
+use super::knots::Knots;
 use super::take::{FRAMES_PER_TASK, Take};
 use super::tuning::{adaptive_smoothing::LEAST_VARIANCE, model_estimates::*};
 use crate::numeric::parallel;
-use crate::pose::Observation;
+use crate::pose::{Observation, point_at};
 use glam::DVec3;
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 
 /// The model's estimates of the smoothed frames of a take, in the table's order of points.
 pub(crate) struct ModelEstimates {
@@ -24,7 +25,8 @@ pub(crate) struct ModelEstimates {
 }
 
 impl ModelEstimates {
-    /// Estimates each frame, moves its points by the person's own offsets, and smooths over time.
+    /// Estimates the frames of some `knots`, moves their points by the person's own offsets, corrects
+    /// the frames between as those beside them, and smooths over time.
     pub(crate) fn new(
         adapted: &AdaptedPrior<'_>,
         smoothed: &SmoothedTake,
@@ -40,36 +42,55 @@ impl ModelEstimates {
             true => adapted.rigid_estimator(),
             false => adapted.estimator(),
         };
-        let found = parallel::map_chunks(seen.nrows(), FRAMES_PER_TASK, |range| {
-            let estimate = |t: usize| {
-                let noise: Vec<f64> = (seen.row(t).iter().zip(variance.row(t)))
+        let knots = Knots::new(seen.nrows(), take.runs, take.rate);
+        let found = parallel::map_chunks(knots.frames.len(), FRAMES_PER_TASK, |range| {
+            let estimate = |t: &usize| {
+                let noise: Vec<f64> = (seen.row(*t).iter().zip(variance.row(*t)))
                     .map(|(y, v)| if y.is_finite() { *v } else { f64::INFINITY })
                     .collect();
-                estimate_smoothed(&estimator, &seen.row(t).to_vec(), &noise)
+                estimate_smoothed(&estimator, &seen.row(*t).to_vec(), &noise)
             };
-            let part: Vec<_> = range.clone().map(estimate).collect();
-            done(range.len());
+            let part: Vec<_> = knots.frames[range.clone()].iter().map(estimate).collect();
+            done(range.len() * seen.nrows() / knots.frames.len());
             part
         });
         let found: Vec<Option<FrameEstimate>> = found.into_iter().flatten().collect();
         let novelty = |f: &FrameEstimate| estimator.novelty(&f.mean, &f.placement);
-        let offsets = personal_offsets(&seen, &found);
+        let novelty: Vec<f64> = (found.iter())
+            .map(|f| f.as_ref().map_or(f64::NAN, novelty))
+            .collect();
+        let offsets = personal_offsets(&seen.select(Axis(0), &knots.frames), &found);
         let points = take.names.len();
         let mut out = ModelEstimates {
             mean: Array2::from_elem(take.xyz.dim(), f64::NAN),
             sd: vec![f64::NAN; take.xyz.nrows() * points],
-            novelty: (found.iter())
-                .map(|f| f.as_ref().map_or(f64::NAN, novelty))
-                .collect(),
-            too_little: found.iter().filter(|f| f.is_none()).count(),
+            novelty: vec![f64::NAN; seen.nrows()],
+            too_little: 0,
         };
-        for (t, found) in found.iter().enumerate() {
-            let Some(found) = found else { continue };
+        for t in 0..seen.nrows() {
+            let is_any_seen = seen.row(t).iter().any(|v| v.is_finite());
+            let nearest = knots.nearest(t).filter(|_| is_any_seen);
+            let Some((near, novelty)) =
+                nearest.and_then(|k| Some((found[k].as_ref()?, novelty[k])))
+            else {
+                out.too_little += 1;
+                continue;
+            };
+            out.novelty[t] = novelty;
             for (p, in_table) in adapted.mapping.pairs() {
-                let mean = DVec3::from_slice(&found.mean[3 * p..]);
-                let mean = mean + found.placement.rotation * offsets[p];
+                let correction = |k: usize| {
+                    let found = found[k].as_ref()?;
+                    let mean = DVec3::from_slice(&found.mean[3 * p..]);
+                    let seen = point_at(seen.view(), knots.frames[k], p);
+                    Some(mean + found.placement.rotation * offsets[p] - seen)
+                        .filter(|c| c.is_finite())
+                };
+                let Some(by) = knots.between(t, correction, DVec3::lerp) else {
+                    continue;
+                };
+                let mean = point_at(seen.view(), t, p) + by;
                 (0..3).for_each(|axis| out.mean[[t, 3 * in_table + axis]] = mean[axis]);
-                out.sd[t * points + in_table] = found.sd[p];
+                out.sd[t * points + in_table] = near.sd[p];
             }
         }
         // What is left of the noise trembles in the estimates.

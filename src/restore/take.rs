@@ -2,7 +2,8 @@
 
 use super::pose_model::PoseModel;
 use crate::numeric::parallel;
-use crate::pose::{FillMethod, NameMap, Status};
+use crate::numeric::statistics::median;
+use crate::pose::{FillMethod, NameMap, Status, point_at};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
@@ -35,6 +36,16 @@ impl<'a> Take<'a> {
         'a: 'b,
     {
         Take { xyz, ..*self }
+    }
+
+    /// The median standard deviation of a coordinate of the points that are seen, cm; `None` where
+    /// they are exact.
+    pub(crate) fn typical_sd(&self) -> Option<f64> {
+        let sd = self.sd?;
+        let is_seen = |((t, p), _): &((usize, usize), &f64)| point_at(self.xyz, *t, *p).is_finite();
+        let known = sd.indexed_iter().filter(is_seen).map(|(_, sd)| *sd);
+        let typical = median(known.filter(|sd| sd.is_finite()).collect())?;
+        (typical * typical > EXACT_VARIANCE).then_some(typical)
     }
 }
 

@@ -151,6 +151,12 @@ pub(crate) mod adaptive_smoothing {
     pub(crate) const LEAST_VARIANCE: f64 = 1e-8;
 }
 
+/// Frames that are estimated.
+pub(crate) mod knots {
+    /// How many a second, at least.
+    pub(crate) const PER_SECOND: f64 = 40.0;
+}
+
 /// What a model expects in a smoothed take.
 pub(crate) mod model_estimates {
     /// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough

@@ -12,7 +12,7 @@ mkdir -p "$out"
 # built-in model, which has seen no take of this person: denoise removes the noise, complete fills the gaps.
 run amc2xyz --asf "$skeleton" --fps 120 -o "$out/truth.csv" "$here/cmu/09/09_06.amc"
 run corrupt --dense 1cm --gaps 4 --length 0.2 --points 3 --seed 1 -o "$out/damaged.csv" "$out/truth.csv"
-run denoise -o "$out/denoised.csv" "$out/damaged.csv"
+run denoise --status -o "$out/denoised.csv" "$out/damaged.csv"
 run complete --status -o "$out/restored.csv" "$out/denoised.csv"
 run xyz2bvh --skeleton "$skeleton" -o "$out/restored.bvh" "$out/restored.csv"
 

@@ -19,6 +19,9 @@ use std::path::PathBuf;
 ///
 /// Outliers are ignored: points of a take that jump off their path and back, or that break rigid
 /// distances. They keep their values; --status marks them as rejected.
+///
+/// Measured values count as exact, unless the table has columns NAME.sd, their standard deviations,
+/// as `denoise --status` writes them: then these enter what is filled and how sure that is.
 #[derive(Parser)]
 #[command(
     name = "complete",

@@ -17,7 +17,8 @@ use posing::restore::Denoise;
 /// Outliers are replaced by their estimate. In a take, they are points that jump off their path and
 /// back, or that break rigid distances. In a single frame (--per-frame), rigid distances give the
 /// noise level: if it is at most 1 cm, or a few points are too far off for it, those points are
-/// outliers. Points without noise are not changed.
+/// outliers. Points without noise are not changed. In a take, left and right points that are
+/// exchanged for some frames are put back, and the bones of the limbs get one length each.
 #[derive(Parser)]
 #[command(
     name = "denoise",

@@ -11,7 +11,7 @@ pub(crate) mod filler {
     pub(crate) const SAME_LENGTH: usize = 4;
     /// Where there are more groups than this, gaps of under [`SAME_LENGTH`] frames are interpolated
     /// over time: there are too many to learn each, and the path is nearly as good.
-    pub(crate) const MANY_GROUPS: usize = 200;
+    pub(crate) const MANY_GROUPS: usize = 40;
     /// How often a gap is tried at most since others are filled from whose frames it would be
     /// learned.
     pub(crate) const MOST_ROUNDS: usize = 16;

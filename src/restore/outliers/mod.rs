@@ -23,8 +23,8 @@ use crate::restore::noise_estimation::rounded;
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
-pub(crate) use trajectory::spikes_of_take;
-use trajectory::{spikes_by_time, spikes_in_rounds, without};
+use trajectory::spikes_in_rounds;
+pub(crate) use trajectory::{spikes_by_time, spikes_of_take, without};
 pub(crate) use tuning::search::LIKELY;
 use tuning::search::*;
 
@@ -77,7 +77,9 @@ impl Outliers {
         let (xyz, noise) = (take.xyz, &smoothed.noise.sd);
         let rest = take.with_xyz(smoothed.mean.view());
         let mut gaps = find_gaps(rest.xyz, rest.runs);
-        gaps.retain(|gap| self.is_in(gap));
+        let doubted =
+            |t: usize, p: &usize| self.points[t].contains(p) && !self.spikes[t].contains(p);
+        gaps.retain(|gap| gap.frames.clone().any(|t| doubted(t, &gap.point)));
         let filled = fill_gaps(adapted, &rest, &gaps, None, &|_| ());
         let mut is_any = false;
         for (gap, filled) in gaps.iter().zip(&filled) {
@@ -225,7 +227,11 @@ fn pooled_over_time(evidence: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
             let after = sum(t + 1..run.end.min(t + NEIGHBORS + 1));
             searched[t] = match evidence[t] > 0.0 {
                 true => evidence[t] >= ALONE || before + evidence[t] + after >= TOGETHER,
-                false => before.min(after) >= EITHER_SIDE,
+                false => {
+                    let before = sum(t.saturating_sub(BESIDE).max(run.start)..t);
+                    let after = sum(t + 1..run.end.min(t + BESIDE + 1));
+                    before.min(after) >= EITHER_SIDE
+                }
             };
         }
     }

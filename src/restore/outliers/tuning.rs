@@ -17,8 +17,9 @@ pub(crate) mod search {
     pub(crate) const ALONE: f64 = 3.0;
     /// Evidence of the frame and its neighbors that suffices, nats.
     pub(crate) const TOGETHER: f64 = 8.0;
-    /// Evidence of the neighbors on each side that suffices where the frame has none, nats.
+    /// Evidence that suffices where the frame has none, nats, on each side within so many frames.
     pub(crate) const EITHER_SIDE: f64 = 5.0;
+    pub(crate) const BESIDE: usize = 2;
     /// A point more likely an outlier than this probability is one.
     pub(crate) const LIKELY: f64 = 0.5;
     /// An outlier within this many standard deviations of where the rest of the take expects it is
