@@ -102,11 +102,19 @@ impl Track<'_> {
                 return false;
             };
             let beside = (from - before.0) + (after.0 - to);
+            let first = (from - seen.start).saturating_sub(2 * NEARBY);
+            let around = &off[first..(to - seen.start + 2 * NEARBY).min(off.len())];
+            let jump = |t: usize| off[t - seen.start - 1];
+            let large = 0.5 * jump(from).min(jump(to));
+            let jumps = around.iter().filter(|off| **off > large).count();
+            // A path that jumps all the time says nothing.
+            let is_path = jumps <= 2 + around.len() / JUMPY;
             // The point itself moves meanwhile, and the track may move with it.
             let farthest = LEAST + UNUSUAL * usual.max(usual_after) * (to - from + 1) as f64;
             let across = self.at(to) - self.at(from - 1);
             let along = across - (self.at(to - 1) - self.at(from));
-            to - from <= longest
+            is_path
+                && to - from <= longest
                 && 2 * (to - from) <= beside
                 && across.length().min(along.length()) <= farthest
         };

@@ -44,6 +44,8 @@ pub(crate) mod out_and_back {
     /// Frames on either side of a step that are nearby, and the share of their steps that are usual.
     pub(crate) const NEARBY: usize = 6;
     pub(crate) const USUAL: f64 = 0.8;
+    /// One in so many of the steps nearby may be half as large as both jumps, these aside.
+    pub(crate) const JUMPY: usize = 8;
     /// Longest stretch, seconds.
     pub(crate) const LONGEST: f64 = 0.6;
     /// Other points, the nearest, that may be steady beside a point, and the steadiest that count.

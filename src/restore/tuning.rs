@@ -192,7 +192,7 @@ pub(crate) mod denoise {
     /// of 02, 13, 35 and 49 left out of the model, under white noise and noise of 5 and 15 Hz of
     /// .3, 1 and 3 cm. At .6 in place of .55 the coverage was .58 to .82 and .84 to .98; at .55 it
     /// was not measured.
-    pub(crate) const OWN_SHARE: f64 = 0.55;
+    pub(crate) const OWN_SHARE: f64 = 0.5;
     pub(crate) const COMMON_SHARE: f64 = 0.8;
     pub(crate) const HALF_COMMON: f64 = 0.3;
 }

@@ -120,7 +120,7 @@ impl<'a, 't> GapFiller<'a, 't> {
             is_later && (filled[*k].as_ref()).is_some_and(|f| f.method == FillMethod::Regression)
         };
         let again: Vec<usize> = (0..self.gaps.len()).filter(is_learned).collect();
-        if again.len() > MANY_GROUPS {
+        if again.len() > MANY_AGAIN {
             return;
         }
         for (gap, estimate) in self.fill_groups(&again, done) {
@@ -148,7 +148,7 @@ impl<'a, 't> GapFiller<'a, 't> {
             let (mut found, mut left) = (Vec::new(), Vec::new());
             for &k in &groups[range.start] {
                 let gap = &self.gaps[k];
-                let is_brief = groups.len() > MANY_GROUPS && gap.frames.len() < SAME_LENGTH;
+                let is_brief = self.gaps.len() > MANY_GAPS && gap.frames.len() < BRIEF;
                 let path = is_brief.then(|| self.by_path(gap));
                 match path.flatten() {
                     Some(filled) => found.push((k, filled)),

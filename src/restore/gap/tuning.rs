@@ -9,9 +9,12 @@
 pub(crate) mod filler {
     /// Gaps whose lengths are within this factor are filled at the same time.
     pub(crate) const SAME_LENGTH: usize = 4;
-    /// Where there are more groups than this, gaps of under [`SAME_LENGTH`] frames are interpolated
-    /// over time: there are too many to learn each, and the path is nearly as good.
-    pub(crate) const MANY_GROUPS: usize = 40;
+    /// Where there are more gaps than this, those of under so many frames are interpolated over
+    /// time: there are too many to learn each, and the path is nearly as good.
+    pub(crate) const MANY_GAPS: usize = 200;
+    pub(crate) const BRIEF: usize = 8;
+    /// More gaps than this are not filled once more.
+    pub(crate) const MANY_AGAIN: usize = 200;
     /// How often a gap is tried at most since others are filled from whose frames it would be
     /// learned.
     pub(crate) const MOST_ROUNDS: usize = 16;

@@ -18,7 +18,7 @@ pub(crate) mod search {
     /// Evidence of the frame and its neighbors that suffices, nats.
     pub(crate) const TOGETHER: f64 = 8.0;
     /// Evidence that suffices where the frame has none, nats, on each side within so many frames.
-    pub(crate) const EITHER_SIDE: f64 = 5.0;
+    pub(crate) const EITHER_SIDE: f64 = 3.5;
     pub(crate) const BESIDE: usize = 2;
     /// A point more likely an outlier than this probability is one.
     pub(crate) const LIKELY: f64 = 0.5;
