@@ -59,7 +59,7 @@ pub(crate) fn exchanges(
                 rate,
                 noise,
             };
-            let states = limb.states();
+            let states = limb.supported(limb.states());
             for (k, points) in pairs.iter().enumerate() {
                 let is_exchanged = |t: usize| states[t - run.start] >> k & 1 == 1;
                 found.extend(stretches_of(run, is_exchanged).map(|frames| Exchange {
@@ -165,6 +165,28 @@ impl Limb<'_> {
             state = from[state];
         }
         out
+    }
+
+    /// States without the stretches in which both points of a pair are hardly ever seen: these are
+    /// told by no jump of both.
+    fn supported(&self, mut states: Vec<usize>) -> Vec<usize> {
+        let all = 0..states.len();
+        let stretches: Vec<_> = stretches_of(&all, |t| states[t] > 0).collect();
+        for stretch in stretches {
+            let is_seen =
+                |t: usize, p: &usize| point_at(self.xyz, self.frames.start + t, *p).is_finite();
+            let of_frame = |t: usize| {
+                let exchanged = self.pairs.iter().enumerate();
+                let exchanged = exchanged.filter(|(k, _)| states[t] >> k & 1 == 1);
+                exchanged
+                    .filter(|(_, pair)| pair.iter().all(|p| is_seen(t, p)))
+                    .count()
+            };
+            if stretch.clone().map(of_frame).sum::<usize>() < FEWEST_SEEN {
+                states[stretch].fill(0);
+            }
+        }
+        states
     }
 
     /// Frames over which a speed is measured, and before and after which.

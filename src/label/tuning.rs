@@ -18,6 +18,8 @@ pub(crate) mod exchanges {
     pub(crate) const FURTHER_CHANGE: f64 = 1.0;
     /// Cost of a frame in which a pair is exchanged: names are right mostly.
     pub(crate) const EXCHANGED: f64 = 0.15;
+    /// Pairs, frame by frame, both points of which are seen while they are exchanged, at least.
+    pub(crate) const FEWEST_SEEN: usize = 2;
     /// Pairs of a limb, at most: the states of a frame double with each.
     pub(crate) const MOST_PAIRS: usize = 5;
 }

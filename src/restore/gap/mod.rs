@@ -43,6 +43,7 @@ use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
+use tuning::noise::NOISE_SHARE;
 pub(crate) use whole_body::bare_frames;
 
 /// A point that is missing for some frames on end.
@@ -130,14 +131,15 @@ pub(crate) fn fill_gaps(
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             let noise = noise_beside(sd, gap);
             let variances = filled.iter_mut().flat_map(|f| &mut f.variance);
-            variances.for_each(|v| *v += noise);
+            variances.for_each(|v| *v += NOISE_SHARE * noise);
         }
     }
     filled
 }
 
 /// The variance of a coordinate of a gap's point where it is seen: at the gap's ends, else the mean
-/// over the take; cm². What is learned from noisy frames is as uncertain besides.
+/// over the take; cm². What is learned from noisy frames is uncertain besides; simulated gaps, which
+/// are judged by noisy frames, show a part of that.
 fn noise_beside(sd: ArrayView2<'_, f64>, gap: &Gap) -> f64 {
     let mean = |frames: &mut dyn Iterator<Item = usize>| {
         let known = frames

@@ -127,20 +127,23 @@ impl<'a> Track<'a> {
     /// `None` where neither end has a direction.
     fn miss(&self, before: usize, after: usize) -> Option<f64> {
         let way = |end: usize, inner: Option<usize>, other: usize| {
+            let inner = inner?;
+            let frames = end.abs_diff(other) as f64 / end.abs_diff(inner) as f64;
             let (at, inner, other_at) = (
                 self.seen_at(end)?,
-                self.seen_at(inner?)?,
+                self.seen_at(inner)?,
                 self.seen_at(other)?,
             );
-            let frames = end.abs_diff(other) as f64;
             let square = |axis: usize| {
                 (at[axis] + (at[axis] - inner[axis]) * frames - other_at[axis]).powi(2)
             };
             Some((0..3).map(square).sum::<f64>().sqrt())
         };
-        let last = self.captured.nrows();
-        let forth = way(before, before.checked_sub(1), after);
-        let back = way(after, (after + 1 < last).then_some(after + 1), before);
+        let from = before.saturating_sub(NEXT);
+        let to = (after + 1 + NEXT).min(self.captured.nrows());
+        let forth = (from..before).rev().find(|t| self.is_seen(*t));
+        let back = (after + 1..to).find(|t| self.is_seen(*t));
+        let (forth, back) = (way(before, forth, after), way(after, back, before));
         match (forth, back) {
             (Some(a), Some(b)) => Some(a.min(b)),
             (one, other) => one.or(other),
