@@ -67,14 +67,16 @@ impl<'a> AdaptedPrior<'a> {
             all.all(|i| row[i].is_finite())
         };
         let own = |ends: [usize; 2], length: f64| {
-            if !model.is_bone(ends) {
-                return measured_length(frames, ends, noise);
-            }
             let count = frames
                 .rows()
                 .into_iter()
                 .filter(|r| is_seen(ends, *r))
                 .count();
+            // Under a map's names even a bone may be none.
+            let shows_bones = noise <= JUDGED_NOISE && count >= MEASURED_FRAMES;
+            if shows_bones || !model.is_bone(ends) {
+                return measured_length(frames, ends, noise);
+            }
             let sd = length_sd(length, noise, count);
             Some(OwnLength::Transformed { sd })
         };

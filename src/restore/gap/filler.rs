@@ -5,7 +5,7 @@ use super::estimates::Targets;
 use super::known_frames::Known;
 use super::local_poses::{LocalPoses, anchor};
 use super::motion_limits::MotionLimits;
-use super::predictors::{other_poses, predictors};
+use super::predictors::{Predictors, other_poses, predictors};
 use super::regression::Regression;
 use super::tuning::filler::*;
 use super::{FilledGap, Gap, ends, path, weights};
@@ -177,7 +177,34 @@ impl<'a, 't> GapFiller<'a, 't> {
     }
 
     /// Fills the gaps of one group by what other points say. `None` where too little is known.
+    ///
+    /// A model knows its own points, and where a table has more, these may say more than the model
+    /// does, or stand elsewhere on the body: then the gaps are also learned from the take alone, and
+    /// the two weighed by their errors in simulated gaps.
     fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
+        let first = self.regress_on(group, self.others)?;
+        if !first.leave_out {
+            return Some(first.gaps);
+        }
+        let Some(alone) = self.regress_on(group, None) else {
+            return Some(first.gaps);
+        };
+        let both = first.gaps.into_iter().zip(alone.gaps);
+        let errors = first.errors.iter().zip(&alone.errors);
+        let mixed = both.zip(errors).map(|((first, alone), (e, f))| {
+            let share = f * f / (e * e + f * f);
+            first.mixed_with(&alone, if share.is_nan() { 0.5 } else { share })
+        });
+        Some(mixed.collect())
+    }
+
+    /// Fills the gaps of one group by what other points of the take and the poses of `others` say.
+    /// `None` where too little is known.
+    fn regress_on(
+        &self,
+        group: &[usize],
+        others: Option<ArrayView2<'_, f64>>,
+    ) -> Option<Regressed> {
         let (gaps, known) = (self.gaps, &self.known);
         let of = |k: &usize| &gaps[*k].frames;
         let start = group.iter().map(|k| of(k).start).min()?;
@@ -185,8 +212,11 @@ impl<'a, 't> GapFiller<'a, 't> {
         let targets: Vec<usize> = group.iter().map(|k| gaps[*k].point).collect();
         let around = self.window(&(start..end));
         let gap = start - around.start..end - around.start;
-        let (predictors, frames) =
-            predictors(known, self.others, &around, &targets, &(start..end))?;
+        let Predictors {
+            points: predictors,
+            frames,
+            leave_out,
+        } = predictors(known, others, &around, &targets, &(start..end))?;
         let mut xyz = CowArray::from(known.xyz.slice(s![around.clone(), ..]));
         let captured = self.take.xyz.slice(s![around.clone(), ..]);
         let anchor = anchor(self.take.names, xyz.view(), &predictors, &frames)?;
@@ -195,7 +225,7 @@ impl<'a, 't> GapFiller<'a, 't> {
         let own = LocalPoses::new(&anchor, xyz.view(), &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
         (frames.iter().chain(&held)).for_each(|&t| complete[t] = own.is_complete(t));
-        let others = other_poses(self.others, &anchor, &predictors, &targets);
+        let others = other_poses(others, &anchor, &predictors, &targets);
         let columns: Vec<usize> = targets.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
         let regression = Regression {
             own: &own,
@@ -252,7 +282,11 @@ impl<'a, 't> GapFiller<'a, 't> {
                 method,
             });
         }
-        Some(filled)
+        Some(Regressed {
+            gaps: filled,
+            errors: found.error,
+            leave_out,
+        })
     }
 
     /// The variance of a coordinate of `points` in some frames, cm².
@@ -271,6 +305,16 @@ impl<'a, 't> GapFiller<'a, 't> {
         let reach = (WINDOW * self.take.rate).ceil() as usize;
         gap.start.saturating_sub(reach)..(gap.end + reach).min(self.take.xyz.nrows())
     }
+}
+
+/// The gaps of a group, filled by regression.
+struct Regressed {
+    gaps: Vec<FilledGap>,
+    /// The mean squared error of a coordinate of each in simulated gaps, cm²; NaN where none was
+    /// simulated.
+    errors: Vec<f64>,
+    /// Whether points that the model does not know were left out.
+    leave_out: bool,
 }
 
 /// Ranges of frames, apart from one another and in their order.

@@ -78,6 +78,25 @@ pub(crate) struct FilledGap {
     pub method: FillMethod,
 }
 
+impl FilledGap {
+    /// This estimate of a gap with the weight `share`, and another one.
+    fn mixed_with(mut self, other: &FilledGap, share: f64) -> FilledGap {
+        self.xyz *= share;
+        self.xyz.scaled_add(1.0 - share, &other.xyz);
+        for (v, w) in self.variance.iter_mut().zip(&other.variance) {
+            *v = share * *v + (1.0 - share) * w;
+        }
+        FilledGap {
+            method: if share >= 0.5 {
+                self.method
+            } else {
+                other.method
+            },
+            ..self
+        }
+    }
+}
+
 /// The gaps of `seen` (frames, 3 J; NaN missing) within its `runs` of consecutive frames.
 pub(crate) fn find_gaps(seen: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Gap> {
     runs.iter().flat_map(|run| gaps_of(seen, run)).collect()

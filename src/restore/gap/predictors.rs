@@ -8,6 +8,16 @@ use crate::pose::Anchor;
 use ndarray::{ArrayView2, s};
 use std::ops::Range;
 
+/// What the targets of a gap are learned from.
+pub(crate) struct Predictors {
+    /// The points.
+    pub points: Vec<usize>,
+    /// The frames in which all of them and the targets are known.
+    pub frames: Vec<usize>,
+    /// Whether others were left out, as the model does not know them.
+    pub leave_out: bool,
+}
+
 /// The predictors of `targets` in the frames `gap`, and the frames `around` it in which all of
 /// both are known, counted from the first around. `None` where either are too few. `others` are a
 /// model's training poses (n, 3 J).
@@ -17,7 +27,7 @@ pub(crate) fn predictors(
     around: &Range<usize>,
     targets: &[usize],
     gap: &Range<usize>,
-) -> Option<(Vec<usize>, Vec<usize>)> {
+) -> Option<Predictors> {
     let frames = known.captured.all_known(targets, around);
     let count = frames.len();
     let of_model = |p: &usize| others.is_some_and(|o| o[[0, 3 * p]].is_finite());
@@ -38,10 +48,12 @@ pub(crate) fn predictors(
         .collect();
     candidates.sort_unstable();
     let mut points: Vec<usize> = candidates.into_iter().map(|c| c.1).collect();
+    let mut leave_out = false;
     if is_of_model {
         // Points that the model does not know would leave its training poses out.
         let both: Vec<usize> = points.iter().copied().filter(|p| of_model(p)).collect();
         if 2 * both.len() >= points.len() {
+            leave_out = both.len() < points.len();
             points = both;
         }
     }
@@ -62,7 +74,11 @@ pub(crate) fn predictors(
         kept = steadiest(xyz, &kept, targets, &complete);
     }
     kept.sort_unstable();
-    Some((kept, complete))
+    Some(Predictors {
+        points: kept,
+        frames: complete,
+        leave_out,
+    })
 }
 
 /// The model's training poses in the frame of reference of the predictors; `None` without a

@@ -26,6 +26,9 @@ pub(crate) struct Weighed {
     pub variance: Array2<f64>,
     /// The share of what is interpolated over time, of each target (T).
     pub over_time: Vec<f64>,
+    /// The mean squared error of a coordinate of each target in the simulated gaps (T), cm²; NaN
+    /// where none was simulated.
+    pub error: Vec<f64>,
 }
 
 /// Weighs the estimates of `gap`. `None` where there is nothing to learn from.
@@ -47,6 +50,7 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
         mean: Array2::zeros(estimates.variance.dim()),
         variance: estimates.variance.clone(),
         over_time: Vec::new(),
+        error: Vec::new(),
     };
     for point in 0..points {
         let columns = s![.., 3 * point..3 * point + 3];
@@ -56,7 +60,7 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
             estimates.means.len(),
             targets.regression.rate,
         );
-        let (weights, factor) = match &simulated {
+        let (weights, factor, error) = match &simulated {
             Some(simulated) => {
                 let hold = 1.0 + HOLD_SECONDS * seconds;
                 simulated.judge(point, processes, (&plain, hold), usual)
@@ -65,12 +69,10 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
                 // Time says more than all else.
                 let each = 1.0 / (plain.len() - processes - 1) as f64;
                 let of = |k: usize| if k > processes { each } else { 0.0 };
-                (
-                    (Array1::from_shape_fn(plain.len(), of) + plain) / 2.0,
-                    usual,
-                )
+                let weights = (Array1::from_shape_fn(plain.len(), of) + plain) / 2.0;
+                (weights, usual, f64::NAN)
             }
-            None => (plain, usual),
+            None => (plain, usual, f64::NAN),
         };
         for (w, mean) in weights.iter().zip(&estimates.means) {
             out.mean
@@ -79,6 +81,7 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
         }
         out.variance.slice_mut(columns).mapv_inplace(|v| v * factor);
         out.over_time.push(weights.iter().skip(processes + 1).sum());
+        out.error.push(error);
     }
     Some(out)
 }
@@ -228,15 +231,15 @@ fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>, length: usize)
 }
 
 impl Simulated {
-    /// The weights of the estimates of a point, and the factor of its variance, which is `usual`
-    /// where little is simulated.
+    /// The weights of the estimates of a point, the factor of its variance, which is `usual` where
+    /// little is simulated, and the mean squared error of a coordinate, cm².
     fn judge(
         &self,
         point: usize,
         processes: usize,
         (plain, hold): (&Array1<f64>, f64),
         usual: f64,
-    ) -> (Array1<f64>, f64) {
+    ) -> (Array1<f64>, f64, f64) {
         let columns = s![.., 3 * point..3 * point + 3];
         let errors: Vec<Array1<f64>> = (0..plain.len())
             .map(|k| {
@@ -278,7 +281,8 @@ impl Simulated {
             / n;
         let count = self.estimates.len() as f64;
         let logs = count * ratio.max(LEAST_FACTOR).ln() + USUAL_COUNT * usual.ln();
-        (weights, (logs / (count + USUAL_COUNT)).exp())
+        let factor = (logs / (count + USUAL_COUNT)).exp();
+        (weights, factor, error.dot(&error) / n)
     }
 }
 
