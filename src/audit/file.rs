@@ -154,6 +154,13 @@ impl FileAudit {
             );
         }
         let _ = write!(out, "; {}", count(take.points, "point"));
+        if take.unlabeled > 0 {
+            let _ = write!(
+                out,
+                " and {} without a label",
+                count(take.unlabeled, "track")
+            );
+        }
         if let Some(size) = take.size {
             let _ = write!(out, ", {size:.0} cm");
         }

@@ -23,6 +23,7 @@ pub use held_rotations::{HeldRotations, held_rotations};
 pub use page::page;
 pub use take_pages::TakePages;
 
+use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::stray::points_apart;
 use crate::pose::{JointAngles, Poses};
 use ndarray::{ArrayView2, s};
@@ -127,6 +128,8 @@ pub struct TakeAudit {
     pub rate: Option<f64>,
     /// The number of points.
     pub points: usize,
+    /// The number of further tracks that have no label, which are left alone.
+    pub unlabeled: usize,
     /// The largest extent of the points of a frame, without those that stand far off, in the
     /// median, cm.
     pub size: Option<f64>,
@@ -161,6 +164,13 @@ struct Take<'a> {
 /// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 /// ```
 pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
+    let points = match labeled(&poses.points) {
+        // Nothing has a label: the tracks themselves are all there is.
+        none if none.is_empty() => (0..poses.points.len()).collect(),
+        some => some,
+    };
+    let unlabeled = poses.points.len() - points.len();
+    let poses = &*labeled_poses(poses, &points);
     let all_runs = poses.runs();
     let takes = poses.takes().into_iter().zip(poses.rates());
     let one = |(frames, rate): (Range<usize>, Option<f64>)| {
@@ -175,7 +185,10 @@ pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit>
             rate: rate.or(fps),
         };
         let name = poses.take.as_ref().map(|t| t[frames.start].to_string());
-        audit_take(&take, name, limits)
+        TakeAudit {
+            unlabeled,
+            ..audit_take(&take, name, limits)
+        }
     };
     takes.map(one).collect()
 }
@@ -201,6 +214,7 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
         frames: take.xyz.nrows(),
         rate: take.rate,
         points: take.points.len(),
+        unlabeled: 0,
         size: size.map(|axes| axes.into_iter().fold(0.0, f64::max)),
         gaps,
         findings,

@@ -9,7 +9,8 @@ use crate::audit::{Finding, FindingKind, TakeAudit, audit, count, kind_name, rot
 use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
-use crate::pose::{PointNaming, Poses};
+use crate::label::unlabeled::{labeled, left_alone};
+use crate::pose::{PointNaming, Poses, point_at};
 use crate::restore::{Restoration, typical_noise};
 use ndarray::ArrayView2;
 
@@ -30,15 +31,16 @@ impl CleanSettings {
     ) -> Summary {
         let poses = &file.table.poses;
         let keeps = keeps_rotations(file, to);
+        let points = labeled(&poses.points);
         let missing = |xyz: ArrayView2<'_, f64>| {
-            let rows = xyz.rows().into_iter();
-            rows.map(|row| count_missing(&row.to_vec())).sum::<usize>()
+            let of_frame = |t: usize| points.iter().filter(move |p| !is_seen(xyz, t, **p)).count();
+            (0..poses.frames()).map(of_frame).sum::<usize>()
         };
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
         let denoised = restored.counts().mean_noise() > 0.0;
         let (mut findings, found) = self.remaining(file, keeps, restored);
         let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
-        findings.extend(left_open(left, restored));
+        findings.extend(left_open(restored));
         let noise_stays = noise > self.method.noise_limit && keeps;
         if noise_stays {
             findings.push(format!(
@@ -134,21 +136,19 @@ fn replacements(moved: &[ReplacedPosition]) -> Option<String> {
     })
 }
 
-/// The points of a frame that have a missing coordinate.
-fn count_missing(row: &[f64]) -> usize {
-    let points = row.chunks_exact(3);
-    points.filter(|p| p.iter().any(|v| v.is_nan())).count()
+fn is_seen(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> bool {
+    point_at(xyz, frame, point).is_finite()
 }
 
-/// What was not filled.
-fn left_open(left: usize, restored: &Restoration<'_>) -> Option<String> {
+/// What was not filled of the labeled points.
+fn left_open(restored: &Restoration<'_>) -> Option<String> {
     let poses = &restored.source().poses;
     let xyz = restored.xyz();
     let frames_of = |p: usize| {
-        let is_missing = |t: &usize| (0..3).any(|c| xyz[[*t, 3 * p + c]].is_nan());
+        let is_missing = |t: &usize| !is_seen(xyz, *t, p);
         (0..poses.frames()).filter(is_missing).count()
     };
-    let mut points: Vec<(usize, usize)> = (0..poses.points.len())
+    let mut points: Vec<(usize, usize)> = (labeled(&poses.points).into_iter())
         .map(|p| (frames_of(p), p))
         .filter(|(frames, _)| *frames > 0)
         .collect();
@@ -157,6 +157,7 @@ fn left_open(left: usize, restored: &Restoration<'_>) -> Option<String> {
         true => format!("{} always", poses.points[*p]),
         false => format!("{} in {}", poses.points[*p], count(*frames, "frame")),
     };
+    let left: usize = points.iter().map(|(frames, _)| frames).sum();
     (left > 0).then(|| {
         let some = listed(points.iter().map(one));
         let are = if left == 1 { "is" } else { "are" };
@@ -200,6 +201,7 @@ fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) ->
     if let PointNaming::Map(map) = naming {
         out.push(format!("the points have the names of the map {}", map.name));
     }
+    out.extend(left_alone(&restored.source().columns.points));
     match restored.counts().exchanged {
         0 => {}
         n => out.push(format!(

@@ -10,6 +10,7 @@ use super::streams::{create_table, write_table};
 use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
+use crate::label::unlabeled::left_alone;
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
@@ -218,6 +219,9 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
         messages::info(&format!(
             "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
+    }
+    if let Some(what) = left_alone(&table.columns.points) {
+        messages::info(&what);
     }
     let units = args.out.table_units(args.input.table_units());
     let bar = Progress::new(task.name(), table.poses.frames() as u64);

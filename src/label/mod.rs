@@ -4,3 +4,4 @@ pub(crate) mod distances;
 pub(crate) mod exchanges;
 pub(crate) mod out_and_back;
 mod tuning;
+pub(crate) mod unlabeled;

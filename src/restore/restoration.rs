@@ -5,6 +5,7 @@ use super::gap::{Gap, find_gaps};
 use super::take::TakeResult;
 use crate::Result;
 use crate::io::Table;
+use crate::label::unlabeled::is_unlabeled;
 use crate::pose::{FillMethod, Poses, Status};
 use glam::DVec3;
 use ndarray::ArrayView2;
@@ -99,10 +100,10 @@ impl<'t> Restoration<'t> {
         }
     }
 
-    /// Puts restored frames in place, from frame `first` on. Where no value was found the table's
-    /// stays.
-    pub(super) fn add(&mut self, first: usize, restored: &TakeResult) {
-        let (count, points) = (restored.xyz.nrows(), restored.points());
+    /// Puts restored frames of some of the table's `points` in place, from frame `first` on. Where
+    /// no value was found the table's stays.
+    pub(super) fn add(&mut self, first: usize, restored: &TakeResult, points: &[usize]) {
+        let count = restored.xyz.nrows();
         self.counts.add(&RestorationCounts {
             frames: count,
             too_little: restored.too_little,
@@ -114,14 +115,16 @@ impl<'t> Restoration<'t> {
         });
         let out = &mut self.frames;
         out.novelty[first..first + count].copy_from_slice(&restored.novelty);
-        out.states[first * points..(first + count) * points].copy_from_slice(&restored.states);
         for t in 0..count {
-            for p in 0..points {
+            for (p, in_table) in points.iter().enumerate() {
+                let at = (first + t) * out.points() + in_table;
+                out.states[at] = *restored.state(t, p);
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
                 let mut is_moved = false;
-                for i in (3 * p..3 * p + 3).filter(|_| is_filled) {
-                    is_moved |= out.xyz[[first + t, i]] != restored.xyz[[t, i]];
-                    out.xyz[[first + t, i]] = restored.xyz[[t, i]];
+                for axis in (0..3).filter(|_| is_filled) {
+                    let value = restored.xyz[[t, 3 * p + axis]];
+                    is_moved |= out.xyz[[first + t, 3 * in_table + axis]] != value;
+                    out.xyz[[first + t, 3 * in_table + axis]] = value;
                 }
                 let status = restored.state(t, p).status;
                 self.counts.filled += usize::from(status == Status::Inferred);
@@ -187,9 +190,12 @@ impl<'t> Restoration<'t> {
         self.frames.state(frame, point).method
     }
 
-    /// The gaps of the table that was restored, in the order of their first frames.
+    /// The gaps of the labeled points of the table that was restored, in the order of their first
+    /// frames.
     pub fn gaps(&self) -> Vec<RestoredGap> {
-        let mut gaps = find_gaps(self.source.poses.xyz.view(), &self.source.poses.runs());
+        let poses = &self.source.poses;
+        let mut gaps = find_gaps(poses.xyz.view(), &poses.runs());
+        gaps.retain(|gap| !is_unlabeled(&poses.points[gap.point]));
         gaps.sort_by_key(|g| (g.frames.start, g.point));
         gaps.iter().map(|gap| self.restored_gap(gap)).collect()
     }

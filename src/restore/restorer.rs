@@ -25,10 +25,11 @@ use super::restoration::Restoration;
 use super::take::{Method, PointMapping, Take};
 use crate::io::Model;
 use crate::io::Table;
+use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, CowArray, Ix2, s};
+use ndarray::{Array2, Axis, CowArray, Ix2, s};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -221,7 +222,8 @@ impl<'m> Restorer<'m> {
         hidden: &[usize],
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
-        let poses = &table.poses;
+        let labeled = Labeled::of(table);
+        let poses = &*labeled.poses;
         let mapped = self.model.map(|model| self.mapping(model, poses));
         let mapped = mapped.transpose()?;
         let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
@@ -229,11 +231,15 @@ impl<'m> Restorer<'m> {
             Some((_, names)) => names,
             None => &poses.points[..],
         };
-        let seen = hide(&poses.xyz, hidden);
+        let seen = labeled.hide(&poses.xyz, hidden);
         let mut out = Restoration::unchanged(table);
         let Some(rate) = rate else {
             let mapping = mapping.ok_or_else(no_model)?;
-            out.add(0, &method.restore_frames(mapping, seen.view()));
+            out.add(
+                0,
+                &method.restore_frames(mapping, seen.view()),
+                &labeled.points,
+            );
             return Ok(out);
         };
         let runs = poses.runs();
@@ -254,9 +260,10 @@ impl<'m> Restorer<'m> {
                 xyz: seen.slice(s![frames.clone(), ..]),
                 runs: &runs,
                 rate,
-                sd: (table.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
+                sd: (labeled.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
             };
-            out.add(frames.start, &method.restore_take(mapping, &take, progress));
+            let restored = method.restore_take(mapping, &take, progress);
+            out.add(frames.start, &restored, &labeled.points);
         }
         Ok(out)
     }
@@ -303,11 +310,40 @@ fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
     hidden.flat_map(|p| 3 * p..3 * p + 3).collect()
 }
 
-/// The frames with some columns missing.
-fn hide<'a>(xyz: &'a Array2<f64>, columns: &[usize]) -> CowArray<'a, f64, Ix2> {
-    let mut xyz = CowArray::from(xyz);
-    for &i in columns {
-        xyz.column_mut(i).fill(f64::NAN);
+/// The labeled points of a table: the others are neither filled nor learned from.
+struct Labeled<'t> {
+    /// Their places among the table's points.
+    points: Vec<usize>,
+    poses: Cow<'t, Poses>,
+    /// Standard deviations (frames, points), cm, where the table says them.
+    sd: Option<CowArray<'t, f64, Ix2>>,
+}
+
+impl<'t> Labeled<'t> {
+    fn of(table: &'t Table) -> Labeled<'t> {
+        let points = labeled(&table.poses.points);
+        let sd = table
+            .sd
+            .as_ref()
+            .map(|sd| match points.len() == sd.ncols() {
+                true => CowArray::from(sd),
+                false => CowArray::from(sd.select(Axis(1), &points)),
+            });
+        Labeled {
+            poses: labeled_poses(&table.poses, &points),
+            points,
+            sd,
+        }
     }
-    xyz
+
+    /// Frames of these points with some of the table's columns missing.
+    fn hide<'a>(&self, xyz: &'a Array2<f64>, columns: &[usize]) -> CowArray<'a, f64, Ix2> {
+        let mut xyz = CowArray::from(xyz);
+        for (own, point) in self.points.iter().enumerate() {
+            for axis in (0..3).filter(|axis| columns.contains(&(3 * point + axis))) {
+                xyz.column_mut(3 * own + axis).fill(f64::NAN);
+            }
+        }
+        xyz
+    }
 }

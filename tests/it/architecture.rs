@@ -45,7 +45,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "clean",
         &[
-            "pose", "numeric", "prior", "restore", "io", "ik", "draw", "audit",
+            "pose", "numeric", "prior", "restore", "io", "ik", "draw", "audit", "label",
         ],
     ),
     (

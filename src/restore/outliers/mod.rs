@@ -25,6 +25,7 @@ use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
 use trajectory::spikes_in_rounds;
 pub(crate) use trajectory::{spikes_by_time, spikes_of_take, without};
+pub(crate) use tuning::search::DECIDED;
 pub(crate) use tuning::search::LIKELY;
 use tuning::search::*;
 
@@ -193,8 +194,8 @@ fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
-            let found = estimator.estimate_with_outliers(&xyz.row(t).to_vec(), sd * sd);
-            let probability = found.map_or(Vec::new(), |f| f.1);
+            let found = estimator.outlier_probabilities(&xyz.row(t).to_vec(), sd * sd);
+            let probability = found.unwrap_or_default();
             (0..probability.len())
                 .filter(|&p| probability[p] > LIKELY)
                 .collect()

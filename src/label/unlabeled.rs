@@ -1,0 +1,110 @@
+//! Tracks without a label, by the names that systems give them: `*68`, `Unlabeled 3`, `New 0002`,
+//! `uname12`, `U_7`; a subject's prefix may come first.
+
+use crate::pose::Poses;
+use ndarray::Axis;
+use std::borrow::Cow;
+
+/// What such names begin with, in small letters; digits may follow.
+const BEGINNINGS: [&str; 6] = ["*", "unlabeled", "unlabelled", "unnamed", "uname", "new"];
+
+/// Whether a name says that its track has no label.
+pub(crate) fn is_unlabeled(name: &str) -> bool {
+    let own = name.rsplit(':').next().unwrap_or(name).to_lowercase();
+    let is_number = |rest: &str| {
+        let digits = rest.strip_prefix([' ', '_']).unwrap_or(rest);
+        digits.bytes().all(|b| b.is_ascii_digit())
+    };
+    let mut rests = BEGINNINGS.iter().filter_map(|b| own.strip_prefix(b));
+    // A single letter may be a label.
+    let letter = own.strip_prefix('u').filter(|rest| rest.len() > 1);
+    rests.any(is_number) || letter.is_some_and(is_number)
+}
+
+/// The names of `points` that are labels, as places among them.
+pub(crate) fn labeled(points: &[String]) -> Vec<usize> {
+    (0..points.len())
+        .filter(|p| !is_unlabeled(&points[*p]))
+        .collect()
+}
+
+/// The poses of the `points` of some that have a label.
+pub(crate) fn labeled_poses<'a>(poses: &'a Poses, points: &[usize]) -> Cow<'a, Poses> {
+    if points.len() == poses.points.len() {
+        return Cow::Borrowed(poses);
+    }
+    let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+    Cow::Owned(Poses {
+        points: points.iter().map(|p| poses.points[*p].clone()).collect(),
+        xyz: poses.xyz.select(Axis(1), &columns),
+        time: poses.time.clone(),
+        take: poses.take.clone(),
+    })
+}
+
+/// What to say of the tracks without a label among `points`; `None` if there are none.
+pub(crate) fn left_alone(points: &[String]) -> Option<String> {
+    let some: Vec<&str> = (points.iter().map(String::as_str))
+        .filter(|name| is_unlabeled(name))
+        .collect();
+    let shown = some.iter().take(3).copied().collect::<Vec<_>>().join(", ");
+    match some.len() {
+        0 => None,
+        1 => Some(format!("{shown} has no label: left alone")),
+        n => {
+            let more = if n > 3 { ", …" } else { "" };
+            Some(format!(
+                "{n} tracks without a label are left alone ({shown}{more})"
+            ))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_without_a_label_are_told() {
+        for name in [
+            "*68",
+            "*",
+            "Unlabeled 3",
+            "Anna:*112",
+            "New 0003",
+            "unlabelled_9004",
+            "uname",
+            "U_12",
+            "U7",
+            "Unnamed",
+        ] {
+            assert!(is_unlabeled(name), "{name}");
+        }
+        for name in [
+            "LASI",
+            "U",
+            "Newton",
+            "UPA",
+            "unit_1",
+            "root",
+            "Anna:LUPA",
+            "new_hip",
+        ] {
+            assert!(!is_unlabeled(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn they_are_named() {
+        let points = |names: &str| names.split(' ').map(String::from).collect::<Vec<_>>();
+        assert_eq!(left_alone(&points("LASI RASI")), None);
+        assert_eq!(
+            left_alone(&points("LASI *3")).as_deref(),
+            Some("*3 has no label: left alone")
+        );
+        let many = left_alone(&points("*3 a *4 *5 *6"));
+        let want = "4 tracks without a label are left alone (*3, *4, *5, …)";
+        assert_eq!(many.as_deref(), Some(want));
+        assert_eq!(labeled(&points("*3 a *4 b")), [1, 3]);
+    }
+}
