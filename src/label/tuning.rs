@@ -7,7 +7,7 @@
 /// none found.
 pub(crate) mod exchanges {
     /// How fast the points of a body are, at least, cm/s: 8 cm in a frame at 30 frames a second.
-    /// Where they are faster nearby, so many seconds before and after, and frames, they may be here.
+    /// They may be as fast as they are nearby, so many seconds, and frames, before and after.
     pub(crate) const FAST: f64 = 240.0;
     pub(crate) const NEARBY: f64 = 0.25;
     pub(crate) const FEWEST_NEARBY: usize = 3;
@@ -43,7 +43,8 @@ pub(crate) mod out_and_back {
     pub(crate) const LEAST: f64 = 4.0;
     /// Least jump, in differences that few of the steps nearby exceed.
     pub(crate) const UNUSUAL: f64 = 3.0;
-    /// Frames on either side of a step that are nearby, and the share of their steps that are usual.
+    /// Frames on either side of a step that are nearby, and the share of their steps that are
+    /// usual.
     pub(crate) const NEARBY: usize = 6;
     pub(crate) const USUAL: f64 = 0.8;
     /// One in so many of the steps nearby may be half as large as both jumps, these aside.

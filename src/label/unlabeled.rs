@@ -17,7 +17,7 @@ pub(crate) fn is_unlabeled(name: &str) -> bool {
     };
     let mut rests = BEGINNINGS.iter().filter_map(|b| own.strip_prefix(b));
     // A single letter may be a label.
-    let letter = own.strip_prefix('u').filter(|rest| rest.len() > 1);
+    let letter = own.strip_prefix('u').filter(|rest| !rest.is_empty());
     rests.any(is_number) || letter.is_some_and(is_number)
 }
 

@@ -2,8 +2,8 @@
 //! points does.
 //!
 //! A bone's length is the median over the take. In each frame the ends of the bones are moved along
-//! them until every length is right, the less the surer they are (Müller et al. 2007, Position based
-//! dynamics).
+//! them until every length is right, the less the surer they are (Müller et al. 2007, Position
+//! based dynamics).
 
 use super::take::TakeResult;
 use super::tuning::bone_lengths::*;

@@ -8,7 +8,6 @@
 //! y (3 J, cm) is the frame, r (3 J, cm²) its noise variances, R and t the placement of the model's
 //! space.
 
-use super::outliers::DECIDED;
 use super::placement::orthographic;
 use super::placement::{PlacementSolution, PlacementSolver};
 use super::rigid::{Corrected, OutlierMode, RigidModel};
@@ -153,7 +152,14 @@ impl<'a> FrameEstimator<'a> {
         y: &[f64],
         variance: f64,
     ) -> Option<(FrameEstimate, Vec<f64>)> {
-        let clean = same_noise(y, variance);
+        let clean = |v: &f64| {
+            if v.is_finite() {
+                variance
+            } else {
+                f64::INFINITY
+            }
+        };
+        let clean: Vec<f64> = y.iter().map(clean).collect();
         let by_distances = self.rigid?.outlier_probabilities(y, &clean);
         let suspects: Vec<usize> = (0..by_distances.len())
             .filter(|&p| by_distances[p] > SUSPECT)
@@ -177,22 +183,6 @@ impl<'a> FrameEstimator<'a> {
             }
         }
         Some((found, probability))
-    }
-
-    /// The probability of each point of one frame to be an outlier, as
-    /// [`FrameEstimator::estimate_with_outliers`] finds it; where the distances alone decide about every
-    /// point, the prior is not asked.
-    pub(crate) fn outlier_probabilities(&self, y: &[f64], variance: f64) -> Option<Vec<f64>> {
-        let by_distances = self
-            .rigid?
-            .outlier_probabilities(y, &same_noise(y, variance));
-        match by_distances
-            .iter()
-            .all(|q| *q <= DECIDED || *q >= 1.0 - DECIDED)
-        {
-            true => Some(by_distances),
-            false => Some(self.estimate_with_outliers(y, variance)?.1),
-        }
     }
 
     /// Novelty of a complete pose (3 J, world space) at a placement, nats; see [`Prior::novelty`].
@@ -246,15 +236,4 @@ pub(crate) fn point_sd(variance: &[f64]) -> Vec<f64> {
 /// The distance between a point's positions in two poses, cm.
 pub(crate) fn displacement(a: &[f64], b: &[f64], point: usize) -> f64 {
     (DVec3::from_slice(&a[3 * point..]) - DVec3::from_slice(&b[3 * point..])).length()
-}
-/// The noise variances of a frame's coordinates: one for all that are seen, infinite where missing.
-fn same_noise(y: &[f64], variance: f64) -> Vec<f64> {
-    let of = |v: &f64| {
-        if v.is_finite() {
-            variance
-        } else {
-            f64::INFINITY
-        }
-    };
-    y.iter().map(of).collect()
 }

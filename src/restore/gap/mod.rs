@@ -157,8 +157,8 @@ pub(crate) fn fill_gaps(
 }
 
 /// The variance of a coordinate of a gap's point where it is seen: at the gap's ends, else the mean
-/// over the take; cm². What is learned from noisy frames is uncertain besides; simulated gaps, which
-/// are judged by noisy frames, show a part of that.
+/// over the take; cm². What is learned from noisy frames is uncertain besides; simulated gaps,
+/// which are judged by noisy frames, show a part of that.
 fn noise_beside(sd: ArrayView2<'_, f64>, gap: &Gap) -> f64 {
     let mean = |frames: &mut dyn Iterator<Item = usize>| {
         let known = frames

@@ -19,13 +19,12 @@ use crate::numeric::parallel;
 use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::SmoothedTake;
 use crate::restore::gap::{Gap, fill_gaps, find_gaps};
-use crate::restore::noise_estimation::rounded;
+use crate::restore::noise_estimation::{rounded, variances};
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
 use trajectory::spikes_in_rounds;
 pub(crate) use trajectory::{spikes_by_time, spikes_of_take, without};
-pub(crate) use tuning::search::DECIDED;
 pub(crate) use tuning::search::LIKELY;
 use tuning::search::*;
 
@@ -194,8 +193,15 @@ fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
-            let found = estimator.outlier_probabilities(&xyz.row(t).to_vec(), sd * sd);
-            let probability = found.unwrap_or_default();
+            let y = xyz.row(t).to_vec();
+            let by_distances = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
+            let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
+            let probability = match by_distances.iter().all(is_decided) {
+                true => by_distances,
+                false => {
+                    (estimator.estimate_with_outliers(&y, sd * sd)).map_or(Vec::new(), |f| f.1)
+                }
+            };
             (0..probability.len())
                 .filter(|&p| probability[p] > LIKELY)
                 .collect()
