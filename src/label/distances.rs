@@ -10,6 +10,8 @@ pub(crate) struct Distance {
     pub median: f64,
     /// Standard deviation by the 10th and 90th percentiles, cm.
     pub spread: f64,
+    /// The same by the 5th and 95th percentiles: larger where a tenth of the lengths differ.
+    pub tails: f64,
     /// In how many frames it was measured.
     pub frames: usize,
 }
@@ -42,6 +44,7 @@ impl Distance {
             median: at(0.5),
             // Of a Gaussian these are 2.56 standard deviations apart.
             spread: (at(0.9) - at(0.1)) / 2.563,
+            tails: (at(0.95) - at(0.05)) / 3.29,
             frames: lengths.len(),
         })
     }

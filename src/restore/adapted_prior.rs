@@ -202,11 +202,13 @@ fn measured_length(
     let found = Distance::measure(frames, points).filter(|d| d.frames >= MEASURED_FRAMES)?;
     // Both ends are noisy; twice their variance still may be noise.
     let noise_variance = 2.0 * noise * noise;
-    let variance = found.spread * found.spread;
+    let variance = found.spread.max(found.tails).powi(2);
     let is_rigid = variance <= 2.0 * noise_variance + MOST_SPREAD * MOST_SPREAD;
     is_rigid.then(|| OwnLength::Measured {
         length: found.median,
-        sd: ((variance - noise_variance).max(0.0) + variance / found.frames as f64).sqrt(),
+        // Noise is overestimated where a body is fast.
+        sd: ((variance - noise_variance).max(variance / 2.0) + variance / found.frames as f64)
+            .sqrt(),
     })
 }
 

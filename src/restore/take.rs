@@ -137,6 +137,12 @@ impl<'a> PointMapping<'a> {
         pairs.filter_map(|(p, in_table)| Some((p, (*in_table)?)))
     }
 
+    /// Whether the table has points that the model does not know: then it is of another skeleton,
+    /// and even those that the model knows may stand elsewhere on the body.
+    pub(crate) fn has_others(&self) -> bool {
+        self.pairs().count() < self.table_points
+    }
+
     /// The table's points that are the ends of a bone of the model.
     pub(crate) fn bones(&self) -> Vec<[usize; 2]> {
         let ends = self

@@ -182,28 +182,31 @@ impl<'a, 't> GapFiller<'a, 't> {
     /// or all may stand elsewhere on the body: then the gaps are also learned from the take alone,
     /// and the two weighed by their errors in simulated gaps.
     fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
-        let first = self.regress_on(group, self.others)?;
+        let first = self.regress_on(group, self.others, self.take.names)?;
         if !first.leave_out {
             return Some(first.gaps);
         }
-        let Some(alone) = self.regress_on(group, None) else {
+        // Nor is a pelvis by these names the best frame of reference.
+        let Some(alone) = self.regress_on(group, None, &[]) else {
             return Some(first.gaps);
         };
         let both = first.gaps.into_iter().zip(alone.gaps);
         let errors = first.errors.iter().zip(&alone.errors);
         let mixed = both.zip(errors).map(|((first, alone), (e, f))| {
-            let share = f * f / (e * e + f * f);
-            first.mixed_with(&alone, if share.is_nan() { 0.5 } else { share })
+            let share = f * f / (MODEL_DOUBT * e * e + f * f);
+            first.mixed_with(&alone, if share.is_nan() { UNTRIED_SHARE } else { share })
         });
         Some(mixed.collect())
     }
 
-    /// Fills the gaps of one group by what other points of the take and the poses of `others` say.
+    /// Fills the gaps of one group by what other points of the take and the poses of `others` say,
+    /// in the frame of reference of the pelvis, if `names` have one.
     /// `None` where too little is known.
     fn regress_on(
         &self,
         group: &[usize],
         others: Option<ArrayView2<'_, f64>>,
+        names: &[String],
     ) -> Option<Regressed> {
         let (gaps, known) = (self.gaps, &self.known);
         let of = |k: &usize| &gaps[*k].frames;
@@ -219,7 +222,7 @@ impl<'a, 't> GapFiller<'a, 't> {
         } = predictors(known, others, &around, &targets, &(start..end))?;
         let mut xyz = CowArray::from(known.xyz.slice(s![around.clone(), ..]));
         let captured = self.take.xyz.slice(s![around.clone(), ..]);
-        let anchor = anchor(self.take.names, xyz.view(), &predictors, &frames)?;
+        let anchor = anchor(names, xyz.view(), &predictors, &frames)?;
         let seconds = &known.seconds[around];
         let held = ends::hold(&mut xyz, seconds, &gap, &predictors, &targets);
         let own = LocalPoses::new(&anchor, xyz.view(), &predictors, &targets);

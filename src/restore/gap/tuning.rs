@@ -21,6 +21,10 @@ pub(crate) mod filler {
     /// time: there are too many to learn each, and the path is nearly as good.
     pub(crate) const MANY_GAPS: usize = 200;
     pub(crate) const BRIEF: usize = 8;
+    /// Where a table has points that the model lacks: by how much its squared variance counts more
+    /// than that of the take alone, and its share where no gap can be simulated.
+    pub(crate) const MODEL_DOUBT: f64 = 4.0;
+    pub(crate) const UNTRIED_SHARE: f64 = 0.3;
     /// More gaps than this are not filled once more.
     pub(crate) const MANY_AGAIN: usize = 200;
     /// How often a gap is tried at most since others are filled from whose frames it would be

@@ -196,7 +196,8 @@ fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<
             let y = xyz.row(t).to_vec();
             let by_distances = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
-            let probability = match by_distances.iter().all(is_decided) {
+            let is_decided = by_distances.iter().all(is_decided) || adapted.mapping.has_others();
+            let probability = match is_decided {
                 true => by_distances,
                 false => {
                     (estimator.estimate_with_outliers(&y, sd * sd)).map_or(Vec::new(), |f| f.1)
