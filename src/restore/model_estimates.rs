@@ -25,8 +25,8 @@ pub(crate) struct ModelEstimates {
 }
 
 impl ModelEstimates {
-    /// Estimates the frames of some `knots`, moves their points by the person's own offsets, corrects
-    /// the frames between as those beside them, and smooths over time.
+    /// Estimates the frames of some `knots`, moves their points by the person's own offsets,
+    /// corrects the frames between as those beside them, and smooths over time.
     pub(crate) fn new(
         adapted: &AdaptedPrior<'_>,
         smoothed: &SmoothedTake,

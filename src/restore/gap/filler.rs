@@ -178,9 +178,9 @@ impl<'a, 't> GapFiller<'a, 't> {
 
     /// Fills the gaps of one group by what other points say. `None` where too little is known.
     ///
-    /// A model knows its own points. Where a table has more, these may say more than the model does,
-    /// or all may stand elsewhere on the body: then the gaps are also learned from the take alone,
-    /// and the two weighed by their errors in simulated gaps.
+    /// A model knows its own points. Where a table has more, these may say more than the model
+    /// does, or all may stand elsewhere on the body: then the gaps are also learned from the take
+    /// alone, and the two weighed by their errors in simulated gaps.
     fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
         let first = self.regress_on(group, self.others, self.take.names)?;
         if !first.leave_out {

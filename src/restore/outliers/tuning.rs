@@ -20,8 +20,8 @@ pub(crate) mod search {
     /// Evidence that suffices where the frame has none, nats, on each side within so many frames.
     pub(crate) const EITHER_SIDE: f64 = 3.5;
     pub(crate) const BESIDE: usize = 2;
-    /// A point less likely an outlier by distances than this, or as little likely none, is decided in
-    /// a take. One without any distance has .2: its path has been looked at.
+    /// A point less likely an outlier by distances than this, or as little likely none, is decided
+    /// in a take. One without any distance has .2: its path has been looked at.
     pub(crate) const DECIDED: f64 = 0.25;
     /// A point more likely an outlier than this probability is one.
     pub(crate) const LIKELY: f64 = 0.5;
