@@ -12,10 +12,10 @@
 //! 2. `outliers` finds tracks that jump off and back (`label`) and spikes, adapts the prior
 //!    to the body (`adapted_prior`) and finds the other outliers.
 //! 3. `denoise` puts back what is exchanged left and right (`label`), measures the noise
-//!    (`capture_noise`), smooths each path over time (`adaptive_smoothing`), draws it to the model's
-//!    estimates (`model_estimates`, at `knots`), and holds the limbs' bones to their lengths
-//!    (`bone_lengths`); `complete` assumes that seen values are exact, but for those whose deviation
-//!    the table says.
+//!    (`capture_noise`), smooths each path over time (`adaptive_smoothing`), draws it to the
+//!    model's estimates (`model_estimates`, at `knots`), and holds the limbs' bones to their
+//!    lengths (`bone_lengths`); `complete` assumes that seen values are exact, but for those whose
+//!    deviation the table says.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
 //!    the model's space, `rigid` projects it onto the known distances. Where few points are seen
