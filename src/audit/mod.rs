@@ -164,11 +164,7 @@ struct Take<'a> {
 /// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 /// ```
 pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
-    let points = match labeled(&poses.points) {
-        // Nothing has a label: the tracks themselves are all there is.
-        none if none.is_empty() => (0..poses.points.len()).collect(),
-        some => some,
-    };
+    let points = labeled(&poses.points);
     let unlabeled = poses.points.len() - points.len();
     let poses = &*labeled_poses(poses, &points);
     let all_runs = poses.runs();

@@ -191,8 +191,7 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
     report(&counts, left, args.status, task.max_gap().is_some());
     if matches!(task, Task::Denoise(_)) && !args.status && counts.unfilled > 0 {
         messages::info(
-            "without --status, complete takes these values for exact: with it, it reads how \
-             uncertain they are",
+            "complete will take these values for exact: --status passes their uncertainty on",
         );
     }
     Ok(())

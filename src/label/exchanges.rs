@@ -237,6 +237,8 @@ impl PairTrack {
         let mut cost = [[0.0; 2]; 2];
         for (before, last) in self.last.iter().enumerate() {
             let Some(last) = last.filter(|last| (t - last) as f64 <= limb.rate) else {
+                // Nothing says that it was the other's: that costs something to say.
+                cost[before][1 - before] += FARTHEST / 2.0;
                 continue;
             };
             let there = point_at(limb.xyz, last, columns[before]);

@@ -5,8 +5,10 @@ use crate::pose::Poses;
 use ndarray::Axis;
 use std::borrow::Cow;
 
-/// What such names begin with, in small letters; digits may follow.
-const BEGINNINGS: [&str; 6] = ["*", "unlabeled", "unlabelled", "unnamed", "uname", "new"];
+/// What such names begin with, in small letters; digits may follow. After the second, which may be
+/// labels themselves, they must.
+const BEGINNINGS: [&str; 5] = ["*", "unlabeled", "unlabelled", "unnamed", "uname"];
+const BEFORE_DIGITS: [&str; 3] = ["new", "u", "u_"];
 
 /// Whether a name says that its track has no label.
 pub(crate) fn is_unlabeled(name: &str) -> bool {
@@ -16,16 +18,16 @@ pub(crate) fn is_unlabeled(name: &str) -> bool {
         digits.bytes().all(|b| b.is_ascii_digit())
     };
     let mut rests = BEGINNINGS.iter().filter_map(|b| own.strip_prefix(b));
-    // A single letter may be a label.
-    let letter = own.strip_prefix('u').filter(|rest| !rest.is_empty());
-    rests.any(is_number) || letter.is_some_and(is_number)
+    let mut numbered = BEFORE_DIGITS.iter().filter_map(|b| own.strip_prefix(b));
+    let ends_in_digit = own.ends_with(|c: char| c.is_ascii_digit());
+    rests.any(is_number) || ends_in_digit && numbered.any(is_number)
 }
 
-/// The names of `points` that are labels, as places among them.
+/// The names of `points` that are labels, as places among them; all, where none is.
 pub(crate) fn labeled(points: &[String]) -> Vec<usize> {
-    (0..points.len())
-        .filter(|p| !is_unlabeled(&points[*p]))
-        .collect()
+    let all = 0..points.len();
+    let some: Vec<usize> = all.clone().filter(|p| !is_unlabeled(&points[*p])).collect();
+    if some.is_empty() { all.collect() } else { some }
 }
 
 /// The poses of the `points` of some that have a label.
@@ -44,8 +46,10 @@ pub(crate) fn labeled_poses<'a>(poses: &'a Poses, points: &[usize]) -> Cow<'a, P
 
 /// What to say of the tracks without a label among `points`; `None` if there are none.
 pub(crate) fn left_alone(points: &[String]) -> Option<String> {
-    let some: Vec<&str> = (points.iter().map(String::as_str))
-        .filter(|name| is_unlabeled(name))
+    let of = labeled(points);
+    let some: Vec<&str> = (0..points.len())
+        .filter(|p| of.binary_search(p).is_err())
+        .map(|p| points[p].as_str())
         .collect();
     let shown = some.iter().take(3).copied().collect::<Vec<_>>().join(", ");
     match some.len() {
@@ -83,6 +87,8 @@ mod tests {
         for name in [
             "LASI",
             "U",
+            "U_",
+            "New",
             "Newton",
             "UPA",
             "unit_1",
@@ -106,5 +112,7 @@ mod tests {
         let want = "4 tracks without a label are left alone (*3, *4, *5, …)";
         assert_eq!(many.as_deref(), Some(want));
         assert_eq!(labeled(&points("*3 a *4 b")), [1, 3]);
+        assert_eq!(labeled(&points("*3 *4")), [0, 1]);
+        assert_eq!(left_alone(&points("*3 *4")), None);
     }
 }

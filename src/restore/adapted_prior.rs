@@ -72,10 +72,13 @@ impl<'a> AdaptedPrior<'a> {
                 .into_iter()
                 .filter(|r| is_seen(ends, *r))
                 .count();
+            if !model.is_bone(ends) {
+                return measured_length(&Distance::measure(frames, ends)?, noise);
+            }
             // Under a map's names even a bone may be none.
-            let shows_bones = noise <= JUDGED_NOISE && count >= MEASURED_FRAMES;
-            if shows_bones || !model.is_bone(ends) {
-                return measured_length(frames, ends, noise);
+            let found = Distance::measure(frames, ends).filter(|_| noise <= JUDGED_NOISE);
+            if let Some(found) = found.filter(|d| d.frames >= MEASURED_FRAMES) {
+                return measured_length(&found, noise);
             }
             let sd = length_sd(length, noise, count);
             Some(OwnLength::Transformed { sd })
@@ -194,12 +197,10 @@ impl<'a> AdaptedPrior<'a> {
 /// The distance between two points that no bone joins, if `frames` (m, 3 J; cm) show it to be
 /// rigid; `noise` is the standard deviation of a coordinate, cm. People differ in it more than in
 /// their bones: the model's own says nothing of it.
-fn measured_length(
-    frames: ArrayView2<'_, f64>,
-    points: [usize; 2],
-    noise: f64,
-) -> Option<OwnLength> {
-    let found = Distance::measure(frames, points).filter(|d| d.frames >= MEASURED_FRAMES)?;
+fn measured_length(found: &Distance, noise: f64) -> Option<OwnLength> {
+    if found.frames < MEASURED_FRAMES {
+        return None;
+    }
     // Both ends are noisy; twice their variance still may be noise.
     let noise_variance = 2.0 * noise * noise;
     let variance = found.spread.max(found.tails).powi(2);

@@ -1,13 +1,13 @@
-//! The bones of the limbs of a denoised take held to one length each, as no smoothing of single
-//! points does.
+//! The bones of the limbs of a denoised take held to one length each.
 //!
-//! A bone's length is the median over the take. In each frame the ends of the bones are moved along
-//! them until every length is right, the less the surer they are (Müller et al. 2007, Position
+//! A bone's length is the median over the take; what varies by more than noise and breathing bones
+//! do is none. In each frame the ends of the bones are moved along
+//! them until every length is near, the less the surer they are (Müller et al. 2007, Position
 //! based dynamics).
 
 use super::take::TakeResult;
 use super::tuning::bone_lengths::*;
-use crate::numeric::statistics::median;
+use crate::label::distances::Distance;
 use crate::pose::{Status, point_at};
 use glam::DVec3;
 
@@ -15,8 +15,15 @@ use glam::DVec3;
 pub(crate) fn hold(out: &mut TakeResult, bones: &[[usize; 2]]) {
     let frames = out.xyz.nrows();
     let length = |[a, b]: [usize; 2]| {
+        let is_measured = |t: &usize| {
+            let status = [a, b].map(|p| out.state(*t, p).status);
+            (status.iter()).all(|s| matches!(s, Status::Observed | Status::Changed))
+        };
         let of = |t| point_at(out.xyz.view(), t, a).distance(point_at(out.xyz.view(), t, b));
-        median((0..frames).map(of).filter(|l| l.is_finite()).collect())
+        let lengths = (0..frames).filter(is_measured).map(of);
+        let found = Distance::of(lengths.filter(|l| l.is_finite()).collect())?;
+        let is_bone = found.frames >= FEWEST_FRAMES && found.spread <= MOST_SPREAD * found.median;
+        is_bone.then_some(found.median)
     };
     let measured = bones.iter().map(|bone| Some((*bone, length(*bone)?)));
     let bones: Vec<([usize; 2], f64)> = measured.flatten().collect();

@@ -93,6 +93,7 @@ impl Method for Denoise {
         put_denoised(&mut out, captured, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.
         self.fill(&mut out, captured, take, &outliers, known);
+        out.vacate(&emptied);
         // 6. The bones of the limbs, of one length each.
         let bones = mapping.map_or(Vec::new(), PointMapping::limb_bones);
         bone_lengths::hold(&mut out, &bones);
@@ -151,8 +152,6 @@ fn put_denoised(
             });
             let status = match moved <= UNCHANGED * UNCHANGED {
                 true => Status::Observed,
-                // It bore another's name.
-                false if moved.is_nan() => Status::Inferred,
                 false => Status::Changed,
             };
             out.set(t, p, status, sd);

@@ -40,10 +40,15 @@ impl Knots {
         out
     }
 
-    /// The knot nearest to a frame.
-    pub(crate) fn nearest(&self, frame: usize) -> Option<usize> {
+    /// The nearer of the knots beside a frame that are `known`.
+    pub(crate) fn nearest(&self, frame: usize, known: impl Fn(usize) -> bool) -> Option<usize> {
         let ([before, after], share) = self.beside[frame]?;
-        Some(if share <= 0.5 { before } else { after })
+        let both = if share <= 0.5 {
+            [before, after]
+        } else {
+            [after, before]
+        };
+        both.into_iter().find(|k| known(*k))
     }
 
     /// A value of a frame between those of the knots, `None` where these have none.
@@ -76,8 +81,9 @@ mod tests {
         for t in (0..12).filter(|t| *t != 6) {
             assert_eq!(value(t), Some(10.0 * t as f64));
         }
-        assert_eq!((value(6), knots.nearest(6)), (None, None));
-        assert_eq!(knots.nearest(10).map(|k| knots.frames[k]), Some(9));
+        assert_eq!((value(6), knots.nearest(6, |_| true)), (None, None));
+        let at = |known: &dyn Fn(usize) -> bool| knots.nearest(10, known).map(|k| knots.frames[k]);
+        assert_eq!((at(&|_| true), at(&|k| k > 5)), (Some(9), Some(11)));
         let all = Knots::new(3, std::slice::from_ref(&(0..3)), 30.0);
         assert_eq!(all.frames, [0, 1, 2]);
     }

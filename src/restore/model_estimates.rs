@@ -18,14 +18,14 @@ pub(crate) struct ModelEstimates {
     pub mean: Array2<f64>,
     /// (frames x J), cm.
     pub sd: Vec<f64>,
-    /// Nats, one per frame.
+    /// Nats, one per frame: that of the nearest frame that was estimated.
     pub novelty: Vec<f64>,
     /// Frames with too little seen to estimate them.
     pub too_little: usize,
 }
 
 impl ModelEstimates {
-    /// Estimates the frames of some `knots`, moves their points by the person's own offsets,
+    /// Estimates the frames of [`Knots`], moves their points by the person's own offsets,
     /// corrects the frames between as those beside them, and smooths over time.
     pub(crate) fn new(
         adapted: &AdaptedPrior<'_>,
@@ -51,7 +51,8 @@ impl ModelEstimates {
                 estimate_smoothed(&estimator, &seen.row(*t).to_vec(), &noise)
             };
             let part: Vec<_> = knots.frames[range.clone()].iter().map(estimate).collect();
-            done(range.len() * seen.nrows() / knots.frames.len());
+            let until = |k: usize| k * seen.nrows() / knots.frames.len();
+            done(until(range.end) - until(range.start));
             part
         });
         let found: Vec<Option<FrameEstimate>> = found.into_iter().flatten().collect();
@@ -69,7 +70,9 @@ impl ModelEstimates {
         };
         for t in 0..seen.nrows() {
             let is_any_seen = seen.row(t).iter().any(|v| v.is_finite());
-            let nearest = knots.nearest(t).filter(|_| is_any_seen);
+            let nearest = knots
+                .nearest(t, |k| found[k].is_some())
+                .filter(|_| is_any_seen);
             let Some((near, novelty)) =
                 nearest.and_then(|k| Some((found[k].as_ref()?, novelty[k])))
             else {

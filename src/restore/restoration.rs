@@ -5,10 +5,10 @@ use super::gap::{Gap, find_gaps};
 use super::take::TakeResult;
 use crate::Result;
 use crate::io::Table;
-use crate::label::unlabeled::is_unlabeled;
+use crate::label::unlabeled::labeled;
 use crate::pose::{FillMethod, Poses, Status};
 use glam::DVec3;
-use ndarray::ArrayView2;
+use ndarray::{ArrayView2, s};
 use std::ops::Range;
 
 /// Numbers of frames and points by what became of them.
@@ -113,6 +113,13 @@ impl<'t> Restoration<'t> {
             noise: restored.noise * count as f64,
             ..RestorationCounts::default()
         });
+        for (t, p) in &restored.vacated {
+            let columns = 3 * points[*p]..3 * points[*p] + 3;
+            self.frames
+                .xyz
+                .slice_mut(s![first + t, columns])
+                .fill(f64::NAN);
+        }
         let out = &mut self.frames;
         out.novelty[first..first + count].copy_from_slice(&restored.novelty);
         for t in 0..count {
@@ -195,7 +202,8 @@ impl<'t> Restoration<'t> {
     pub fn gaps(&self) -> Vec<RestoredGap> {
         let poses = &self.source.poses;
         let mut gaps = find_gaps(poses.xyz.view(), &poses.runs());
-        gaps.retain(|gap| !is_unlabeled(&poses.points[gap.point]));
+        let points = labeled(&poses.points);
+        gaps.retain(|gap| points.binary_search(&gap.point).is_ok());
         gaps.sort_by_key(|g| (g.frames.start, g.point));
         gaps.iter().map(|gap| self.restored_gap(gap)).collect()
     }

@@ -245,6 +245,8 @@ pub(crate) struct TakeResult {
     pub too_little: usize,
     /// How often two points bore each other's names, and were put back.
     pub exchanged: usize,
+    /// Frames and points whose value was another's, which has it now, and that stay missing.
+    pub vacated: Vec<(usize, usize)>,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
     /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN
@@ -306,6 +308,18 @@ impl TakeResult {
             sd,
             method: None,
         };
+    }
+
+    /// Notes which of the points of each frame that were emptied were not filled.
+    pub(crate) fn vacate(&mut self, emptied: &[Vec<usize>]) {
+        for (t, points) in emptied.iter().enumerate() {
+            for &p in points {
+                if !point_at(self.xyz.view(), t, p).is_finite() {
+                    self.set(t, p, Status::Unknown, f64::NAN);
+                    self.vacated.push((t, p));
+                }
+            }
+        }
     }
 
     /// Whether any point of a frame was filled or replaced.

@@ -12,7 +12,7 @@ use posing::restore::Denoise;
 /// In a take (a table with times, or with --fps), smooths the path of each point as strongly as its
 /// motion bears, and draws it towards a pose model's estimate, the more the noisier it is. Without
 /// times, each frame is estimated by the model alone, and rigid distances, such as bone lengths,
-/// are kept. Empty cells stay empty without --fill.
+/// are kept. Empty cells stay empty without --fill, but where their value bore another's name.
 ///
 /// Outliers are replaced by their estimate. In a take, they are points that jump off their path and
 /// back, or that break rigid distances. In a single frame (--per-frame), rigid distances give the

@@ -41,7 +41,7 @@ use super::take::{PointState, Take, TakeResult};
 use crate::pose::{FillMethod, Status};
 use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2, Axis, s};
 use std::ops::Range;
 use tuning::noise::NOISE_SHARE;
 pub(crate) use whole_body::bare_frames;
@@ -81,10 +81,11 @@ pub(crate) struct FilledGap {
 impl FilledGap {
     /// This estimate of a gap with the weight `share`, and another one.
     fn mixed_with(mut self, other: &FilledGap, share: f64) -> FilledGap {
+        let apart = (&self.xyz - &other.xyz).mapv(|v| v * v).sum_axis(Axis(1)) / 3.0;
         self.xyz *= share;
         self.xyz.scaled_add(1.0 - share, &other.xyz);
-        for (v, w) in self.variance.iter_mut().zip(&other.variance) {
-            *v = share * *v + (1.0 - share) * w;
+        for ((v, w), apart) in self.variance.iter_mut().zip(&other.variance).zip(apart) {
+            *v = share * *v + (1.0 - share) * w + share * (1.0 - share) * apart;
         }
         FilledGap {
             method: if share >= 0.5 {
@@ -215,7 +216,9 @@ pub(crate) fn empty_gaps<'a>(
         let columns = 3 * gap.point..3 * gap.point + 3;
         for t in gap.frames.clone() {
             let captured = xyz.slice(s![t, columns.clone()]);
-            if captured.iter().all(|v| v.is_finite()) {
+            // What bore another's name was measured, and stays.
+            let is_put_back = out.state(t, gap.point).status == Status::Changed;
+            if is_put_back || captured.iter().all(|v| v.is_finite()) {
                 continue;
             }
             out.xyz.slice_mut(s![t, columns.clone()]).assign(&captured);

@@ -4,7 +4,8 @@
 //!    `trajectory` spikes: points that leave their path for some frames. No model is needed.
 //! 2. The model is adapted to the body that the other points show. Rigid distances then say which
 //!    frames hold outliers ([`super::rigid::noise_floor`]), each frame together with its neighbors.
-//! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
+//! 3. In those frames distances say which points are outliers, and where they leave a point open,
+//!    the prior too ([`frame_posterior`]).
 
 mod assignment;
 pub(crate) mod frame_posterior;
@@ -194,11 +195,12 @@ fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
             let y = xyz.row(t).to_vec();
-            let by_distances = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
+            let by_lengths = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
-            let is_decided = by_distances.iter().all(is_decided) || adapted.mapping.has_others();
-            let probability = match is_decided {
-                true => by_distances,
+            // The prior is of another skeleton where the table has other points.
+            let by_lengths_alone = adapted.mapping.has_others();
+            let probability = match by_lengths_alone || by_lengths.iter().all(is_decided) {
+                true => by_lengths,
                 false => {
                     (estimator.estimate_with_outliers(&y, sd * sd)).map_or(Vec::new(), |f| f.1)
                 }
