@@ -79,7 +79,8 @@ pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool,
         .for_each(|line| messages::info(line));
     if counts.exchanged > 0 {
         messages::info(&format!(
-            "left and right were exchanged in {} places (pairs of points, frame by frame): put back",
+            "left and right were exchanged in {} places (pairs of points, frame by frame): put \
+             back",
             counts.exchanged
         ));
     }

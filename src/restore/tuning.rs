@@ -170,8 +170,7 @@ pub(crate) mod model_estimates {
 pub(crate) mod bone_lengths {
     /// Frames that a bone is measured in, at least.
     pub(crate) const FEWEST_FRAMES: usize = 20;
-    /// Standard deviation of its length, at most, as a share. Of keypoints with 3 cm of noise, whose
-    /// bones vary by 2%, up to .1 is left after smoothing.
+    /// Standard deviation of its length, at most, as a share.
     pub(crate) const MOST_SPREAD: f64 = 0.15;
     /// Rounds over the bones of a frame, at most.
     pub(crate) const ROUNDS: usize = 60;
