@@ -10,7 +10,8 @@ pub(crate) struct Distance {
     pub median: f64,
     /// Standard deviation by the 10th and 90th percentiles, cm.
     pub spread: f64,
-    /// The same by the 5th and 95th percentiles: larger where a tenth of the lengths differ.
+    /// Standard deviation by the 5th and 95th percentiles, cm: larger where a tenth of the lengths
+    /// differ.
     pub tails: f64,
     /// In how many frames it was measured.
     pub frames: usize,

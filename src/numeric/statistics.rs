@@ -18,6 +18,13 @@ pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
+/// The mean of the values that are finite; `None` for none.
+pub(crate) fn mean_of_finite(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let finite = values.into_iter().filter(|v| v.is_finite());
+    let (sum, count) = finite.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    (count > 0.0).then(|| sum / count)
+}
+
 /// The least and the largest value; +∞ and −∞ for none.
 pub(crate) fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let none = (f64::INFINITY, f64::NEG_INFINITY);

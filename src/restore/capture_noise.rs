@@ -19,7 +19,7 @@ use super::take::{PointMapping, Take};
 use super::tuning::adaptive_smoothing::{LEAST_VARIANCE, MOTION_VARIANCE};
 use super::tuning::capture_noise::*;
 use crate::label::distances::Distance;
-use crate::numeric::statistics::median;
+use crate::numeric::statistics::{mean_of_finite, median};
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -183,9 +183,7 @@ impl Bone {
 
 /// The mean of the values that are known; 0 for none.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let known = values.filter(|v| v.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
-    sum / f64::max(count, 1.0)
+    mean_of_finite(values).unwrap_or(0.0)
 }
 
 /// Values less the mean of those within `reach` of each; NaN where missing.

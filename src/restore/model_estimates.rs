@@ -8,6 +8,7 @@ use super::knots::Knots;
 use super::take::{FRAMES_PER_TASK, Take};
 use super::tuning::{adaptive_smoothing::LEAST_VARIANCE, model_estimates::*};
 use crate::numeric::parallel;
+use crate::numeric::statistics::mean_of_finite;
 use crate::pose::{Observation, point_at};
 use glam::DVec3;
 use ndarray::{Array2, Axis};
@@ -120,11 +121,7 @@ impl ModelEstimates {
     /// The mean over the points of each frame of the variance of a coordinate, cm²; NaN where
     /// nothing is estimated.
     pub(crate) fn mean_variances(&self) -> Vec<f64> {
-        let of_frame = |sd: &[f64]| {
-            let known = sd.iter().filter(|sd| sd.is_finite());
-            let (sum, count) = known.fold((0.0, 0.0), |(s, n), sd| (s + sd * sd, n + 1.0));
-            sum / count
-        };
+        let of_frame = |sd: &[f64]| mean_of_finite(sd.iter().map(|sd| sd * sd)).unwrap_or(f64::NAN);
         let points = self.mean.ncols() / 3;
         self.sd.chunks_exact(points.max(1)).map(of_frame).collect()
     }

@@ -10,6 +10,7 @@ use super::regression::Regression;
 use super::tuning::filler::*;
 use super::{FilledGap, Gap, ends, path, weights};
 use crate::numeric::parallel;
+use crate::numeric::statistics::mean_of_finite;
 use crate::pose::FillMethod;
 use crate::restore::take::Take;
 use glam::DVec3;
@@ -298,9 +299,7 @@ impl<'a, 't> GapFiller<'a, 't> {
         let all = frames
             .clone()
             .flat_map(|t| points.iter().map(move |p| sd[[t, *p]].powi(2)));
-        let known = all.filter(|v| v.is_finite());
-        let (sum, count) = known.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
-        sum / f64::max(count, 1.0)
+        mean_of_finite(all).unwrap_or(0.0)
     }
 
     /// The frames around a gap that are learned from.

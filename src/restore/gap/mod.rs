@@ -38,6 +38,7 @@ mod whole_body;
 
 use super::adapted_prior::AdaptedPrior;
 use super::take::{PointState, Take, TakeResult};
+use crate::numeric::statistics::mean_of_finite;
 use crate::pose::{FillMethod, Status};
 use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
@@ -162,11 +163,7 @@ pub(crate) fn fill_gaps(
 /// which are judged by noisy frames, show a part of that.
 fn noise_beside(sd: ArrayView2<'_, f64>, gap: &Gap) -> f64 {
     let mean = |frames: &mut dyn Iterator<Item = usize>| {
-        let known = frames
-            .map(|t| sd[[t, gap.point]])
-            .filter(|sd| sd.is_finite());
-        let (sum, count) = known.fold((0.0, 0.0), |(s, n), sd| (s + sd * sd, n + 1.0));
-        (count > 0.0).then(|| sum / count)
+        mean_of_finite(frames.map(|t| sd[[t, gap.point]].powi(2)))
     };
     let ends = mean(&mut gap.before.into_iter().chain(gap.after));
     ends.or_else(|| mean(&mut (0..sd.nrows()))).unwrap_or(0.0)
