@@ -4,18 +4,24 @@
 use super::Outcome;
 use super::input::{IN_CENTIMETERS, open};
 use super::messages;
+use super::name_maps::name_map;
 use super::progress::Progress;
 use crate::audit::count;
 use crate::ik::correspondence::Correspondence;
 use crate::ik::sequence::SequenceFit;
-use crate::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit, estimate_skeleton};
-use crate::io::SkeletonFile;
+use crate::ik::{
+    FitQuality, FitVerdict, FittedTake, SkeletonFit, estimate_skeleton, named_skeleton,
+};
+use crate::io::bvh::BvhTemplate;
+use crate::io::{Model, SkeletonFile};
 use crate::pose::bone_points::bone_ends_of_starts;
-use crate::pose::{BonePoints, Poses, Skeleton};
+use crate::pose::rotation::Axis;
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Skeleton, joints};
+use crate::prior::rotations::RotationPrior;
 use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
 use glam::DMat3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The number of names that a message lists.
 const LISTED: usize = 8;
@@ -68,21 +74,128 @@ pub fn name_bone_ends(
     Ok(())
 }
 
-/// What fits the skeleton that is given, or one measured from the take, which is kept in
-/// `measured`.
-///
-/// # Errors
-/// Those of [`estimate_skeleton`].
-pub fn skeleton_fit<'a>(
-    given: Option<&'a SkeletonFile>,
-    poses: &Poses,
-    measured: &'a mut Option<Skeleton>,
-) -> Result<SkeletonFit<'a>> {
-    Ok(match given {
-        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
-        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
-        None => SkeletonFit::new(measured.insert(estimate_skeleton(poses)?)),
-    })
+/// What the joints of a table are, and how people's are rotated.
+#[derive(Debug, clap::Args)]
+pub struct JointArgs {
+    /// Which point is which joint of a body, where the names do not say it: a shipped map of names,
+    /// or a TOML file (see posing-table(5)) [default: the shipped map that fits]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    map: Option<String>,
+    /// Prior of rotations that rotations-train wrote [default: built in]
+    #[arg(long, value_name = "ROTATIONS.npz")]
+    rotations: Option<PathBuf>,
+}
+
+/// A skeleton that is given, or measured from the take, and what it needs to be fitted.
+pub struct TakeSkeleton {
+    skeleton: SkeletonKind,
+    map: Option<NameMap>,
+    prior: Option<RotationPrior>,
+}
+
+enum SkeletonKind {
+    Given(SkeletonFile),
+    Measured(Skeleton),
+    Named(Box<BvhTemplate>),
+}
+
+impl JointArgs {
+    /// The skeleton for a take: the one that is given, else measured from the table; its points are
+    /// then named as the joints. `order` is that of the rotation channels of a new skeleton.
+    ///
+    /// # Errors
+    /// Those of [`name_map`], [`estimate_skeleton`] and [`named_skeleton`]; [`Error::Io`] and
+    /// [`Error::Data`] of the prior.
+    pub fn skeleton(
+        &self,
+        given: Option<SkeletonFile>,
+        poses: &mut Poses,
+        order: [Axis; 3],
+    ) -> Result<TakeSkeleton> {
+        let known = joints::cmu_names();
+        let map = self
+            .map
+            .as_ref()
+            .map(|map| name_map(map, &known))
+            .transpose()?;
+        let prior = self.rotations.as_ref().map(|path| {
+            let model = Model::open(path)?;
+            RotationPrior::from_model(&model, &path.display().to_string())
+        });
+        let prior = prior.transpose()?;
+        if let Some(given) = given {
+            if let Some(map) = &map {
+                rename(poses, map, &given);
+            }
+            let skeleton = SkeletonKind::Given(given);
+            return Ok(TakeSkeleton {
+                skeleton,
+                map: None,
+                prior,
+            });
+        }
+        let naming = PointNaming::of(&poses.points, poses.xyz.view(), &known);
+        let map = map.or(match naming {
+            PointNaming::Map(map) => Some(map),
+            PointNaming::Bones(_) => None,
+        });
+        let skeleton = match &map {
+            None => SkeletonKind::Measured(estimate_skeleton(poses)?),
+            Some(map) => {
+                let named = named_skeleton(poses, map, order)?;
+                *poses = named.poses;
+                SkeletonKind::Named(Box::new(named.template))
+            }
+        };
+        Ok(TakeSkeleton {
+            skeleton,
+            map,
+            prior,
+        })
+    }
+}
+
+impl TakeSkeleton {
+    /// What fits it.
+    pub fn fit(&self) -> SkeletonFit<'_> {
+        let fit = match &self.skeleton {
+            SkeletonKind::Given(SkeletonFile::Bvh(template)) => {
+                SkeletonFit::with_template(template)
+            }
+            SkeletonKind::Given(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+            SkeletonKind::Measured(skeleton) => SkeletonFit::new(skeleton),
+            SkeletonKind::Named(template) => SkeletonFit::with_joints(template),
+        };
+        fit.map(self.map.as_ref()).prior(self.prior.as_ref())
+    }
+
+    /// The hierarchy, where it is one of joints, not of bones.
+    pub fn template(&self) -> Option<&BvhTemplate> {
+        match &self.skeleton {
+            SkeletonKind::Given(SkeletonFile::Bvh(template)) | SkeletonKind::Named(template) => {
+                Some(template)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Names the points of a table as the joints of a skeleton that stand for the same of CMU's.
+fn rename(poses: &mut Poses, map: &NameMap, skeleton: &SkeletonFile) {
+    let theirs = map.model_names(&poses.points);
+    poses.points = match skeleton {
+        SkeletonFile::Asf(_) => theirs,
+        SkeletonFile::Bvh(template) => {
+            let joints = template.joint_names();
+            let own = NameMap::fitting(&joints).map(|map| map.model_names(&joints));
+            let own = own.unwrap_or_else(|| joints.clone());
+            let joint = |name: &String| own.iter().position(|n| n == name);
+            let renamed = theirs.iter().zip(&poses.points);
+            let renamed =
+                renamed.map(|(cmu, name)| joint(cmu).map_or(name, |j| &joints[j]).clone());
+            renamed.collect()
+        }
+    };
 }
 
 /// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a

@@ -10,7 +10,9 @@ pub struct Correspondence {
     pub joints: Vec<usize>,
     /// The points' names.
     pub names: Vec<String>,
-    /// Their columns: (frames, 3 of each), centimeters.
+    /// Which points of the table they are.
+    pub columns: Vec<usize>,
+    /// Their coordinates: (frames, 3 of each), centimeters.
     pub xyz: Array2<f64>,
     /// The names of points that are no joints.
     pub unmatched: Vec<String>,
@@ -25,6 +27,7 @@ pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Correspondence {
             Some(bone) => {
                 out.joints.push(bone);
                 out.names.push(name.clone());
+                out.columns.push(k);
                 columns.extend([3 * k, 3 * k + 1, 3 * k + 2]);
             }
             None => out.unmatched.push(name.clone()),

@@ -1,41 +1,37 @@
-//! A take fitted with a skeleton: Algorithm 1, then P2, frame after frame.
+//! A take fitted with a skeleton: the most probable rotations of each frame.
 //!
-//! Each frame starts from the one before, so that what the joints leave open (a twist) moves no
-//! more than it must. Where that ends far from the joints, it starts again: from the posture found
-//! bone by bone, then from ones in which the limbs that do not fit are turned at random (seeded, so
-//! that the same take gives the same values).
+//! Key frames, some 24 a second, are solved from the mean of the prior, each by itself. A body far
+//! from that may then land in another minimum than its neighbors, so once through the take forward,
+//! and once backward, each is solved from its neighbor's rotations too, and the lower E is kept.
+//! The frames between start between the key frames beside them. Frames go side by side; only where
+//! a neighbor changed does a key frame wait for it.
 
 use super::bone_normalization::BoneNormalizer;
-use super::initial_pose::InitialPose;
+use super::frame_solver::{FrameFit, FrameSolver, FrameState, Scratch, ball_axes};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use super::tuning::sequence::*;
+use crate::numeric::parallel::map_chunks;
 use crate::pose::Skeleton;
+use crate::pose::kinematics::Posture;
+use crate::pose::rotation::{angle_between, decompose};
+use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
-use rand::Rng;
-use rand_chacha::ChaCha8Rng;
 
-/// How a take is fitted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SequenceSettings {
-    /// The solver of each frame.
-    pub solve: IkSettings,
-    /// Other starts for a frame that does not fit, the first frame apart, which has four times as
-    /// many.
-    pub restarts: usize,
-    /// Where randomness starts.
-    pub seed: u64,
-}
-
-impl Default for SequenceSettings {
-    fn default() -> Self {
-        SequenceSettings {
-            solve: IkSettings::default(),
-            restarts: 8,
-            seed: 0,
-        }
-    }
+/// The points of a take that are joints of a skeleton.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Targets<'a> {
+    /// The bone at whose end each point is.
+    pub joints: &'a [usize],
+    /// Which of CMU's joints each point is.
+    pub cmu: &'a [Option<usize>],
+    /// (frames, 3 points), cm; NaN is missing.
+    pub xyz: ArrayView2<'a, f64>,
+    /// Standard deviation of a coordinate (frames, points), cm; NaN: measured. `None`: all are.
+    pub sd: Option<ArrayView2<'a, f64>>,
+    /// Frames a second, where it is known.
+    pub rate: Option<f64>,
 }
 
 /// A take's values and how well they fit.
@@ -52,32 +48,32 @@ pub struct SequenceFit {
     pub by_target: Vec<(f64, usize)>,
     /// The frame and target of the largest.
     pub worst: Option<(usize, usize)>,
+    /// The bone that turns most from one frame to the next, the second of them, and by how much,
+    /// radians.
+    pub largest_step: Option<(usize, usize, f64)>,
     /// Frames in which a point is missing.
     pub incomplete: usize,
     /// Frames whose root could not be placed: it stands where it stood before.
     pub unplaced: usize,
-    /// Frames that needed another start.
-    pub restarted: usize,
-    /// Frames that neither fit nor converged.
+    /// Frames that did not converge.
     pub unconverged: usize,
 }
 
 /// Fits a skeleton to a take.
 ///
-/// `joints[k]` is the bone whose end is the point in columns 3 k to 3 k + 2 of `xyz` (frames, 3 K;
-/// centimeters; NaN is missing). Degrees of freedom that only missing points determine stay as they
-/// were in the frame before (at a take's start, as in the first frame that shows them). The root
-/// stays where its own point and all but two are missing. `watch` is called after each frame with
-/// the number of frames done.
+/// What the points leave open is the mean of `prior`; bones that move no point stay at rest. A
+/// frame with fewer than three points keeps the rotations of the one before that has more. With
+/// `limits` the values are then carried into those of the skeleton. `watch` is called with the
+/// number of frames done.
 ///
 /// # Errors
 /// [`Error::Usage`]: too many degrees of freedom, no joints, or columns that are not three per
 /// joint.
-pub fn fit_sequence(
+pub(crate) fn fit_sequence(
     skeleton: &Skeleton,
-    joints: &[usize],
-    xyz: ArrayView2<'_, f64>,
-    settings: &SequenceSettings,
+    targets: &Targets<'_>,
+    prior: &RotationPrior,
+    limits: bool,
     watch: &mut dyn FnMut(usize),
 ) -> Result<SequenceFit> {
     if skeleton.dof_count() > MAX_DOFS {
@@ -86,53 +82,325 @@ pub fn fit_sequence(
             skeleton.dof_count()
         )));
     }
+    let Targets { joints, xyz, .. } = *targets;
     if joints.is_empty() || xyz.ncols() != 3 * joints.len() {
         return Err(Error::usage(
             "no point of the table has the name of a skeleton joint",
         ));
     }
-    let mut fitter = SequenceFitter::new(skeleton, joints, settings);
+    let root = root(skeleton, targets);
+    let labeled = joints.iter().zip(targets.cmu);
+    let labeled: Vec<(usize, usize)> = labeled.filter_map(|(&j, cmu)| Some((j, (*cmu)?))).collect();
+    let joint_prior = JointPrior::new(prior, skeleton, root, &labeled);
+    let fitter = TakeFitter {
+        skeleton,
+        joints,
+        root,
+        solver: FrameSolver::new(skeleton, joints, root, &joint_prior)?,
+        frames: Observed::new(skeleton, targets),
+    };
+    let stride = targets
+        .rate
+        .map_or(1, |rate| ((rate / KEY_RATE) as usize).max(1));
+    let fits = fitter.fit(stride, watch);
     let mut out = SequenceFit {
-        values: Array2::zeros((xyz.nrows(), skeleton.dof_count())),
-        mean: f64::NAN,
-        max: f64::NAN,
-        by_target: vec![(0.0, 0); joints.len()],
+        values: fitter.values(&fits),
+        incomplete: fitter.frames.incomplete,
+        unplaced: fits.iter().filter(|f| f.is_none()).count(),
+        unconverged: fits.iter().flatten().filter(|f| !f.converged).count(),
         ..SequenceFit::default()
     };
-    let Some(first) = fitter.most_complete_frame(xyz) else {
-        return Ok(out);
+    if limits {
+        fitter.carry_into_limits(&mut out.values);
+    }
+    out.measure(skeleton, joints, xyz);
+    Ok(out)
+}
+
+/// The bone at which the body turns: the nearest that moves all points that are joints of CMU's, or
+/// all points where none is.
+fn root(skeleton: &Skeleton, targets: &Targets<'_>) -> usize {
+    let bones = skeleton.bones();
+    let labeled = targets.joints.iter().zip(targets.cmu);
+    let labeled: Vec<usize> = labeled.filter_map(|(&j, cmu)| cmu.map(|_| j)).collect();
+    let all = if labeled.len() > 2 {
+        &labeled[..]
+    } else {
+        targets.joints
     };
-    fitter.solve_first_frame(
-        xyz.row(first)
-            .as_slice()
-            .unwrap_or(&xyz.row(first).to_vec()),
-    );
-    for (i, row) in xyz.rows().into_iter().enumerate() {
-        let y = row.to_vec();
-        fitter.solve_frame(&y, &mut out);
-        out.values
-            .row_mut(i)
-            .iter_mut()
-            .zip(&fitter.q)
-            .for_each(|(v, q)| *v = *q);
-        let q = std::mem::take(&mut fitter.q);
-        let posture = fitter.solver.posture(&q);
-        for (t, (&joint, y)) in joints.iter().zip(y.chunks_exact(3)).enumerate() {
-            let far = (posture.ends[joint] - DVec3::from_slice(y)).length();
-            if far.is_finite() {
-                let (sum, count) = &mut out.by_target[t];
-                (*sum, *count) = (*sum + far, *count + 1);
-                if !(far <= out.max) {
-                    out.max = far;
-                    out.worst = Some((i, t));
+    let mut below = vec![0usize; bones.len()];
+    for &joint in all {
+        let up = std::iter::successors(Some(joint), |&b| bones[b].parent);
+        up.for_each(|b| below[b] += 1);
+    }
+    let turns = |b: &usize| bones[*b].dofs.iter().any(|d| d.channel.is_angle());
+    let holds_all = |b: &usize| below[*b] == all.len();
+    let found = (0..bones.len()).rev().filter(turns).find(holds_all);
+    found.or_else(|| (0..bones.len()).find(turns)).unwrap_or(0)
+}
+
+/// The frames of a take as they are solved for.
+struct Observed {
+    /// (frames, 3 points): carried to the skeleton's lengths.
+    xyz: Array2<f64>,
+    /// (frames, points): one over the variance, 1/cm².
+    weights: Array2<f64>,
+    incomplete: usize,
+}
+
+impl Observed {
+    fn new(skeleton: &Skeleton, targets: &Targets<'_>) -> Observed {
+        let lengths = BoneNormalizer::for_skeleton(skeleton, targets.joints);
+        let mut xyz = Array2::zeros(targets.xyz.dim());
+        let mut incomplete = 0;
+        for (from, mut to) in targets.xyz.rows().into_iter().zip(xyz.rows_mut()) {
+            let from = from.to_vec();
+            incomplete += usize::from(from.iter().any(|v| !v.is_finite()));
+            let mut normalized = vec![f64::NAN; from.len()];
+            lengths.normalize(&from, &mut normalized);
+            to.iter_mut().zip(normalized).for_each(|(to, v)| *to = v);
+        }
+        let shape = (xyz.nrows(), targets.joints.len());
+        let weights = Array2::from_shape_fn(shape, |at| {
+            let sd = targets.sd.map_or(f64::NAN, |sd| sd[at]);
+            sd.max(LEAST_SD).powi(-2)
+        });
+        Observed {
+            xyz,
+            weights,
+            incomplete,
+        }
+    }
+
+    fn is_seen(&self, frame: usize) -> bool {
+        let row = self.xyz.row(frame);
+        let points = row.as_slice().unwrap_or(&[]).chunks_exact(3);
+        let seen = points.filter(|y| y.iter().all(|v| v.is_finite())).count();
+        seen >= self.weights.ncols().min(3)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Direction {
+    Forward,
+    Backward,
+}
+
+/// A skeleton and a take.
+struct TakeFitter<'a> {
+    skeleton: &'a Skeleton,
+    joints: &'a [usize],
+    root: usize,
+    solver: FrameSolver<'a>,
+    frames: Observed,
+}
+
+impl TakeFitter<'_> {
+    /// A frame from a start; `None` where too few points are seen.
+    fn solve(&self, frame: usize, start: FrameState, scratch: &mut Scratch) -> Option<FrameFit> {
+        if !self.frames.is_seen(frame) {
+            return None;
+        }
+        let (xyz, weights) = (self.frames.xyz.row(frame), self.frames.weights.row(frame));
+        let (xyz, weights) = (xyz.to_vec(), weights.to_vec());
+        let fit = self.solver.solve(&xyz, &weights, start, scratch);
+        fit.energy.is_finite().then_some(fit)
+    }
+
+    /// The fit of each frame; `None` where too few points are seen. Every `stride`-th is a key
+    /// frame.
+    fn fit(&self, stride: usize, watch: &mut dyn FnMut(usize)) -> Vec<Option<FrameFit>> {
+        let count = self.frames.xyz.nrows();
+        let keys: Vec<usize> = (0..count).step_by(stride).collect();
+        let of_mean = |t: usize, scratch: &mut Scratch| {
+            let start = self
+                .solver
+                .start(self.root, &self.frames.xyz.row(t).to_vec());
+            self.solve(t, start, scratch)
+        };
+        let mut key_fits =
+            self.in_blocks(keys.len(), watch, |n, scratch| of_mean(keys[n], scratch));
+        for direction in [Direction::Forward, Direction::Backward] {
+            self.from_neighbors(&keys, &mut key_fits, direction);
+        }
+        if stride == 1 {
+            return key_fits;
+        }
+        self.in_blocks(count, watch, |t, scratch| {
+            let (before, after) = (t / stride, (t / stride + 1).min(keys.len() - 1));
+            if keys[before] == t {
+                return key_fits[before].clone();
+            }
+            match (&key_fits[before], &key_fits[after]) {
+                (Some(a), Some(b)) => {
+                    let share = (t - keys[before]) as f64 / stride as f64;
+                    let start = match self.is_near(&a.state, &b.state) {
+                        true => self.solver.between(&a.state, &b.state, share),
+                        false if share < 0.5 => a.state.clone(),
+                        false => b.state.clone(),
+                    };
+                    self.solve(t, start, scratch)
                 }
+                (Some(one), None) | (None, Some(one)) => self.solve(t, one.state.clone(), scratch),
+                (None, None) => of_mean(t, scratch),
+            }
+        })
+    }
+
+    /// Frames side by side, with news after each block of them.
+    fn in_blocks(
+        &self,
+        count: usize,
+        watch: &mut dyn FnMut(usize),
+        solve: impl Fn(usize, &mut Scratch) -> Option<FrameFit> + Sync,
+    ) -> Vec<Option<FrameFit>> {
+        let mut fits = Vec::with_capacity(count);
+        while fits.len() < count {
+            let first = fits.len();
+            let block = map_chunks(BLOCK.min(count - first), CHUNK, |range| {
+                let mut scratch = Scratch::default();
+                range
+                    .map(|t| solve(first + t, &mut scratch))
+                    .collect::<Vec<_>>()
+            });
+            fits.extend(block.into_iter().flatten());
+            watch(fits.len());
+        }
+        fits
+    }
+
+    /// Every key frame from its neighbor's rotations too.
+    fn from_neighbors(&self, keys: &[usize], fits: &mut [Option<FrameFit>], direction: Direction) {
+        let neighbor = |n: usize| match direction {
+            Direction::Forward => n.checked_sub(1),
+            Direction::Backward => Some(n + 1).filter(|n| *n < keys.len()),
+        };
+        let tried = |n: usize, fits: &[Option<FrameFit>], scratch: &mut Scratch| {
+            let (own, other) = (fits[n].as_ref()?, fits[neighbor(n)?].as_ref()?);
+            match self.is_near(&own.state, &other.state) {
+                true => None,
+                false => self.solve(keys[n], other.state.clone(), scratch),
+            }
+        };
+        let known: &[Option<FrameFit>] = fits;
+        let ahead = self.in_blocks(keys.len(), &mut |_| (), |n, s| tried(n, known, s));
+        let (mut changed, mut scratch) = (vec![false; keys.len()], Scratch::default());
+        for (n, ahead) in ordered(ahead, direction) {
+            let waits = neighbor(n).is_some_and(|before| changed[before]);
+            let found = if waits {
+                tried(n, fits, &mut scratch)
+            } else {
+                ahead
+            };
+            let own = fits[n].as_ref().map_or(f64::NAN, |fit| fit.energy);
+            if let Some(found) = found.filter(|f| f.energy < own - LOWER) {
+                (fits[n], changed[n]) = (Some(found), true);
             }
         }
-        fitter.q = q;
-        watch(i + 1);
     }
-    out.mean = out.mean_of(|_| true);
-    Ok(out)
+
+    fn is_near(&self, a: &FrameState, b: &FrameState) -> bool {
+        let mut rotations = a.rotations.iter().zip(&b.rotations);
+        let mut values = a
+            .values
+            .iter()
+            .zip(&b.values)
+            .zip(self.solver.angle_values());
+        rotations.all(|(a, b)| angle_between(a, b) <= NEAR)
+            && values.all(|((a, b), is_angle)| !is_angle || (a - b).abs() <= NEAR)
+    }
+
+    /// The values of the take; angles follow the frame before.
+    fn values(&self, fits: &[Option<FrameFit>]) -> Array2<f64> {
+        let mut values = Array2::zeros((fits.len(), self.skeleton.dof_count()));
+        let first = fits.iter().flatten().next();
+        let mut before: Vec<f64> = match first {
+            Some(_) => vec![0.0; self.skeleton.dof_count()],
+            None => self.solver.start(self.root, &[]).values,
+        };
+        let mut state = first.map(|fit| &fit.state);
+        for (t, fit) in fits.iter().enumerate() {
+            state = fit.as_ref().map(|fit| &fit.state).or(state);
+            if let Some(state) = state {
+                self.set_values(state, &mut before);
+            }
+            values
+                .row_mut(t)
+                .iter_mut()
+                .zip(&before)
+                .for_each(|(to, v)| *to = *v);
+        }
+        values
+    }
+
+    /// Sets a frame's values, of which `q` has those of the frame before.
+    fn set_values(&self, state: &FrameState, q: &mut [f64]) {
+        for (i, bone) in self.skeleton.bones().iter().enumerate() {
+            let dofs = self.skeleton.dofs_of(i);
+            let first = dofs.start;
+            let Some(order) = ball_axes(self.skeleton, i) else {
+                q[dofs.clone()].copy_from_slice(&state.values[dofs]);
+                continue;
+            };
+            let own = bone.axis.transpose() * state.rotations[i] * bone.axis;
+            let is_angle = |n: &usize| bone.dofs[*n].channel.is_angle();
+            let angles: Vec<usize> = (0..bone.dofs.len()).filter(is_angle).collect();
+            for n in (0..bone.dofs.len()).filter(|n| !is_angle(n)) {
+                q[first + n] = state.values[first + n];
+            }
+            // The first named turns first; decompose names the last one first.
+            let back = [angles[2], angles[1], angles[0]];
+            let near = back.map(|n| q[first + n] + bone.dofs[n].offset);
+            let found = decompose(&own, [order[2], order[1], order[0]], near);
+            for (n, angle) in back.into_iter().zip(found) {
+                q[first + n] = angle - bone.dofs[n].offset;
+            }
+        }
+    }
+
+    /// Values within the skeleton's limits that put the joints as near to the points.
+    fn carry_into_limits(&self, values: &mut Array2<f64>) {
+        let settings = IkSettings {
+            limits: true,
+            ..IkSettings::default()
+        };
+        let rest = vec![0.0; self.skeleton.dof_count()];
+        let fixed = vec![false; rest.len()];
+        let within = map_chunks(values.nrows(), CHUNK, |range| {
+            let mut solver = IkSolver::new(self.skeleton, self.joints, settings);
+            let one = |t: usize| {
+                let mut q = self
+                    .skeleton
+                    .nearest_equivalent(&values.row(t).to_vec(), &rest);
+                let previous = q.clone();
+                let held = Regularization {
+                    previous: &previous,
+                    previous_weight: LIMITS_WEIGHT,
+                    rest: &rest,
+                    rest_weight: 0.0,
+                };
+                solver.solve(&self.frames.xyz.row(t).to_vec(), &fixed, &held, &mut q);
+                q
+            };
+            range.map(one).collect::<Vec<_>>()
+        });
+        for (mut row, q) in values
+            .rows_mut()
+            .into_iter()
+            .zip(within.into_iter().flatten())
+        {
+            row.iter_mut().zip(q).for_each(|(to, v)| *to = v);
+        }
+    }
+}
+
+/// Items with their indices, in the order of a direction.
+fn ordered<T>(items: Vec<T>, direction: Direction) -> Vec<(usize, T)> {
+    let mut items: Vec<(usize, T)> = items.into_iter().enumerate().collect();
+    if direction == Direction::Backward {
+        items.reverse();
+    }
+    items
 }
 
 impl SequenceFit {
@@ -143,395 +411,124 @@ impl SequenceFit {
         let (sum, count) = counted.fold((0.0, 0), |(s, n), own| (s + own.0, n + own.1));
         sum / count as f64
     }
-}
 
-/// The state carried from frame to frame.
-struct SequenceFitter<'a> {
-    skeleton: &'a Skeleton,
-    joints: &'a [usize],
-    bones: BoneNormalizer,
-    initial_pose: InitialPose<'a>,
-    solver: IkSolver<'a>,
-    settings: SequenceSettings,
-    random: ChaCha8Rng,
-    rest: Vec<f64>,
-    /// The frame before, then this one.
-    q: Vec<f64>,
-    targets: Vec<f64>,
-    fixed: Vec<bool>,
-    root: Option<usize>,
-    /// The usual misfit a joint, squared centimeters.
-    typical_misfit: f64,
-    /// Frames to go before other starts are tried again, and how many it was the last time.
-    pause: (usize, usize),
-}
-
-/// The solution of one frame.
-struct FrameSolution {
-    q: Vec<f64>,
-    energy: f64,
-    misfit: f64,
-    converged: bool,
-}
-
-impl<'a> SequenceFitter<'a> {
-    /// A fitter that starts from the rest posture.
-    fn new(
-        skeleton: &'a Skeleton,
-        joints: &'a [usize],
-        settings: &SequenceSettings,
-    ) -> SequenceFitter<'a> {
-        let rest = vec![0.0; skeleton.dof_count()];
-        SequenceFitter {
-            skeleton,
-            joints,
-            bones: BoneNormalizer::for_skeleton(skeleton, joints),
-            initial_pose: InitialPose::new(skeleton, joints),
-            solver: IkSolver::new(skeleton, joints, settings.solve),
-            settings: *settings,
-            random: crate::numeric::parallel::rng(settings.seed, 0),
-            q: rest.clone(),
-            targets: vec![f64::NAN; 3 * joints.len()],
-            fixed: vec![false; rest.len()],
-            rest,
-            root: joints.iter().position(|&j| j == 0),
-            typical_misfit: 0.0,
-            pause: (0, 0),
-        }
-    }
-
-    /// The first frame with as many points as any of the first thousand.
-    fn most_complete_frame(&self, xyz: ArrayView2<'_, f64>) -> Option<usize> {
-        let (mut best, mut most) = (None, 0);
-        for (i, row) in xyz.rows().into_iter().enumerate() {
-            let seen = row.iter().filter(|v| v.is_finite()).count();
-            // The root's own point counts for more than all others.
-            let root = self.root.is_some_and(|r| row[3 * r].is_finite());
-            let seen = seen + if root { row.len() } else { 0 };
-            if seen > most {
-                (best, most) = (Some(i), seen);
-            }
-            if i >= FIRST_AMONG && best.is_some() {
-                break;
-            }
-        }
-        best
-    }
-
-    /// Finds the first posture, from many starts.
-    fn solve_first_frame(&mut self, y: &[f64]) {
-        self.bones.normalize(y, &mut self.targets);
-        let far = self.settings.restarts.saturating_mul(FIRST_FRAME_STARTS);
-        let mut q = self.rest.clone();
-        // The twist of each bone follows the frame before, here itself: settle it before it can be
-        // seen to move.
-        for _ in 0..FIRST_FRAME_ROUNDS {
-            self.initial_pose.apply(&self.targets, &mut q);
-        }
-        let mut best = self.solve(q, 0.0, FIRST_REST_WEIGHT);
-        self.restart(&mut best, far, 0.0, FIRST_REST_WEIGHT, FITS);
-        if self.settings.solve.limits {
-            self.solver.clamp(&mut best.q);
-        } else {
-            // A restart may have added whole turns.
-            best.q = self.skeleton.nearest_equivalent(&best.q, &self.rest);
-        }
-        self.typical_misfit = best.misfit / self.observed_count().max(1) as f64;
-        self.q = best.q;
-    }
-
-    /// How many points this frame shows.
-    fn observed_count(&self) -> usize {
-        let there = |y: &&[f64]| y.iter().all(|v| v.is_finite());
-        self.targets.chunks_exact(3).filter(there).count()
-    }
-
-    /// Follows the next frame; counts it in `out`.
-    fn solve_frame(&mut self, y: &[f64], out: &mut SequenceFit) {
-        self.bones.normalize(y, &mut self.targets);
-        let seen = self.observed_count();
-        out.incomplete += usize::from(y.iter().any(|v| !v.is_finite()));
-        let root_seen = self.root.is_none_or(|r| self.targets[3 * r].is_finite());
-        let placed = seen > 2 || (root_seen && seen > 0);
-        out.unplaced += usize::from(!placed);
-        self.fixed[self.skeleton.dofs_of(0)].fill(!placed);
-        let before = self.q.clone();
-        let previous_weight = PREVIOUS_WEIGHT + NOISE_WEIGHT * self.typical_misfit;
-        let limit = FITS.max(2.0 * self.typical_misfit.sqrt());
-        let fits = |a: &FrameSolution| a.misfit <= limit * limit * seen as f64;
-        // Ball joints alone: the closed form depends on this frame only, so it comes first.
-        let exact = self.initial_pose.is_exact() && placed && !self.settings.solve.limits;
-        let mut best = if exact {
-            let mut q = before.clone();
-            self.initial_pose.apply(&self.targets, &mut q);
-            let misfit = self.solver.misfit(&q, &self.targets);
-            if misfit <= FITS * FITS * seen as f64 {
-                FrameSolution {
-                    q,
-                    energy: misfit,
-                    misfit,
-                    converged: true,
+    /// Measures how far the joints of the values are from the points, and the steps of the bones.
+    fn measure(&mut self, skeleton: &Skeleton, joints: &[usize], xyz: ArrayView2<'_, f64>) {
+        self.by_target = vec![(0.0, 0); joints.len()];
+        self.max = f64::NAN;
+        let (mut posture, mut before) = (Posture::default(), Posture::default());
+        for (i, (q, y)) in self.values.rows().into_iter().zip(xyz.rows()).enumerate() {
+            std::mem::swap(&mut posture, &mut before);
+            skeleton.posture_into(&q.to_vec(), &mut posture);
+            for (t, &joint) in joints.iter().enumerate() {
+                let at = DVec3::from_array([0, 1, 2].map(|c| y[3 * t + c]));
+                let far = (posture.ends[joint] - at).length();
+                if far.is_finite() {
+                    let (sum, count) = &mut self.by_target[t];
+                    (*sum, *count) = (*sum + far, *count + 1);
+                    if !(far <= self.max) {
+                        self.max = far;
+                        self.worst = Some((i, t));
+                    }
                 }
-            } else {
-                let nearer = self.solver.misfit(&before, &self.targets) < misfit;
-                let q = if nearer { before.clone() } else { q };
-                self.solve(q, previous_weight, REST_WEIGHT)
             }
-        } else {
-            self.solve(before.clone(), previous_weight, REST_WEIGHT)
-        };
-        // Near a pole the values must run far for a small turn, and what holds them costs a part of
-        // it: let go by steps.
-        for _ in 0..POLE_ROUNDS {
-            if fits(&best) {
-                break;
-            }
-            self.q.copy_from_slice(&best.q);
-            let next = self.solve(best.q.clone(), previous_weight, REST_WEIGHT);
-            let gain = next.misfit < POLE_HELPED * best.misfit;
-            if gain {
-                best = next;
-            }
-            self.q.copy_from_slice(&before);
-            if !gain {
-                break;
-            }
-        }
-        self.pause.0 = self.pause.0.saturating_sub(1);
-        if !fits(&best) && self.pause.0 == 0 {
-            out.restarted += 1;
-            let found = best.misfit;
-            let mut q = before.clone();
-            if !exact && placed {
-                self.initial_pose.apply(&self.targets, &mut q);
-            }
-            let other = self.solve(q, previous_weight, REST_WEIGHT);
-            if other.energy < best.energy {
-                best = other;
-            }
-            let tries = self.settings.restarts;
-            self.restart(&mut best, tries, previous_weight, REST_WEIGHT, limit);
-            // A skeleton that cannot fit must not cost a search every frame.
-            let helped = best.misfit < HELPED * found;
-            let pause = if helped {
-                0
-            } else {
-                (2 * self.pause.1).clamp(PAUSE.0, PAUSE.1)
-            };
-            self.pause = (pause, pause);
-        }
-        if !self.settings.solve.limits {
-            best.q = self.skeleton.nearest_equivalent(&best.q, &before);
-        }
-        out.unconverged += usize::from(!best.converged && !fits(&best));
-        if seen > 0 {
-            self.typical_misfit +=
-                TYPICAL_SHARE * (best.misfit / seen as f64 - self.typical_misfit);
-        }
-        self.q = best.q;
-    }
-
-    /// Solves a frame from one start, held to the frame before and the rest posture.
-    fn solve(&mut self, mut q: Vec<f64>, previous_weight: f64, rest_weight: f64) -> FrameSolution {
-        let regularization = Regularization {
-            previous: &self.q,
-            previous_weight,
-            rest: &self.rest,
-            rest_weight,
-        };
-        let done = self
-            .solver
-            .solve(&self.targets, &self.fixed, &regularization, &mut q);
-        FrameSolution {
-            q,
-            energy: done.energy,
-            misfit: done.misfit,
-            converged: done.converged,
-        }
-    }
-}
-
-impl SequenceFitter<'_> {
-    /// Other starts, until one fits to `limit`: the bones above the joints that do not fit are
-    /// turned at random.
-    fn restart(
-        &mut self,
-        best: &mut FrameSolution,
-        tries: usize,
-        previous_weight: f64,
-        rest_weight: f64,
-        limit: f64,
-    ) {
-        let seen = self.observed_count();
-        // A step costs the cube of the values: large skeletons get fewer tries, none of a body's
-        // size does.
-        let n = self.rest.len().max(1);
-        for _ in 0..tries.min(1 + 4_000_000 / (n * n)) {
-            if best.misfit <= limit * limit * seen as f64 {
-                return;
-            }
-            let mut q = best.q.clone();
-            for i in self.angles_above_misfits(&best.q) {
-                q[i] += self.random.random_range(-1.5..1.5);
-            }
-            let other = self.solve(q, previous_weight, rest_weight);
-            if other.energy < best.energy {
-                *best = other;
-            }
-        }
-    }
-
-    /// The angles of the three nearest turning bones above each joint that fits worst, or half as
-    /// badly.
-    fn angles_above_misfits(&mut self, q: &[f64]) -> Vec<usize> {
-        let posture = self.solver.posture(q);
-        let far: Vec<f64> = self
-            .joints
-            .iter()
-            .zip(self.targets.chunks_exact(3))
-            .map(|(&j, y)| (posture.ends[j] - DVec3::from_slice(y)).length())
-            .collect();
-        let worst = far.iter().fold(0.0, |z: f64, &f| z.max(f));
-        let mut angles = Vec::new();
-        for (&joint, _) in self
-            .joints
-            .iter()
-            .zip(&far)
-            .filter(|(_, f)| **f >= 0.5 * worst)
-        {
-            let (mut at, mut turning) = (Some(joint), 0);
-            while let Some(bone) = at.filter(|_| turning < 3) {
-                let b = &self.skeleton.bones()[bone];
-                let dofs = self.skeleton.dofs_of(bone);
-                // The root's own turn is found in closed form.
-                if b.parent.is_some() && !dofs.is_empty() {
-                    turning += 1;
-                    angles.extend(dofs.filter(|i| {
-                        b.dofs[i - self.skeleton.dofs_of(bone).start]
-                            .channel
-                            .is_angle()
-                    }));
+            let steps = before.rotations.iter().zip(&posture.rotations).enumerate();
+            for (bone, (a, b)) in steps {
+                let step = angle_between(a, b);
+                if self.largest_step.is_none_or(|(.., most)| step > most) {
+                    self.largest_step = Some((bone, i, step));
                 }
-                at = b.parent;
             }
         }
-        angles.sort_unstable();
-        angles.dedup();
-        angles
+        self.mean = self.mean_of(|_| true);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::Axis;
-    use crate::pose::{Bone, Channel, Dof};
-    use glam::DMat3;
+    use crate::ik::estimate_skeleton;
+    use crate::pose::Poses;
+    use crate::pose::joints::{CMU, CMU_PARENT, CMU_REST, cmu_names};
+    use crate::pose::rotation::from_rotation_vector;
 
-    /// A root that slides and turns, an arm that is a ball joint, a hinge on it.
-    fn arm() -> Skeleton {
-        let axes = [Axis::X, Axis::Y, Axis::Z];
-        let turns = axes.map(Channel::Rotate).to_vec();
-        let bone = |name: &str, parent, offset: [f64; 3], channels: Vec<Channel>| Bone {
-            name: name.into(),
-            parent,
-            offset: DVec3::from_array(offset),
-            axis: DMat3::from_rotation_y(0.4),
-            dofs: channels.into_iter().map(Dof::free).collect(),
-        };
-        let six = [axes.map(Channel::Translate).to_vec(), turns.clone()].concat();
-        Skeleton::new(vec![
-            bone("root", None, [0., 0., 0.], six),
-            bone("a", Some(0), [9., 1., 0.], vec![]),
-            bone("b", Some(0), [-9., 0., 2.], vec![]),
-            bone("upper", Some(1), [0., -30., 1.], turns),
-            bone(
-                "lower",
-                Some(3),
-                [0., -25., 3.],
-                vec![Channel::Rotate(Axis::X)],
-            ),
-        ])
-        .unwrap()
+    /// CMU's rest pose that turns about itself, with forearms that swing.
+    fn turning(frames: usize) -> Array2<f64> {
+        let place = |joint: usize| DVec3::from_array(CMU_REST[joint]);
+        Array2::from_shape_fn((frames, 69), |(t, c)| {
+            let (joint, axis) = (c / 3, c % 3);
+            let elbow = CMU_PARENT[if CMU[joint].ends_with("wrist") {
+                joint - 1
+            } else {
+                joint
+            }];
+            let swings = CMU[joint].ends_with("radius") || CMU[joint].ends_with("wrist");
+            let bend = if swings { (0.2 * t as f64).sin() } else { 0.0 };
+            let arm = from_rotation_vector(DVec3::Z * bend) * (place(joint) - place(elbow));
+            (from_rotation_vector(DVec3::Y * 0.4 * t as f64) * (place(elbow) + arm))[axis]
+        })
     }
 
-    /// A motion that large_steps far from frame to frame.
-    fn large_steps(s: &Skeleton, frames: usize) -> Array2<f64> {
-        let mut xyz = Array2::zeros((frames, 15));
-        for (i, mut row) in xyz.rows_mut().into_iter().enumerate() {
-            let q: Vec<f64> = (0..s.dof_count())
-                .map(|k| 1.5 * ((k + 1 + 13 * i) as f64 * 2.3).sin())
-                .collect();
-            let places = s.posture(&q).ends.into_iter().flat_map(|e| e.to_array());
-            row.iter_mut().zip(places).for_each(|(a, b)| *a = b);
+    fn fitted(xyz: Array2<f64>, sd: Option<ArrayView2<'_, f64>>, rate: Option<f64>) -> SequenceFit {
+        let poses = Poses {
+            xyz,
+            points: cmu_names(),
+            ..Poses::default()
+        };
+        let skeleton = estimate_skeleton(&poses).unwrap();
+        let joints: Vec<usize> = CMU.iter().map(|n| skeleton.find(n).unwrap()).collect();
+        let cmu: Vec<Option<usize>> = (0..23).map(Some).collect();
+        let (joints, cmu) = (&joints[..], &cmu[..]);
+        let targets = Targets {
+            joints,
+            cmu,
+            xyz: poses.xyz.view(),
+            sd,
+            rate,
+        };
+        let prior = RotationPrior::builtin().unwrap();
+        fit_sequence(&skeleton, &targets, &prior, false, &mut |_| ()).unwrap()
+    }
+
+    #[test]
+    fn a_body_that_turns_is_followed_through_all_turns() {
+        let fit = fitted(turning(60), None, Some(60.0));
+        assert!(fit.mean <= 0.1, "{}", fit.mean);
+        assert_eq!((fit.unplaced, fit.incomplete, fit.unconverged), (0, 0, 0));
+        let (_, _, step) = fit.largest_step.unwrap();
+        assert!(step < 0.6, "{step}");
+        // Key frames and those between are one motion.
+        let apart = (&fit.values - &fitted(turning(60), None, None).values).mapv(f64::abs);
+        let most = apart.iter().fold(0.0, |z: f64, v| z.max(*v));
+        assert!(most <= 0.05, "{most}");
+    }
+
+    #[test]
+    fn frames_with_hardly_a_point_keep_their_neighbors_rotations() {
+        let mut xyz = turning(9);
+        for t in [0, 4, 5, 8] {
+            xyz.row_mut(t).fill(f64::NAN);
         }
-        xyz
+        xyz.row_mut(2).slice_mut(ndarray::s![30..]).fill(f64::NAN);
+        let fit = fitted(xyz, None, Some(60.0));
+        assert_eq!((fit.unplaced, fit.incomplete), (4, 5));
+        assert!(fit.values.iter().all(|v| v.is_finite()));
+        assert_eq!(fit.values.row(4), fit.values.row(3));
+        assert_eq!(fit.values.row(0), fit.values.row(1));
+        let none = fitted(turning(3) * f64::NAN, None, None);
+        assert!(none.mean.is_nan() && none.values.iter().all(|v| *v == 0.0));
     }
 
     #[test]
-    fn large_steps_are_followed_and_results_are_reproducible() {
-        let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
-        let xyz = large_steps(&s, 40);
-        let mut done = 0;
-        let run = |watch: &mut dyn FnMut(usize)| {
-            fit_sequence(&s, &joints, xyz.view(), &SequenceSettings::default(), watch)
-        };
-        let found = run(&mut |n| done = n).unwrap();
-        assert_eq!((done, found.incomplete, found.unplaced), (40, 0, 0));
-        // Leaps of a radian a frame look like noise, which holds the values a little.
-        assert!(found.max <= 0.05, "{}", found.max);
-        assert_eq!(found.values, run(&mut |_| {}).unwrap().values);
-    }
-
-    #[test]
-    fn missing_points_are_no_error() {
-        let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
-        let none = Array2::from_elem((3, 15), f64::NAN);
-        let found = fit_sequence(
-            &s,
-            &joints,
-            none.view(),
-            &SequenceSettings::default(),
-            &mut |_| {},
-        )
-        .unwrap();
-        assert!(found.mean.is_nan() && found.values.iter().all(|v| *v == 0.0));
-        let empty = Array2::zeros((0, 15));
-        assert_eq!(
-            fit_sequence(
-                &s,
-                &joints,
-                empty.view(),
-                &SequenceSettings::default(),
-                &mut |_| {}
-            )
-            .unwrap()
-            .values
-            .nrows(),
-            0
-        );
-        assert!(
-            fit_sequence(
-                &s,
-                &[],
-                empty.view(),
-                &SequenceSettings::default(),
-                &mut |_| {}
-            )
-            .is_err()
-        );
-        // Infinite and huge points are no places.
-        let mut odd = large_steps(&s, 4);
-        odd[[1, 4]] = f64::INFINITY;
-        odd[[2, 7]] = 1e200;
-        let found = fit_sequence(
-            &s,
-            &joints,
-            odd.view(),
-            &SequenceSettings::default(),
-            &mut |_| {},
-        )
-        .unwrap();
-        assert!(found.values.iter().all(|v| v.is_finite()));
+    fn unsure_points_pull_less() {
+        let mut xyz = turning(40);
+        // The left hand far up in the first frames.
+        (0..4).for_each(|t| xyz[[t, 3 * 18 + 1]] += 20.0);
+        let hand = |fit: &SequenceFit| fit.by_target[18].0 / 4.0;
+        let mut sd = Array2::from_elem((40, 23), f64::NAN);
+        let sure = hand(&fitted(xyz.clone(), None, None));
+        (0..4).for_each(|t| sd[[t, 18]] = 300.0);
+        let unsure = hand(&fitted(xyz, Some(sd.view()), None));
+        assert!(unsure > sure + 3.0, "{unsure} {sure}");
     }
 }

@@ -3,24 +3,13 @@
 //!
 //! Every bone is a ball joint. Its rest pose is CMU's: upright, facing z, arms level.
 
-use crate::pose::joints::{CMU, parents_by_name};
+use crate::numeric::statistics::median;
+use crate::pose::joints::{CMU, CMU_REST as REST, parents_by_name};
 use crate::pose::rotation::Axis;
 use crate::pose::{Body, Bone, Channel, Dof, Poses, Skeleton};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
-
-/// CMU's rest pose: the mean over 17 subjects, left and right made equal; centimeters from the
-/// root.
-#[rustfmt::skip]
-const REST: [[f64; 3]; 23] = [
-    [0.0, 0.0, 0.0],
-    [9.2, -9.9, 4.1], [22.9, -47.5, 4.1], [37.7, -88.1, 4.1], [38.7, -90.9, 15.7],
-    [-9.2, -9.9, 4.1], [-22.9, -47.5, 4.1], [-37.7, -88.1, 4.1], [-38.7, -90.9, 15.7],
-    [0.0, 11.6, -1.1], [0.0, 23.2, -1.1], [0.0, 34.9, -0.7],
-    [0.0, 44.4, 0.1], [0.0, 53.9, -1.2], [0.0, 63.7, -1.8],
-    [18.2, 41.1, -1.4], [48.1, 41.1, -1.4], [66.6, 41.1, -1.4], [75.8, 41.1, -1.4],
-    [-18.2, 41.1, -1.4], [-48.1, 41.1, -1.4], [-66.6, 41.1, -1.4], [-75.8, 41.1, -1.4],
-];
+use std::collections::BTreeMap;
 
 /// The skeleton of a table's points; its bones have the points' names.
 ///
@@ -53,6 +42,7 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
         let known = CMU.iter().position(|c| *c == names[k]);
         known.map_or(DVec3::ZERO, |i| DVec3::from_array(REST[i]))
     };
+    let pelvis = rigid_hips(poses);
     let mut place = vec![None; names.len()];
     let mut bones: Vec<Bone> = Vec::new();
     for k in body.order() {
@@ -60,11 +50,14 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
             continue;
         }
         let rotations = [Axis::X, Axis::Y, Axis::Z].map(Channel::Rotate);
+        let rigid = pelvis.get(&names[k]);
         let (parent, offset, channels) = match parents[k] {
             None => {
                 let slides = [Axis::X, Axis::Y, Axis::Z].map(Channel::Translate);
                 (None, DVec3::ZERO, [slides, rotations].concat())
             }
+            // No point shows how a hip joint turns against the root.
+            Some(p) if let Some(offset) = rigid => (place[p], *offset, Vec::new()),
             Some(p) => {
                 let rest = at(k) - at(p);
                 let length = Some(body.lengths[k]).filter(|l| l.is_finite());
@@ -83,6 +76,48 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
         });
     }
     Skeleton::new(bones)
+}
+
+/// Where the hip joints are from the root in the rest pose, cm, by their names: they do not move
+/// against it. Nothing where a take does not show root and hips together.
+fn rigid_hips(poses: &Poses) -> BTreeMap<String, DVec3> {
+    let names = ["root", "lhipjoint", "rhipjoint"];
+    let Some(columns) = points_named(poses, names) else {
+        return BTreeMap::new();
+    };
+    let seen = (0..poses.frames()).filter_map(|t| {
+        let row = poses.xyz.row(t);
+        let [root, left, right] =
+            columns.map(|p| DVec3::from_array([0, 1, 2].map(|c| row[3 * p + c])));
+        let frame = pelvis_frame(root, left, right)?;
+        Some([left, right].map(|hip| frame.transpose() * (hip - root)))
+    });
+    let seen: Vec<[DVec3; 2]> = seen.collect();
+    let known = names.map(|n| CMU.iter().position(|c| *c == n).unwrap_or(0));
+    let [root, left, right] = known.map(|i| DVec3::from_array(REST[i]));
+    let rest = pelvis_frame(root, left, right).unwrap_or(DMat3::IDENTITY);
+    let middle = |hip: usize| {
+        let axis = |c: usize| median(seen.iter().map(|hips| hips[hip][c]).collect());
+        Some(rest * DVec3::new(axis(0)?, axis(1)?, axis(2)?))
+    };
+    let hips = [(names[1], middle(0)), (names[2], middle(1))].into_iter();
+    hips.filter_map(|(name, offset)| Some((name.to_string(), offset?)))
+        .collect()
+}
+
+/// The columns of three points.
+fn points_named(poses: &Poses, names: [&str; 3]) -> Option<[usize; 3]> {
+    let column = |name| poses.points.iter().position(|p| p == name);
+    let [a, b, c] = names.map(column);
+    Some([a?, b?, c?])
+}
+
+/// The axes of a pelvis: from the right hip to the left, from the hips to the root, and forward.
+fn pelvis_frame(root: DVec3, left: DVec3, right: DVec3) -> Option<DMat3> {
+    let x = (left - right).try_normalize()?;
+    let up = root - (left + right) / 2.0;
+    let y = (up - x * up.dot(x)).try_normalize()?;
+    Some(DMat3::from_cols(x, y, x.cross(y))).filter(|f| f.is_finite())
 }
 
 #[cfg(test)]

@@ -3,11 +3,12 @@
 use super::bone_normalization::BoneNormalizer;
 use super::correspondence::{Correspondence, match_points};
 use super::fit_quality::{FitQuality, drives, leg_length};
-use super::sequence::{SequenceFit, SequenceSettings, fit_sequence};
+use super::sequence::{SequenceFit, Targets, fit_sequence};
 use crate::io::Bvh;
 use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::pose::rotation::Axis;
-use crate::pose::{Body, Poses, Skeleton};
+use crate::pose::{Body, NameMap, PointNaming, Poses, Skeleton, joints};
+use crate::prior::rotations::RotationPrior;
 use crate::{Error, Result};
 use glam::DMat3;
 use ndarray::ArrayView2;
@@ -31,39 +32,75 @@ use ndarray::ArrayView2;
 #[derive(Debug, Clone)]
 pub struct SkeletonFit<'a> {
     target: Target<'a>,
-    /// Restarts, limits and tolerances.
-    pub settings: SequenceSettings,
+    limits: bool,
+    prior: Option<&'a RotationPrior>,
+    map: Option<&'a NameMap>,
+    sd: Option<ArrayView2<'a, f64>>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Target<'a> {
     Skeleton(&'a Skeleton),
     Template(&'a BvhTemplate),
+    /// A template whose points are its joints, not the ends of its bones.
+    Joints(&'a BvhTemplate),
 }
 
 impl<'a> SkeletonFit<'a> {
     /// Fits `skeleton`, whose joints are the ends of its bones.
     pub fn new(skeleton: &'a Skeleton) -> SkeletonFit<'a> {
-        SkeletonFit {
-            target: Target::Skeleton(skeleton),
-            settings: SequenceSettings::default(),
-        }
+        SkeletonFit::of(Target::Skeleton(skeleton))
     }
 
     /// Fits the skeleton of a BVH file; [`FittedTake::to_bvh`] keeps that file's hierarchy, offsets
     /// and channels.
     pub fn with_template(template: &'a BvhTemplate) -> SkeletonFit<'a> {
+        SkeletonFit::of(Target::Template(template))
+    }
+
+    /// The same for a table whose points are the joints of `template` by their names.
+    pub(crate) fn with_joints(template: &'a BvhTemplate) -> SkeletonFit<'a> {
+        SkeletonFit::of(Target::Joints(template))
+    }
+
+    fn of(target: Target<'a>) -> SkeletonFit<'a> {
         SkeletonFit {
-            target: Target::Template(template),
-            settings: SequenceSettings::default(),
+            target,
+            limits: false,
+            prior: None,
+            map: None,
+            sd: None,
         }
+    }
+
+    /// Takes another prior of rotations than the one that is compiled in.
+    #[must_use]
+    pub fn prior(mut self, prior: Option<&'a RotationPrior>) -> SkeletonFit<'a> {
+        self.prior = prior;
+        self
+    }
+
+    /// Says which of the points are which of CMU's joints, of which the prior knows. `None`: by
+    /// their names.
+    #[must_use]
+    pub fn map(mut self, map: Option<&'a NameMap>) -> SkeletonFit<'a> {
+        self.map = map;
+        self
+    }
+
+    /// Gives the points' standard deviations of a coordinate (frames, points), cm; NaN: measured.
+    /// The surer a point, the nearer is its joint.
+    #[must_use]
+    pub fn sd(mut self, sd: Option<ArrayView2<'a, f64>>) -> SkeletonFit<'a> {
+        self.sd = sd;
+        self
     }
 
     /// Keeps the degrees of freedom within the skeleton's limits. Off by default: captured motion
     /// often exceeds them.
     #[must_use]
     pub fn limits(mut self, keep: bool) -> SkeletonFit<'a> {
-        self.settings.solve.limits = keep;
+        self.limits = keep;
         self
     }
 
@@ -71,7 +108,7 @@ impl<'a> SkeletonFit<'a> {
     pub fn skeleton(&self) -> &'a Skeleton {
         match self.target {
             Target::Skeleton(skeleton) => skeleton,
-            Target::Template(template) => &template.skeleton.skeleton,
+            Target::Template(template) | Target::Joints(template) => &template.skeleton.skeleton,
         }
     }
 
@@ -81,12 +118,12 @@ impl<'a> SkeletonFit<'a> {
         let bones: Vec<Option<usize>> = match self.target {
             Target::Skeleton(skeleton) => names.iter().map(|n| skeleton.find(n)).collect(),
             Target::Template(template) => bones_of_template(template, poses),
+            Target::Joints(template) => template.bones_of(names, BvhPoints::Origins),
         };
         match_points(poses, &bones)
     }
 
-    /// Fits the skeleton to one take. A point that is missing leaves its joint's degrees of freedom
-    /// as they were in the frame before.
+    /// Fits the skeleton to one take. What the points leave open is as it mostly is in people.
     ///
     /// # Errors
     /// [`Error::Usage`]: no point has the name of a joint, or the skeleton has too many degrees of
@@ -105,13 +142,25 @@ impl<'a> SkeletonFit<'a> {
         observer: &mut dyn FnMut(usize),
     ) -> Result<FittedTake<'a>> {
         let matched = self.correspondence(poses);
-        let sequence = fit_sequence(
-            self.skeleton(),
-            &matched.joints,
-            matched.xyz.view(),
-            &self.settings,
-            observer,
-        )?;
+        let builtin;
+        let prior = match self.prior {
+            Some(prior) => prior,
+            None => {
+                builtin = RotationPrior::builtin()?;
+                &builtin
+            }
+        };
+        let sd = self
+            .sd
+            .map(|sd| sd.select(ndarray::Axis(1), &matched.columns));
+        let targets = Targets {
+            joints: &matched.joints,
+            cmu: &cmu_joints(&matched, self.map),
+            xyz: matched.xyz.view(),
+            sd: sd.as_ref().map(|sd| sd.view()),
+            rate: poses.rate(),
+        };
+        let sequence = fit_sequence(self.skeleton(), &targets, prior, self.limits, observer)?;
         Ok(FittedTake {
             target: self.target,
             sequence,
@@ -119,6 +168,29 @@ impl<'a> SkeletonFit<'a> {
             rate: poses.rate(),
         })
     }
+}
+
+/// Which of CMU's joints each point is, by a map or by its name. For the neck and the head of a map
+/// CMU's nearest will do.
+fn cmu_joints(matched: &Correspondence, map: Option<&NameMap>) -> Vec<Option<usize>> {
+    let names = &matched.names;
+    let naming = match map {
+        Some(map) => PointNaming::Map(map.clone()),
+        None => PointNaming::of(names, matched.xyz.view(), &joints::cmu_names()),
+    };
+    let known = naming.model_names(names);
+    let index = |name: &str| joints::CMU.iter().position(|c| *c == name);
+    let mut found: Vec<Option<usize>> = known.iter().map(|name| index(name)).collect();
+    if let PointNaming::Map(map) = &naming {
+        for (name, cmu) in [("Neck", "thorax"), ("Head", "head")] {
+            let column = map.trunk_column(name, names);
+            let is_new = |cmu: &usize| !found.contains(&Some(*cmu));
+            if let (Some(column), Some(cmu)) = (column, index(cmu).filter(is_new)) {
+                found[column] = found[column].or(Some(cmu));
+            }
+        }
+    }
+    found
 }
 
 /// The bone of a BVH file whose end each point is, by name. Joints and bone ends have the same
@@ -175,7 +247,9 @@ impl FittedTake<'_> {
         };
         let names: Vec<&String> = match self.target {
             Target::Skeleton(skeleton) => skeleton.bones().iter().map(|b| &b.name).collect(),
-            Target::Template(template) => template.joints().iter().map(|j| &j.name).collect(),
+            Target::Template(template) | Target::Joints(template) => {
+                template.joints().iter().map(|j| &j.name).collect()
+            }
         };
         let joints: Vec<_> = names.into_iter().filter(|name| drives(name)).collect();
         let with_points = joints.iter().filter(|name| {
@@ -210,7 +284,9 @@ impl FittedTake<'_> {
     /// None for values that [`SkeletonFit`] made.
     pub fn to_bvh_with(&self, order: [Axis; 3], turn: DMat3, rate: f64) -> Result<Bvh> {
         match self.target {
-            Target::Template(template) => Ok(template.with_values(self.values(), 1.0 / rate)),
+            Target::Template(template) | Target::Joints(template) => {
+                Ok(template.with_values(self.values(), 1.0 / rate))
+            }
             Target::Skeleton(skeleton) => {
                 Bvh::from_values(skeleton, self.values(), order, turn.transpose(), 1.0 / rate)
             }

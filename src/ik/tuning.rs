@@ -46,37 +46,88 @@ pub(crate) mod initial_pose {
     pub(crate) const TWIST_REST: f64 = 0.001;
 }
 
+/// The most probable rotations of a frame (Levenberg-Marquardt). The damping is the prototype's.
+pub(crate) mod frame_solver {
+    /// The damping of the first step.
+    pub(crate) const DAMPING: f64 = 1e-3;
+    /// Factor of the damping after a step that helped.
+    pub(crate) const RELAX: f64 = 0.2;
+    /// Factor of the damping after a step that did not.
+    pub(crate) const RAISE: f64 = 20.0;
+    /// Damping at which the solution is a minimum, to rounding.
+    pub(crate) const MOST_DAMPING: f64 = 1e9;
+    /// Steps that help, at most.
+    pub(crate) const STEPS: usize = 100;
+    /// Last steps at most, how much more sure points weigh there, and the E that may be left: some
+    /// ten thousandths of a centimeter.
+    pub(crate) const LAST_STEPS: usize = 6;
+    pub(crate) const SURE: f64 = 1e4;
+    pub(crate) const LAST_TOLERANCE: (f64, f64) = (10.0, 0.0);
+    /// Ends when a step lowers E, which has no unit, by less than the first and this share of it.
+    pub(crate) const TOLERANCE: (f64, f64) = (1e-3, 1e-4);
+    /// Damps what neither points nor prior move, 1 / radian².
+    pub(crate) const LEAST_PRECISION: f64 = 1e-3;
+    /// Standard deviation of a bone that slides below the root, cm.
+    pub(crate) const SLIDE_SD: f64 = 2.0;
+    /// The weight of a point at the start that is not rigid with the root.
+    pub(crate) const NOT_RIGID: f64 = 1e-3;
+    /// Rounds in which the angles nearest to a mean rotation are found.
+    pub(crate) const ANGLE_ROUNDS: usize = 20;
+}
+
 /// Frame after frame.
 pub(crate) mod sequence {
-    /// Weight that holds the values that the joints leave open to the frame before, cm² a squared
-    /// radian.
-    pub(crate) const PREVIOUS_WEIGHT: f64 = 1e-4;
-    /// Weight that draws them to the rest posture, cm² a squared radian: so little that it takes a
-    /// hundred frames.
-    pub(crate) const REST_WEIGHT: f64 = 1e-6;
-    /// The same weight in the first frame, which has none before it.
-    pub(crate) const FIRST_REST_WEIGHT: f64 = 1e-4;
-    /// A noisy take's share of its mean squared misfit: one centimeter of noise is about 0.4
-    /// radians of twist.
-    pub(crate) const NOISE_WEIGHT: f64 = 5.0;
-    /// How often the first frame follows itself.
-    pub(crate) const FIRST_FRAME_ROUNDS: usize = 100;
-    /// The first frame is searched from this many times as many starts as another.
-    pub(crate) const FIRST_FRAME_STARTS: usize = 4;
-    /// A root-mean-square misfit, cm a joint, below which nothing is searched for.
-    pub(crate) const FITS: f64 = 1e-4;
-    /// A search that leaves no less than this share of the misfit did not help.
-    pub(crate) const HELPED: f64 = 0.25;
-    /// Frames among which the first one is searched for, unless none of them shows anything.
-    pub(crate) const FIRST_AMONG: usize = 1000;
-    /// Rounds after which a pose near a pole of its angles stays where it is.
-    pub(crate) const POLE_ROUNDS: usize = 3;
-    /// A round that leaves no less than this share of the misfit did not help.
-    pub(crate) const POLE_HELPED: f64 = 0.5;
-    /// Frames to the next search after some that did not help, at least and at most; they double.
-    pub(crate) const PAUSE: (usize, usize) = (2, 64);
-    /// The share of a frame in the typical misfit: about the last twenty frames.
-    pub(crate) const TYPICAL_SHARE: f64 = 0.05;
+    /// Frames of one parallel task, and of a block after which progress is told.
+    pub(crate) const CHUNK: usize = 8;
+    pub(crate) const BLOCK: usize = 512;
+    /// Key frames a second, from which the others start.
+    pub(crate) const KEY_RATE: f64 = 24.0;
+    /// Weight that holds the values to the most probable ones where they are carried into the
+    /// skeleton's limits, cm² a squared radian.
+    pub(crate) const LIMITS_WEIGHT: f64 = 1e-4;
+    /// A frame whose neighbor has every bone within this angle, radians, would end where it is from
+    /// its neighbor's rotations too.
+    pub(crate) const NEAR: f64 = 0.26;
+    /// A solution from another start counts if its E is lower by this.
+    pub(crate) const LOWER: f64 = 1e-2;
+    /// Standard deviation of a point that says none, cm: with .1 the AMC of clean points is .02 cm
+    /// off them.
+    pub(crate) const LEAST_SD: f64 = 0.03;
+}
+
+/// Skeletons from named points. Lengths are shares of the leg (thigh and shin), the medians of
+/// CMU's subjects; they stand in for what no frame shows.
+pub(crate) mod named_skeleton {
+    /// From the middle of the hips to a hip.
+    pub(crate) const HIP: f64 = 0.1;
+    /// One of three bones of the spine.
+    pub(crate) const SPINE: f64 = 0.14;
+    /// The neck.
+    pub(crate) const NECK: f64 = 0.117;
+    /// The head.
+    pub(crate) const HEAD: f64 = 0.12;
+    /// A collar bone.
+    pub(crate) const COLLAR_LENGTH: f64 = 0.234;
+    /// The arm's bones, from the shoulder, and the fingers.
+    pub(crate) const UPPER_ARM: f64 = 0.36;
+    pub(crate) const FOREARM: f64 = 0.223;
+    pub(crate) const HAND: f64 = 0.088;
+    pub(crate) const FINGERS: f64 = 0.08;
+    /// The foot to the ball.
+    pub(crate) const FOOT_LENGTH: f64 = 0.145;
+    /// The toes, as a share of the foot.
+    pub(crate) const TOES: f64 = 1.0 / 3.0;
+    /// No End Site is nearer than this, cm.
+    pub(crate) const LEAST_END: f64 = 1.0;
+    /// Where a foot points in the rest pose.
+    pub(crate) const FOOT: [f64; 3] = [0.0, -0.35, 0.94];
+    /// Where a left collar bone points: from a point of its own, from the chest as CMU's does, and
+    /// from the middle of the shoulders.
+    pub(crate) const COLLAR: [f64; 3] = [1.0, 0.1, 0.0];
+    pub(crate) const CMU_COLLAR: [f64; 3] = [0.95, 0.32, -0.04];
+    pub(crate) const LEVEL: [f64; 3] = [1.0, 0.0, 0.0];
+    /// A root nearer to the middle of the hips tells no tilt of the pelvis, share of the leg.
+    pub(crate) const LEAST_TILT: f64 = 0.02;
 }
 
 /// How good a fit is.

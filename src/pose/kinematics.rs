@@ -30,6 +30,22 @@ pub enum Space {
     Body,
 }
 
+/// How a bone stands on the one above: its rotation in the axes of the rest pose, how far it slides
+/// in its own axes, and by how much it is longer, cm.
+struct Local {
+    rotation: DMat3,
+    shift: DVec3,
+    longer: f64,
+}
+
+impl Posture {
+    fn clear(&mut self) {
+        self.rotations.clear();
+        self.starts.clear();
+        self.ends.clear();
+    }
+}
+
 impl Skeleton {
     /// Sets the root's values so that the posture stands in `space`.
     pub(crate) fn move_root_to(&self, q: &mut [f64], space: Space) {
@@ -59,76 +75,142 @@ impl Skeleton {
     }
 
     fn posture_where(&self, wanted: impl Fn(usize) -> bool, q: &[f64], out: &mut Posture) {
-        out.rotations.clear();
-        out.starts.clear();
-        out.ends.clear();
-        for (i, (bone, rest)) in self.bones().iter().zip(self.rest()).enumerate() {
-            if !wanted(i) {
-                out.rotations.push(DMat3::IDENTITY);
-                out.starts.push(DVec3::ZERO);
-                out.ends.push(DVec3::ZERO);
+        out.clear();
+        for i in 0..self.bones().len() {
+            if wanted(i) {
+                let local = self.local(i, &q[self.dofs_of(i)]);
+                self.push_bone(i, &local, out);
                 continue;
             }
-            let (mut turn, mut shift, mut longer) = (DMat3::IDENTITY, DVec3::ZERO, 0.0);
-            for (dof, &value) in bone.dofs.iter().zip(&q[self.dofs_of(i)]) {
-                let value = value + dof.offset;
-                match dof.channel {
-                    Channel::Rotate(axis) => turn = axis.rotation(value) * turn,
-                    Channel::Translate(axis) => shift += axis.unit() * value,
-                    Channel::Length => longer += value,
-                }
-            }
-            let local = if bone.dofs.is_empty() {
-                rest.fixed_rotation
-            } else {
-                bone.axis * turn * rest.inverse_axis
-            };
-            let (before, mut start) = match bone.parent {
-                Some(p) => (out.rotations[p], out.ends[p]),
-                None => (DMat3::IDENTITY, DVec3::ZERO),
-            };
-            if rest.translates {
-                start += before * (bone.axis * shift);
-            }
-            let rotation = before * local;
-            out.rotations.push(rotation);
-            out.starts.push(start);
-            let along = bone.offset + rest.direction * longer;
-            // A bone without length ends where it starts, even if its rotation is missing.
-            out.ends.push(match along == DVec3::ZERO {
-                true => start,
-                false => start + rotation * along,
-            });
+            out.rotations.push(DMat3::IDENTITY);
+            out.starts.push(DVec3::ZERO);
+            out.ends.push(DVec3::ZERO);
         }
+    }
+
+    /// The posture of the values `q`, where the rotation against the bone above is another for
+    /// those bones that `rotation` gives one for.
+    pub(crate) fn posture_with(
+        &self,
+        rotation: impl Fn(usize) -> Option<DMat3>,
+        q: &[f64],
+        out: &mut Posture,
+    ) {
+        out.clear();
+        for i in 0..self.bones().len() {
+            let own = &q[self.dofs_of(i)];
+            let local = match rotation(i) {
+                None => self.local(i, own),
+                Some(rotation) => Local {
+                    rotation,
+                    ..self.slides(i, own)
+                },
+            };
+            self.push_bone(i, &local, out);
+        }
+    }
+
+    /// How bone `i` stands on the one above for its own values.
+    #[inline]
+    fn local(&self, i: usize, own: &[f64]) -> Local {
+        let (bone, rest) = (&self.bones()[i], &self.rest()[i]);
+        let mut turn = DMat3::IDENTITY;
+        for (dof, &value) in bone.dofs.iter().zip(own) {
+            if let Channel::Rotate(axis) = dof.channel {
+                turn = axis.rotation(value + dof.offset) * turn;
+            }
+        }
+        let rotation = match bone.dofs.is_empty() {
+            true => rest.fixed_rotation,
+            false => bone.axis * turn * rest.inverse_axis,
+        };
+        Local {
+            rotation,
+            ..self.slides(i, own)
+        }
+    }
+
+    /// The rotation of bone `i` against the one above, in the axes of the rest pose, for its own
+    /// values.
+    pub(crate) fn local_rotation(&self, i: usize, own: &[f64]) -> DMat3 {
+        self.local(i, own).rotation
+    }
+
+    /// The part of [`Skeleton::local`] that does not turn.
+    #[inline]
+    fn slides(&self, i: usize, own: &[f64]) -> Local {
+        let (mut shift, mut longer) = (DVec3::ZERO, 0.0);
+        for (dof, &value) in self.bones()[i].dofs.iter().zip(own) {
+            match dof.channel {
+                Channel::Rotate(_) => {}
+                Channel::Translate(axis) => shift += axis.unit() * (value + dof.offset),
+                Channel::Length => longer += value + dof.offset,
+            }
+        }
+        Local {
+            rotation: DMat3::IDENTITY,
+            shift,
+            longer,
+        }
+    }
+
+    /// Appends bone `i`, after all before it.
+    #[inline]
+    fn push_bone(&self, i: usize, local: &Local, out: &mut Posture) {
+        let (bone, rest) = (&self.bones()[i], &self.rest()[i]);
+        let (before, mut start) = match bone.parent {
+            Some(p) => (out.rotations[p], out.ends[p]),
+            None => (DMat3::IDENTITY, DVec3::ZERO),
+        };
+        if rest.translates {
+            start += before * (bone.axis * local.shift);
+        }
+        let rotation = before * local.rotation;
+        out.rotations.push(rotation);
+        out.starts.push(start);
+        let along = bone.offset + rest.direction * local.longer;
+        // A bone without length ends where it starts, even if its rotation is missing.
+        out.ends.push(match along == DVec3::ZERO {
+            true => start,
+            false => start + rotation * along,
+        });
     }
 
     /// How each value moves what it moves, at the posture of the values `q`.
     pub(crate) fn dof_motions(&self, q: &[f64], posture: &Posture, out: &mut Vec<DofMotion>) {
         out.clear();
-        for (i, bone) in self.bones().iter().enumerate() {
-            let before = (bone.parent).map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
-            let own = &q[self.dofs_of(i)];
-            for (n, dof) in bone.dofs.iter().enumerate() {
-                // The rotations named after this one still turn its axis.
-                let mut later = DMat3::IDENTITY;
-                for (d, &value) in bone.dofs[n + 1..].iter().zip(&own[n + 1..]) {
-                    if let Channel::Rotate(axis) = d.channel {
-                        later = axis.rotation(value + d.offset) * later;
-                    }
+        (0..self.bones().len()).for_each(|i| self.push_dof_motions(i, q, posture, out));
+    }
+
+    /// Appends how each value of bone `i` moves what it moves.
+    pub(crate) fn push_dof_motions(
+        &self,
+        i: usize,
+        q: &[f64],
+        posture: &Posture,
+        out: &mut Vec<DofMotion>,
+    ) {
+        let bone = &self.bones()[i];
+        let before = (bone.parent).map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
+        let own = &q[self.dofs_of(i)];
+        for (n, dof) in bone.dofs.iter().enumerate() {
+            // The rotations named after this one still turn its axis.
+            let mut later = DMat3::IDENTITY;
+            for (d, &value) in bone.dofs[n + 1..].iter().zip(&own[n + 1..]) {
+                if let Channel::Rotate(axis) = d.channel {
+                    later = axis.rotation(value + d.offset) * later;
                 }
-                out.push(match dof.channel {
-                    Channel::Rotate(axis) => DofMotion::Turn {
-                        axis: before * (bone.axis * (later * axis.unit())),
-                        about: posture.starts[i],
-                    },
-                    Channel::Translate(axis) => {
-                        DofMotion::Slide(before * (bone.axis * axis.unit()))
-                    }
-                    Channel::Length => {
-                        DofMotion::Slide(posture.rotations[i] * self.rest()[i].direction)
-                    }
-                });
             }
+            out.push(match dof.channel {
+                Channel::Rotate(axis) => DofMotion::Turn {
+                    axis: before * (bone.axis * (later * axis.unit())),
+                    about: posture.starts[i],
+                },
+                Channel::Translate(axis) => DofMotion::Slide(before * (bone.axis * axis.unit())),
+                Channel::Length => {
+                    DofMotion::Slide(posture.rotations[i] * self.rest()[i].direction)
+                }
+            });
         }
     }
 }

@@ -11,12 +11,17 @@ static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
     let maps: BTreeMap<String, BTreeMap<String, String>> =
         toml::from_str(include_str!("name_maps.toml")).unwrap_or_default();
     let map = |(name, lines): (String, BTreeMap<String, String>)| {
-        let is_trunk = |line: &(String, String)| TRUNK.contains(&line.0.as_str());
-        let (trunk, joints) = lines.into_iter().partition(is_trunk);
+        let is_one_of = |names: &'static [&str]| {
+            move |line: &(String, String)| names.contains(&line.0.as_str())
+        };
+        let (trunk, lines): (_, BTreeMap<String, String>) =
+            lines.into_iter().partition(is_one_of(&TRUNK));
+        let (bones, joints) = lines.into_iter().partition(is_one_of(&BONES));
         NameMap {
             name,
             joints,
             trunk,
+            bones,
         }
     };
     maps.into_iter().map(map).collect()
@@ -25,6 +30,10 @@ static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
 /// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
 /// other places.
 pub(crate) const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
+
+/// What shipped maps name for skeletons: the joints of the spine from the root on, the collar
+/// bones, left and right, and the head where that is the middle of other points.
+const BONES: [&str; 3] = ["Spine", "Collars", "Skull"];
 
 /// The points that a map must find to be taken without being named: hips, knees, ankles, shoulders,
 /// elbows and wrists.
@@ -53,6 +62,9 @@ pub struct NameMap {
     pub joints: BTreeMap<String, String>,
     /// By name of `TRUNK`, the point of the file likewise; empty for maps of others.
     pub trunk: BTreeMap<String, String>,
+    /// By name of `BONES`, points of the file that a skeleton has for joints, with commas between
+    /// them.
+    pub(crate) bones: BTreeMap<String, String>,
 }
 
 impl NameMap {
@@ -119,6 +131,28 @@ impl NameMap {
         joints
             .filter_map(|(point, name)| Some((point.as_str(), finder.find(name)?)))
             .collect()
+    }
+
+    /// The columns of the points that a name of `TRUNK` or `BONES` lists, each a point or the
+    /// middle of several; those that are not there are left out.
+    pub(crate) fn bone_columns(&self, name: &str, points: &[String]) -> Vec<Vec<usize>> {
+        let finder = self.finder(points);
+        let middle = |names: &str| -> Option<Vec<usize>> {
+            names.split('+').map(|name| finder.find(name)).collect()
+        };
+        let place = |names: &str| names.split('|').find_map(middle);
+        let listed = self.bones.get(name).or_else(|| self.trunk.get(name));
+        let listed = listed.map_or("", String::as_str);
+        listed
+            .split(", ")
+            .filter(|n| !n.is_empty())
+            .filter_map(place)
+            .collect()
+    }
+
+    /// The column of a joint of the trunk among the `points`.
+    pub(crate) fn trunk_column(&self, name: &str, points: &[String]) -> Option<usize> {
+        self.finder(points).find(self.trunk.get(name)?)
     }
 
     fn finder<'p>(&self, points: &'p [String]) -> NameFinder<'p> {
@@ -300,7 +334,7 @@ mod tests {
 
     #[test]
     fn shipped_maps_name_points_of_the_skeleton_on_both_sides() {
-        assert_eq!(NameMap::shipped().len(), 18);
+        assert_eq!(NameMap::shipped().len(), 22);
         let points = joints::cmu_names();
         for map in NameMap::shipped() {
             for (point, joint) in &map.joints {
@@ -405,9 +439,33 @@ mod tests {
             "|Wrist",
         ];
         let pose2sim = sided(&["Hip", "Neck", "Head", "Nose"], &openpose, ["L", "R"]);
-        assert_eq!(fits(&pose2sim), Some(("openpose", vec![])));
+        assert_eq!(fits(&pose2sim), Some(("halpe", vec![])));
         let without: Vec<String> = pose2sim.iter().skip(1).cloned().collect();
-        assert_eq!(fits(&without), Some(("openpose", vec!["MidHip"])));
+        assert_eq!(fits(&without), Some(("halpe", vec!["Hip"])));
+        let body25 = sided(&["MidHip", "Neck", "Nose"], &openpose, ["L", "R"]);
+        assert_eq!(fits(&body25), Some(("openpose", vec![])));
+        let snake = [
+            "|_hip",
+            "|_knee",
+            "|_ankle",
+            "|_shoulder",
+            "|_elbow",
+            "|_wrist",
+        ];
+        let coco = sided(&["nose"], &snake, ["left", "right"]);
+        assert_eq!(fits(&coco), Some(("coco", vec![])));
+        let mediapipe = sided(
+            &["nose"],
+            &[&snake[..], &["|_foot_index"]].concat(),
+            ["LEFT", "RIGHT"],
+        );
+        assert_eq!(fits(&mediapipe), Some(("mediapipe", vec![])));
+        let smpl = sided(
+            &["pelvis"],
+            &[&snake[..], &["|_foot"]].concat(),
+            ["left", "right"],
+        );
+        assert_eq!(fits(&smpl), Some(("smpl", vec![])));
         let biped = [
             "| Thigh",
             "| Calf",

@@ -15,6 +15,7 @@ pub mod published;
 pub(crate) mod registry;
 mod representative_poses;
 pub mod rigid_pairs;
+pub mod rotations;
 pub mod sparse_coding;
 #[cfg(test)]
 mod testdata;

@@ -147,20 +147,19 @@ fn missing_points_hold_and_the_count_of_frames_stays() {
 #[test]
 fn limits_are_kept_when_asked_for() {
     let dir = Folder::new();
-    let bent = take(1, 3).replace("ltibia ", "ltibia -5");
+    let bent = take(1, 3).replace(" 8\n", " 110\n");
     let table = dir.xyz(&bent, JOINTS);
     let text = |run: assert_cmd::assert::Assert| {
         String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
-    let least = |text: String| {
-        let values = text
-            .lines()
-            .filter_map(|l| l.strip_prefix("ltibia ")?.parse::<f64>().ok());
-        values.fold(f64::INFINITY, f64::min)
+    let most = |text: String| {
+        let thighs = text.lines().filter_map(|l| l.strip_prefix("lfemur "));
+        let aside = thighs.filter_map(|l| l.rsplit(' ').next()?.parse::<f64>().ok());
+        aside.fold(f64::NEG_INFINITY, f64::max)
     };
-    // The knee is bent beyond its limit, so that the fit is a finding.
-    assert!(least(text(dir.amc(&table, &["--limits"]).code(3))) >= -10.0 - 1e-6);
-    assert!(least(text(dir.amc(&table, &[]).success())) < -400.0 + 360.0 - 10.0);
+    // The thigh is turned beyond its limit of 70 degrees, so that the fit is a finding.
+    assert!(most(text(dir.amc(&table, &["--limits"]).code(3))) <= 70.0 + 1e-6);
+    assert!(most(text(dir.amc(&table, &[]).success())) > 100.0);
 }
 
 #[test]

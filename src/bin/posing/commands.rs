@@ -84,6 +84,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
         "Train pose models",
         &[
             entry!("prior-train", prior_train),
+            entry!("rotations-train", rotations_train),
             entry!("cluster", cluster, true),
             entry!("ksvd-train", ksvd_train, true),
             entry!("dict-concat", dict_concat, true),

@@ -32,6 +32,7 @@ mod pose_distance;
 mod prior_train;
 mod rdsr_train;
 mod retrieve;
+mod rotations_train;
 mod score;
 mod transition;
 mod trc2xyz;

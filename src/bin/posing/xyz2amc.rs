@@ -4,12 +4,12 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
-use posing::cli::ik::{fit, name_bone_ends, report_time_jumps};
+use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
-use posing::ik::SkeletonFit;
-use posing::io::{Amc, Asf};
+use posing::io::{Amc, Asf, SkeletonFile};
 use posing::pose::one_take::{first_frame_number, one_take};
+use posing::pose::rotation::Axis;
 use posing::pose::units::LengthUnit;
 use std::path::PathBuf;
 
@@ -36,6 +36,8 @@ pub struct Args {
     /// Skeleton to fit (ASF)
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: PathBuf,
+    #[command(flatten)]
+    joints_of: JointArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -74,8 +76,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let rate = input.rate(&poses)?;
     report_time_jumps(&poses, &table.name, "an AMC file");
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
-    let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
-    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, &no_joint, args.force)?;
+    let given = Some(SkeletonFile::Asf(asf.clone()));
+    let skeleton = args
+        .joints_of
+        .skeleton(given, &mut poses, [Axis::Z, Axis::Y, Axis::X])?;
+    let fit_of = skeleton.fit().limits(args.limits);
+    let (fitted, outcome) = fit(&fit_of, &poses, &table.name, &no_joint, args.force)?;
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
     Ok(outcome)

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
-use posing::cli::ik::{fit, name_bone_ends, read_skeleton, report_time_jumps, skeleton_fit};
+use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
@@ -44,13 +44,15 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept
-    /// [default: measured from the table, which needs the CMU joint names]
+    /// [default: measured from the table, whose names a map must know]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
     /// BVH file whose missing values (the word nan) are filled from the table, which has its
     /// joints, as bvh2xyz writes them, and its frames; every other byte of it stays
     #[arg(long, value_name = "ORIGINAL.bvh", conflicts_with_all = ["skeleton", "order", "limits"])]
     into: Option<PathBuf>,
+    #[command(flatten)]
+    joints_of: JointArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -112,12 +114,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
     name_bone_ends(&mut poses, &table.name, args.force, is_bvh)?;
     report_time_jumps(&poses, &table.name, "a BVH");
-    let mut measured = None;
-    let skeleton = skeleton_fit(given.as_ref(), &poses, &mut measured)?;
-    let no_joint = "no point has the name of a joint of the skeleton";
-    let skeleton = skeleton.limits(args.limits);
-    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, no_joint, args.force)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
+    let skeleton = args.joints_of.skeleton(given, &mut poses, order)?;
+    let no_joint = "no point has the name of a joint of the skeleton";
+    let fit_of = skeleton.fit().limits(args.limits);
+    let (fitted, outcome) = fit(&fit_of, &poses, &table.name, no_joint, args.force)?;
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;

@@ -4,10 +4,11 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::BvhSkeletonArgs;
-use posing::cli::ik::{fit, name_bone_ends, read_skeleton, skeleton_fit};
+use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton};
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
+use posing::pose::rotation::Axis;
 use posing::pose::units::Units;
 use std::path::PathBuf;
 
@@ -26,10 +27,12 @@ use std::path::PathBuf;
         \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
 )]
 pub struct Args {
-    /// Skeleton to fit, ASF or BVH [default: measured from the table, which needs the CMU joint
-    /// names]
+    /// Skeleton to fit, ASF or BVH [default: measured from the table, whose names a map must
+    /// know]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
+    #[command(flatten)]
+    joints: JointArgs,
     /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
     /// fit
     #[arg(long)]
@@ -54,18 +57,16 @@ pub fn work(args: &Args) -> Result<Outcome> {
     } = args.take.new_take(one, Units::CM_Y, "GLB")?;
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
     name_bone_ends(&mut poses, &table, args.force, is_bvh)?;
-    let mut measured = None;
-    let skeleton = skeleton_fit(given.as_ref(), &poses, &mut measured)?;
+    let order = [Axis::Z, Axis::Y, Axis::X];
+    let skeleton = args.joints.skeleton(given, &mut poses, order)?;
     let no_joint = "no point has the name of a bone of the skeleton";
-    let (fitted, outcome) = fit(&skeleton, &poses, &table, no_joint, args.force)?;
+    let (fitted, outcome) = fit(&skeleton.fit(), &poses, &table, no_joint, args.force)?;
     let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
     let name = poses.take.as_ref().and_then(|take| take.first());
     let name = name.map_or("take", |take| take);
-    let mesh = match &given {
-        Some(SkeletonFile::Bvh(template)) => {
-            SkinnedMesh::of_template(name, template, fitted.values(), &times)
-        }
-        _ => SkinnedMesh::of_skeleton(name, skeleton.skeleton(), fitted.values(), &times),
+    let mesh = match skeleton.template() {
+        Some(template) => SkinnedMesh::of_template(name, template, fitted.values(), &times),
+        None => SkinnedMesh::of_skeleton(name, skeleton.fit().skeleton(), fitted.values(), &times),
     };
     args.take.write(&mesh.to_glb()?, true)?;
     Ok(outcome)

@@ -312,6 +312,11 @@ impl BvhTemplate {
         &self.joints
     }
 
+    /// The names of the joints.
+    pub(crate) fn joint_names(&self) -> Vec<String> {
+        self.joints.iter().map(|j| j.name.clone()).collect()
+    }
+
     /// Frames a second of the file's own motion; `None` where its Frame Time is zero.
     pub fn rate(&self) -> Option<f64> {
         self.rate

@@ -1,0 +1,818 @@
+//! The rotations of one frame that are most probable given its points: the prior over rotations
+//! settles what the points leave open.
+//!
+//! Minimizes `E = Σ wₜ |fₜ − yₜ|² + rᵀ Λ r`: f the joints' places and y the points (centimeters,
+//! those that are seen), w one over the variance of a coordinate; r how far the rotations are from
+//! the means of the prior, Λ its precision. A bone with three angles is a rotation matrix L, which
+//! a step turns by `L ← exp(d) L` in the axes of the bone above, and `r = log(L Mᵀ)`; a bone with
+//! fewer keeps its angles θ, and `r = θ − θ₀`. The root has no prior.
+//!
+//! A step is Levenberg's and Marquardt's, `(JᵀWJ + Λ + λ D) δ = −gradient / 2`, with the exact
+//! gradient and, for the prior, d r / d d ≈ I in the matrix alone. E is not convex: the solution
+//! is a minimum near the start.
+
+use super::tuning::frame_solver::*;
+use crate::numeric::levenberg_marquardt::Damping;
+use crate::numeric::linalg;
+use crate::numeric::small_linalg::{add, backward, dot, factorize, forward};
+use crate::pose::kinematics::{DofMotion, Posture};
+use crate::pose::rotation::{
+    Axis, from_rotation_vector, rotation_vector, rotation_vector_jacobian,
+};
+use crate::pose::similarity::{TransformKind, fit_similarity};
+use crate::pose::{Channel, Skeleton};
+use crate::prior::rotations::JointPrior;
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
+use ndarray::Array2;
+
+const SCHEDULE: Damping = Damping {
+    start: DAMPING,
+    accepted: |damping, _| damping * RELAX,
+    rejected: |damping| damping * RAISE,
+    most: MOST_DAMPING,
+};
+
+/// A frame's rotations.
+#[derive(Debug, Clone)]
+pub(crate) struct FrameState {
+    /// The rotation of each bone with three angles against the bone above, in the axes of the rest
+    /// pose; of others nothing is read.
+    pub rotations: Vec<DMat3>,
+    /// The skeleton's values; the angles of bones with three are not read.
+    pub values: Vec<f64>,
+}
+
+/// A solution of a frame.
+#[derive(Debug, Clone)]
+pub(crate) struct FrameFit {
+    pub state: FrameState,
+    /// E.
+    pub energy: f64,
+    pub converged: bool,
+}
+
+/// A value that is solved for.
+#[derive(Debug, Clone, Copy)]
+enum Column {
+    /// A turn about an axis of the bone above.
+    Turn(usize, usize),
+    /// The bone's n-th degree of freedom.
+    Dof(usize, usize),
+}
+
+/// Solves frames of one skeleton and one set of points.
+pub(crate) struct FrameSolver<'a> {
+    skeleton: &'a Skeleton,
+    joints: &'a [usize],
+    /// Whether each bone is a rotation matrix.
+    is_ball: Vec<bool>,
+    /// Whether each value is an angle of a bone that is none.
+    is_angle: Vec<bool>,
+    columns: Vec<Column>,
+    /// The columns that move each joint.
+    moving: Vec<Vec<usize>>,
+    /// The bones with a prior, their first column and number of columns: the first of all.
+    with_prior: Vec<(usize, usize, usize)>,
+    /// Means of the bones with a prior: M, or the angles.
+    mean: FrameState,
+    /// Λ, (columns with a prior, the same), by rows.
+    precision: Vec<f64>,
+    /// One over the variance of the other columns; 0 of the root's.
+    held: Vec<f64>,
+    /// The joints that are rigid with the root.
+    is_rigid: Vec<bool>,
+}
+
+impl<'a> FrameSolver<'a> {
+    /// `joints[t]` is the bone whose end is point t, `root` the bone at which the body turns; bones
+    /// that move no joint stay at rest.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the covariance of the prior is singular.
+    pub(crate) fn new(
+        skeleton: &'a Skeleton,
+        joints: &'a [usize],
+        root: usize,
+        prior: &JointPrior,
+    ) -> Result<FrameSolver<'a>> {
+        let is_ball: Vec<bool> = (0..skeleton.bones().len())
+            .map(|b| ball_axes(skeleton, b).is_some())
+            .collect();
+        let moves_a_joint = moving_bones(skeleton, joints);
+        let with_prior: Vec<usize> = (0..prior.bones.len())
+            .filter(|n| moves_a_joint[prior.bones[*n]])
+            .collect();
+        let mean = mean_state(skeleton, &is_ball, prior, &with_prior);
+        let bones = skeleton.bones().iter().zip(&is_ball);
+        let is_angle = bones
+            .flat_map(|(bone, ball)| bone.dofs.iter().map(move |d| d.channel.is_angle() && !ball));
+        let is_angle = is_angle.collect();
+        let mut solver = FrameSolver {
+            skeleton,
+            joints,
+            is_ball,
+            is_angle,
+            columns: Vec::new(),
+            moving: Vec::new(),
+            with_prior: Vec::new(),
+            mean,
+            precision: Vec::new(),
+            held: Vec::new(),
+            is_rigid: Vec::new(),
+        };
+        for &n in &with_prior {
+            let (bone, first) = (prior.bones[n], solver.columns.len());
+            solver.push_turns(bone);
+            solver
+                .with_prior
+                .push((bone, first, solver.columns.len() - first));
+        }
+        solver.held = vec![0.0; solver.columns.len()];
+        solver.precision = solver.precision_of(prior, &with_prior)?;
+        solver.push_turns(root);
+        solver.held.resize(solver.columns.len(), 0.0);
+        solver.push_slides(root, &moves_a_joint);
+        solver.set_moving(root);
+        Ok(solver)
+    }
+
+    /// Appends the columns of a bone's turns.
+    fn push_turns(&mut self, bone: usize) {
+        if self.is_ball[bone] {
+            self.columns
+                .extend([0, 1, 2].map(|axis| Column::Turn(bone, axis)));
+            return;
+        }
+        let dofs = self.skeleton.bones()[bone].dofs.iter().enumerate();
+        let angles = dofs.filter(|(_, d)| d.channel.is_angle());
+        self.columns
+            .extend(angles.map(|(n, _)| Column::Dof(bone, n)));
+    }
+
+    /// Appends the columns of what slides: free where they move the whole body, at the root or
+    /// nearest above it, else held to their rest. Those farther above stay at rest.
+    fn push_slides(&mut self, root: usize, moves_a_joint: &[bool]) {
+        let bones = self.skeleton.bones();
+        let slides = |b: usize| bones[b].dofs.iter().any(|d| !d.channel.is_angle());
+        let mut up = std::iter::successors(Some(root), |&b| bones[b].parent);
+        let body = up.find(|&b| slides(b));
+        let is_below = |b: usize| {
+            std::iter::successors(bones[b].parent, |&b| bones[b].parent).any(|b| b == root)
+        };
+        for bone in 0..bones.len() {
+            if Some(bone) != body && !(moves_a_joint[bone] && is_below(bone)) {
+                continue;
+            }
+            for (n, dof) in bones[bone].dofs.iter().enumerate() {
+                if !dof.channel.is_angle() {
+                    self.columns.push(Column::Dof(bone, n));
+                    let held = if Some(bone) == body {
+                        0.0
+                    } else {
+                        SLIDE_SD.powi(-2)
+                    };
+                    self.held.push(held);
+                }
+            }
+        }
+    }
+
+    /// Finds which columns move each joint, and which joints none but the root's move.
+    fn set_moving(&mut self, root: usize) {
+        let bones = self.skeleton.bones();
+        for &joint in self.joints {
+            let above: Vec<usize> =
+                std::iter::successors(Some(joint), |&b| bones[b].parent).collect();
+            let moves = |c: &usize| above.contains(&self.columns[*c].bone());
+            let moving: Vec<usize> = (0..self.columns.len()).filter(moves).collect();
+            let with_prior = self.with_prior.iter().any(|(b, ..)| {
+                above.contains(b) && *b != joint
+                    || *b == joint && bones[joint].offset != DVec3::ZERO
+            });
+            self.is_rigid.push(!with_prior && above.contains(&root));
+            self.moving.push(moving);
+        }
+    }
+
+    /// Λ: the inverse of the covariance of the columns. The angles of a bone that has fewer than
+    /// three are those whose turns are nearest to a rotation vector.
+    fn precision_of(&self, prior: &JointPrior, of: &[usize]) -> Result<Vec<f64>> {
+        let size = self.columns.len();
+        let mut to_columns: Array2<f64> = Array2::zeros((size, 3 * prior.bones.len()));
+        for (&n, &(bone, first, count)) in of.iter().zip(&self.with_prior) {
+            let rows: Vec<DVec3> = match self.is_ball[bone] {
+                true => vec![DVec3::X, DVec3::Y, DVec3::Z],
+                false => pseudo_inverse(&turn_axes(self.skeleton, bone, &self.mean.values)),
+            };
+            for (i, j) in (0..count).flat_map(|i| (0..3).map(move |j| (i, j))) {
+                to_columns[[first + i, 3 * n + j]] = rows[i][j];
+            }
+        }
+        let covariance = to_columns.dot(&prior.covariance).dot(&to_columns.t());
+        let singular = || Error::usage("the covariance of the prior of rotations is singular");
+        if size == 0 {
+            return Ok(Vec::new());
+        }
+        let factor = linalg::Cholesky::new(covariance).ok_or_else(singular)?;
+        let inverse = factor.solve(&Array2::eye(size)).ok_or_else(singular)?;
+        let symmetric = Array2::from_shape_fn((size, size), |(i, j)| {
+            (inverse[[i, j]] + inverse[[j, i]]) / 2.0
+        });
+        Ok(symmetric.into_iter().collect())
+    }
+
+    /// The start of a frame that knows nothing of others: rotations at their means, the body where
+    /// its points are, above all those that are rigid with the root.
+    pub(crate) fn start(&self, root: usize, targets: &[f64]) -> FrameState {
+        let mut state = self.mean.clone();
+        let mut posture = Posture::default();
+        self.posture(&state, &mut posture);
+        let pairs = (self
+            .joints
+            .iter()
+            .zip(targets.chunks_exact(3))
+            .zip(&self.is_rigid))
+        .filter(|((_, y), _)| y.iter().all(|v| v.is_finite()))
+        .map(|((&joint, y), rigid)| {
+            let weight = if *rigid { 1.0 } else { NOT_RIGID };
+            (posture.ends[joint], DVec3::from_slice(y), weight)
+        });
+        let pairs: Vec<(DVec3, DVec3, f64)> = pairs.collect();
+        let Some(fit) = fit_similarity(pairs.iter().copied(), TransformKind::Rigid) else {
+            return state;
+        };
+        let above = self.skeleton.bones()[root].parent;
+        let above = above.map_or(DMat3::IDENTITY, |b| posture.rotations[b]);
+        if fit.determined && self.is_ball[root] {
+            let turned = above.transpose() * fit.similarity.rotation * above;
+            state.rotations[root] = turned * state.rotations[root];
+        }
+        // Then the middle of the points on the middle of their joints, by what slides at the root.
+        self.posture(&state, &mut posture);
+        let weights: f64 = pairs.iter().map(|p| p.2).sum();
+        let seen = self.joints.iter().zip(targets.chunks_exact(3));
+        let seen = seen.filter(|(_, y)| y.iter().all(|v| v.is_finite()));
+        let off = seen
+            .zip(&pairs)
+            .map(|((&joint, _), (_, y, w))| (*y - posture.ends[joint]) * *w);
+        let off = off.sum::<DVec3>() / weights;
+        let mut motions = Vec::new();
+        for (column, held) in self.columns.iter().zip(&self.held) {
+            let &Column::Dof(bone, n) = column else {
+                continue;
+            };
+            if *held > 0.0 || self.skeleton.bones()[bone].dofs[n].channel.is_angle() {
+                continue;
+            }
+            motions.clear();
+            self.skeleton
+                .push_dof_motions(bone, &state.values, &posture, &mut motions);
+            if let DofMotion::Slide(along) = motions[n] {
+                state.values[self.skeleton.dofs_of(bone).start + n] += along.dot(off);
+            }
+        }
+        state
+    }
+
+    /// Where the joints stand.
+    pub(crate) fn posture(&self, state: &FrameState, out: &mut Posture) {
+        let rotation = |b: usize| self.is_ball[b].then(|| state.rotations[b]);
+        self.skeleton.posture_with(rotation, &state.values, out);
+    }
+
+    /// Improves a frame from a start: `targets` (3 a joint; NaN is missing), `weights` one a joint,
+    /// 1/cm².
+    ///
+    /// The prior pulls the joints off sure points by some hundredths of a centimeter. Two last
+    /// steps in which these weigh more by far put them there.
+    pub(crate) fn solve(
+        &self,
+        targets: &[f64],
+        weights: &[f64],
+        start: FrameState,
+        scratch: &mut Scratch,
+    ) -> FrameFit {
+        let fit = self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch);
+        let sure = weights.iter().copied().fold(0.0, f64::max);
+        let heavier = |w: &f64| if *w == sure { w * SURE } else { *w };
+        let heavier: Vec<f64> = weights.iter().map(heavier).collect();
+        let end = (LAST_STEPS, LAST_TOLERANCE);
+        let last = self.descend(targets, &heavier, fit.state, end, scratch);
+        FrameFit {
+            state: last.state,
+            ..fit
+        }
+    }
+
+    /// [`FrameSolver::solve`] by at most so many steps that lower E by more than a tolerance.
+    fn descend(
+        &self,
+        targets: &[f64],
+        weights: &[f64],
+        start: FrameState,
+        (steps, tolerance): (usize, (f64, f64)),
+        scratch: &mut Scratch,
+    ) -> FrameFit {
+        let energy = self.energy(&start, targets, weights, scratch);
+        let attempt = |at: &(f64, FrameState), damping: f64, fresh: bool| {
+            if fresh {
+                self.set_equations(&at.1, targets, weights, scratch);
+            }
+            let next = self.step(&at.1, damping, scratch);
+            let energy = self.energy(&next, targets, weights, scratch);
+            Some((energy, (energy, next)))
+        };
+        let (first, most) = ((energy, (energy, start)), (steps, 2 * steps));
+        let ((energy, state), converged) = SCHEDULE.minimize(most, tolerance, first, attempt);
+        FrameFit {
+            state,
+            energy,
+            converged,
+        }
+    }
+
+    /// Whether each value of a state is an angle that is read there.
+    pub(crate) fn angle_values(&self) -> &[bool] {
+        &self.is_angle
+    }
+
+    /// The state at a share of the way from one to another.
+    pub(crate) fn between(&self, from: &FrameState, to: &FrameState, share: f64) -> FrameState {
+        let rotations = from.rotations.iter().zip(&to.rotations).zip(&self.is_ball);
+        let rotations = rotations.map(|((a, b), is_ball)| match is_ball {
+            true => from_rotation_vector(rotation_vector(&(*b * a.transpose())) * share) * *a,
+            false => *a,
+        });
+        let values = from.values.iter().zip(&to.values);
+        FrameState {
+            rotations: rotations.collect(),
+            values: values.map(|(a, b)| a + share * (b - a)).collect(),
+        }
+    }
+
+    fn energy(
+        &self,
+        state: &FrameState,
+        targets: &[f64],
+        weights: &[f64],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        self.posture(state, &mut scratch.posture);
+        let mut sum = 0.0;
+        for ((&joint, y), w) in self.joints.iter().zip(targets.chunks_exact(3)).zip(weights) {
+            let off = (scratch.posture.ends[joint] - DVec3::from_slice(y)).length_squared();
+            if off.is_finite() {
+                sum += w * off;
+            }
+        }
+        self.set_deviations(state, &mut scratch.deviations);
+        let n = scratch.deviations.len();
+        for (i, r) in scratch.deviations.iter().enumerate() {
+            sum += r * dot(&self.precision[i * n..][..n], &scratch.deviations);
+        }
+        let held = self.columns.iter().zip(&self.held);
+        let held = held.filter(|(_, held)| **held > 0.0);
+        sum + held
+            .map(|(c, held)| held * self.slide(*c, state).powi(2))
+            .sum::<f64>()
+    }
+
+    /// How far a value that slides is from its rest.
+    fn slide(&self, column: Column, state: &FrameState) -> f64 {
+        match column {
+            Column::Dof(bone, n) => state.values[self.skeleton.dofs_of(bone).start + n],
+            Column::Turn(..) => 0.0,
+        }
+    }
+
+    /// r.
+    fn set_deviations(&self, state: &FrameState, out: &mut Vec<f64>) {
+        out.clear();
+        for &(bone, first, count) in &self.with_prior {
+            if self.is_ball[bone] {
+                let off = state.rotations[bone] * self.mean.rotations[bone].transpose();
+                out.extend(rotation_vector(&off).to_array());
+                continue;
+            }
+            for column in &self.columns[first..first + count] {
+                out.push(self.slide(*column, state) - self.slide(*column, &self.mean));
+            }
+        }
+    }
+
+    /// Sets the normal equations (lower triangle) and half the gradient at a state.
+    fn set_equations(
+        &self,
+        state: &FrameState,
+        targets: &[f64],
+        weights: &[f64],
+        scratch: &mut Scratch,
+    ) {
+        let n = self.columns.len();
+        self.posture(state, &mut scratch.posture);
+        self.set_motions(state, scratch);
+        let Scratch {
+            posture,
+            motions,
+            derivatives,
+            normal,
+            gradient,
+            deviations,
+            ..
+        } = scratch;
+        normal.clear();
+        normal.resize(n * n, 0.0);
+        gradient.clear();
+        gradient.resize(n, 0.0);
+        for (t, y) in targets.chunks_exact(3).enumerate() {
+            let end = posture.ends[self.joints[t]];
+            let off = end - DVec3::from_slice(y);
+            if !off.is_finite() {
+                continue;
+            }
+            let moving = &self.moving[t];
+            derivatives.clear();
+            derivatives.extend(moving.iter().map(|&c| motions[c].derivative(end)));
+            for (m, (&a, v)) in moving.iter().zip(derivatives.iter()).enumerate() {
+                let weighted = *v * weights[t];
+                gradient[a] += weighted.dot(off);
+                let row = &mut normal[a * n..][..=a];
+                for (&b, other) in moving[..=m].iter().zip(derivatives.iter()) {
+                    row[b] += weighted.dot(*other);
+                }
+            }
+        }
+        self.set_deviations(state, deviations);
+        let known = deviations.len();
+        for i in 0..known {
+            add(
+                &mut normal[i * n..][..=i],
+                1.0,
+                &self.precision[i * known..][..=i],
+            );
+        }
+        let pull = |i: usize| dot(&self.precision[i * known..][..known], deviations);
+        for &(bone, first, count) in &self.with_prior {
+            if self.is_ball[bone] {
+                let r = DVec3::from_slice(&deviations[first..first + 3]);
+                // log(exp(d) exp(r)) ≈ r + J(−r) d, and its transpose carries the gradient.
+                let carried = rotation_vector_jacobian(r)
+                    * DVec3::from_array([0, 1, 2].map(|c| pull(first + c)));
+                (0..3).for_each(|c| gradient[first + c] += carried[c]);
+            } else {
+                (first..first + count).for_each(|c| gradient[c] += pull(c));
+            }
+        }
+        for (c, (column, held)) in self.columns.iter().zip(&self.held).enumerate() {
+            normal[c * n + c] += held;
+            gradient[c] += held
+                * if *held > 0.0 {
+                    self.slide(*column, state)
+                } else {
+                    0.0
+                };
+        }
+    }
+
+    /// How each column moves the joints below it.
+    fn set_motions(&self, state: &FrameState, scratch: &mut Scratch) {
+        let Scratch {
+            posture,
+            motions,
+            dof_motions,
+            ..
+        } = scratch;
+        motions.clear();
+        let mut last = None;
+        for column in &self.columns {
+            motions.push(match *column {
+                Column::Turn(bone, axis) => {
+                    let above = self.skeleton.bones()[bone].parent;
+                    let above = above.map_or(DMat3::IDENTITY, |b| posture.rotations[b]);
+                    DofMotion::Turn {
+                        axis: above.col(axis),
+                        about: posture.starts[bone],
+                    }
+                }
+                Column::Dof(bone, n) => {
+                    if last != Some(bone) {
+                        dof_motions.clear();
+                        let values = &state.values;
+                        self.skeleton
+                            .push_dof_motions(bone, values, posture, dof_motions);
+                        last = Some(bone);
+                    }
+                    dof_motions[n]
+                }
+            });
+        }
+    }
+
+    /// The state after a damped step.
+    fn step(&self, state: &FrameState, damping: f64, scratch: &mut Scratch) -> FrameState {
+        let n = self.columns.len();
+        scratch.factor.clone_from(&scratch.normal);
+        scratch.step.clone_from(&scratch.gradient);
+        for c in 0..n {
+            scratch.factor[c * n + c] += damping * (scratch.normal[c * n + c] + LEAST_PRECISION);
+        }
+        factorize(&mut scratch.factor, n);
+        forward(&scratch.factor, n, &mut scratch.step);
+        backward(&scratch.factor, n, &mut scratch.step);
+        let step = |c: usize| scratch.step[c];
+        // Nothing turns by more than a radian: beyond that the linear model says nothing.
+        let is_turn = |c: &usize| match self.columns[*c] {
+            Column::Turn(..) => true,
+            Column::Dof(bone, n) => self.skeleton.bones()[bone].dofs[n].channel.is_angle(),
+        };
+        let largest = (0..n)
+            .filter(is_turn)
+            .fold(0.0, |z: f64, c| z.max(step(c).abs()));
+        let scale = 1.0 / largest.max(1.0);
+        let mut next = state.clone();
+        let mut c = 0;
+        while c < n {
+            match self.columns[c] {
+                Column::Turn(bone, _) => {
+                    let turn = DVec3::new(step(c), step(c + 1), step(c + 2)) * -scale;
+                    next.rotations[bone] = from_rotation_vector(turn) * next.rotations[bone];
+                    c += 3;
+                }
+                Column::Dof(bone, k) => {
+                    next.values[self.skeleton.dofs_of(bone).start + k] -= scale * step(c);
+                    c += 1;
+                }
+            }
+        }
+        next
+    }
+}
+
+impl Column {
+    fn bone(self) -> usize {
+        match self {
+            Column::Turn(bone, _) | Column::Dof(bone, _) => bone,
+        }
+    }
+}
+
+/// Memory that frames are solved in.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    posture: Posture,
+    motions: Vec<DofMotion>,
+    dof_motions: Vec<DofMotion>,
+    derivatives: Vec<DVec3>,
+    deviations: Vec<f64>,
+    normal: Vec<f64>,
+    gradient: Vec<f64>,
+    factor: Vec<f64>,
+    step: Vec<f64>,
+}
+
+/// Whether each bone moves one of the joints by turning.
+fn moving_bones(skeleton: &Skeleton, joints: &[usize]) -> Vec<bool> {
+    let bones = skeleton.bones();
+    let mut moving = vec![false; bones.len()];
+    for &joint in joints {
+        let first = match bones[joint].offset == DVec3::ZERO {
+            true => bones[joint].parent,
+            false => Some(joint),
+        };
+        std::iter::successors(first, |&b| bones[b].parent).for_each(|b| moving[b] = true);
+    }
+    moving
+}
+
+/// The axes of a bone's three angles, the first named turning first; `None` where there are others
+/// than three that differ.
+pub(crate) fn ball_axes(skeleton: &Skeleton, bone: usize) -> Option<[Axis; 3]> {
+    let axis = |channel: Channel| match channel {
+        Channel::Rotate(axis) => Some(axis),
+        _ => None,
+    };
+    let dofs = skeleton.bones()[bone].dofs.iter();
+    let axes: Vec<Axis> = dofs.filter_map(|d| axis(d.channel)).collect();
+    let axes: [Axis; 3] = axes.try_into().ok()?;
+    (axes[0] != axes[1] && axes[1] != axes[2] && axes[0] != axes[2]).then_some(axes)
+}
+
+/// The state in which the bones with a prior, by their number there, are at its mean, the others at
+/// rest.
+fn mean_state(
+    skeleton: &Skeleton,
+    is_ball: &[bool],
+    prior: &JointPrior,
+    with_prior: &[usize],
+) -> FrameState {
+    let dofs = skeleton.bones().iter().flat_map(|b| &b.dofs);
+    let mut values: Vec<f64> = dofs.map(|d| -d.offset).collect();
+    let own = |values: &[f64], b: usize| skeleton.local_rotation(b, &values[skeleton.dofs_of(b)]);
+    let mut rotations: Vec<DMat3> = (0..is_ball.len()).map(|b| own(&values, b)).collect();
+    for &n in with_prior {
+        let (bone, mean) = (prior.bones[n], &prior.means[n]);
+        if is_ball[bone] {
+            rotations[bone] = *mean;
+            continue;
+        }
+        // The angles whose rotation is nearest to the mean: Gauss's and Newton's steps.
+        for _ in 0..ANGLE_ROUNDS {
+            let off = rotation_vector(&(*mean * own(&values, bone).transpose()));
+            let rows = pseudo_inverse(&turn_axes(skeleton, bone, &values));
+            let angles = angle_values(skeleton, bone);
+            angles
+                .zip(rows)
+                .for_each(|(i, row)| values[i] += row.dot(off));
+        }
+    }
+    FrameState { rotations, values }
+}
+
+/// The values of a bone that are angles.
+fn angle_values(skeleton: &Skeleton, bone: usize) -> impl Iterator<Item = usize> {
+    let first = skeleton.dofs_of(bone).start;
+    let dofs = skeleton.bones()[bone].dofs.iter().enumerate();
+    dofs.filter(|(_, d)| d.channel.is_angle())
+        .map(move |(n, _)| first + n)
+}
+
+/// The axes about which a bone's angles turn it, in the axes of the rest pose.
+fn turn_axes(skeleton: &Skeleton, bone: usize, values: &[f64]) -> Vec<DVec3> {
+    let still = Posture {
+        rotations: vec![DMat3::IDENTITY; skeleton.bones().len()],
+        starts: vec![DVec3::ZERO; skeleton.bones().len()],
+        ends: Vec::new(),
+    };
+    let mut motions = Vec::new();
+    skeleton.push_dof_motions(bone, values, &still, &mut motions);
+    let turn = |motion: DofMotion| match motion {
+        DofMotion::Turn { axis, .. } => Some(axis),
+        DofMotion::Slide(_) => None,
+    };
+    motions.into_iter().filter_map(turn).collect()
+}
+
+/// The rows of the pseudo-inverse of the matrix whose columns these are.
+fn pseudo_inverse(columns: &[DVec3]) -> Vec<DVec3> {
+    // (BᵀB)⁻¹ Bᵀ by Gram-Schmidt: each row is orthogonal to the other columns.
+    let row = |n: usize| {
+        let mut own = columns[n];
+        let mut others: Vec<DVec3> = Vec::new();
+        for (m, &other) in columns.iter().enumerate() {
+            if m != n {
+                let rest = others.iter().fold(other, |v, u| v - *u * v.dot(*u));
+                others.extend(rest.try_normalize().filter(|_| rest.length() > 1e-9));
+            }
+        }
+        own = others.iter().fold(own, |v, u| v - *u * v.dot(*u));
+        let square = own.length_squared();
+        if square > 1e-12 {
+            own / square
+        } else {
+            DVec3::ZERO
+        }
+    };
+    (0..columns.len()).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::{Bone, Dof};
+    use crate::prior::rotations::RotationPrior;
+
+    const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+
+    fn bone(name: &str, parent: Option<usize>, offset: [f64; 3], dofs: Vec<Channel>) -> Bone {
+        Bone {
+            name: name.into(),
+            parent,
+            offset: DVec3::from_array(offset),
+            axis: DMat3::from_rotation_x(0.3) * DMat3::from_rotation_z(0.1 * offset[0]),
+            dofs: dofs.into_iter().map(Dof::free).collect(),
+        }
+    }
+
+    /// A trunk with two arms and a hinge: ball joints, one that slides, angles of one and of two.
+    fn body() -> Skeleton {
+        let ball = || ALL.map(Channel::Rotate).to_vec();
+        let root = [ALL.map(Channel::Translate).to_vec(), ball()].concat();
+        let two = vec![Channel::Rotate(Axis::Z), Channel::Rotate(Axis::X)];
+        let slides = [vec![Channel::Translate(Axis::Y)], ball()].concat();
+        Skeleton::new(vec![
+            bone("root", None, [0., 0., 0.], root),
+            bone("trunk", Some(0), [0., 30., 1.], ball()),
+            bone("left", Some(1), [20., 2., 0.], ball()),
+            bone("right", Some(1), [-20., 3., 0.], slides),
+            bone(
+                "hand",
+                Some(2),
+                [9., 0., 4.],
+                vec![Channel::Rotate(Axis::Y)],
+            ),
+            bone("leg", Some(0), [5., -40., 3.], two),
+            bone("tail", Some(0), [0., 0., -9.], ball()),
+        ])
+        .unwrap()
+    }
+
+    const JOINTS: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+    fn targets(s: &Skeleton, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let q: Vec<f64> = (0..s.dof_count()).map(of).collect();
+        let ends = s.posture(&q).ends;
+        JOINTS.iter().flat_map(|&j| ends[j].to_array()).collect()
+    }
+
+    fn with_solver(work: impl Fn(&FrameSolver<'_>, &Skeleton)) {
+        let s = body();
+        let prior = JointPrior::new(&RotationPrior::builtin().unwrap(), &s, 0, &[]);
+        let joints = JOINTS.to_vec();
+        work(&FrameSolver::new(&s, &joints, 0, &prior).unwrap(), &s);
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_differences() {
+        with_solver(|solver, s| {
+            let y = targets(s, |i| 0.4 * (i as f64 * 1.3).sin());
+            let weights = vec![0.7; JOINTS.len()];
+            let mut scratch = Scratch::default();
+            let mut state = solver.start(0, &y);
+            // Away from the start, so that the prior pulls too.
+            let fit = solver.solve(&y, &weights, state, &mut scratch);
+            state = fit.state;
+            for (n, r) in state.rotations.iter_mut().enumerate() {
+                *r = from_rotation_vector(DVec3::new(0.3, -0.2, 0.1 * n as f64)) * *r;
+            }
+            state.values.iter_mut().for_each(|v| *v += 0.1);
+            solver.set_equations(&state, &y, &weights, &mut scratch);
+            let gradient = scratch.gradient.clone();
+            let h = 1e-6;
+            for (c, column) in solver.columns.iter().enumerate() {
+                let mut at = |by: f64| {
+                    let mut moved = state.clone();
+                    match *column {
+                        Column::Turn(bone, axis) => {
+                            let turn = from_rotation_vector(DVec3::AXES[axis] * by);
+                            moved.rotations[bone] = turn * moved.rotations[bone];
+                        }
+                        Column::Dof(bone, n) => moved.values[s.dofs_of(bone).start + n] += by,
+                    }
+                    solver.energy(&moved, &y, &weights, &mut scratch)
+                };
+                let want = (at(h) - at(-h)) / (4.0 * h);
+                let scale = 1.0 + want.abs();
+                assert!(
+                    (gradient[c] - want).abs() <= 1e-5 * scale,
+                    "{c}: {} {want}",
+                    gradient[c]
+                );
+            }
+        });
+    }
+
+    #[test]
+    fn sure_points_are_reached_and_others_left_to_the_prior() {
+        with_solver(|solver, s| {
+            let y = targets(s, |i| 0.4 * (i as f64 * 1.3).sin());
+            let mut scratch = Scratch::default();
+            let sure = vec![400.0; JOINTS.len()];
+            let fit = solver.solve(&y, &sure, solver.start(0, &y), &mut scratch);
+            assert!(fit.converged, "{}", fit.energy);
+            let mut posture = Posture::default();
+            solver.posture(&fit.state, &mut posture);
+            for (&joint, y) in JOINTS.iter().zip(y.chunks_exact(3)) {
+                let off = (posture.ends[joint] - DVec3::from_slice(y)).length();
+                assert!(off <= 0.1, "{joint}: {off}");
+            }
+            // What moves no point stays at rest.
+            assert!(fit.state.rotations[6].abs_diff_eq(DMat3::IDENTITY, 1e-12));
+            // Points that say nothing leave the mean, which is the rest pose here.
+            let unsure = vec![1e-12; JOINTS.len()];
+            let fit = solver.solve(&y, &unsure, solver.start(0, &y), &mut scratch);
+            assert!(fit.state.rotations[1].abs_diff_eq(DMat3::IDENTITY, 1e-3));
+            let missing = vec![f64::NAN; y.len()];
+            let fit = solver.solve(&missing, &sure, solver.start(0, &missing), &mut scratch);
+            assert!(fit.energy == 0.0);
+        });
+    }
+
+    #[test]
+    fn rows_of_the_pseudo_inverse_pick_their_column() {
+        let columns = [
+            DVec3::new(1.0, 0.2, 0.0),
+            DVec3::new(0.5, 2.0, 0.3),
+            DVec3::Z,
+        ];
+        for some in 1..=3 {
+            let rows = pseudo_inverse(&columns[..some]);
+            for (i, row) in rows.iter().enumerate() {
+                for (j, column) in columns[..some].iter().enumerate() {
+                    assert!((row.dot(*column) - f64::from(u8::from(i == j))).abs() <= 1e-12);
+                }
+            }
+        }
+        assert_eq!(pseudo_inverse(&[DVec3::ZERO]), [DVec3::ZERO]);
+    }
+}
