@@ -140,8 +140,8 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
         Error::Usage(what) => Error::data(Place::file(&table.name), what),
         other => other,
     };
-    let motion = solve_missing_channels(&bvh, &poses, None, args.units.rotation()).map_err(bad)?;
-    let filled = bvh.fill_missing(&bytes, motion.view(), unit)?;
+    let motion = solve_missing_channels(&bvh, &poses, args.units.rotation()).map_err(bad)?;
+    let filled = bvh.with_motion(&bytes, motion.view(), unit)?;
     let missing = bvh.missing();
     let left = missing.iter().filter(|at| motion[**at].is_nan()).count();
     messages::info(&format!(
