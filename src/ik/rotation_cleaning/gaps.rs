@@ -307,9 +307,7 @@ impl<M: Movable> Gappy<'_, M> {
         let room: Vec<usize> = starts
             .filter(|&t| unseen[t + needed] == unseen[t])
             .collect();
-        let count = (room.len() / kind.length.max(1))
-            .min(SIMULATED)
-            .max(usize::from(!room.is_empty()));
+        let count = room.len().min(SIMULATED);
         // In the middle of as many parts of the room.
         let pick = |i: usize| room[(2 * i + 1) * room.len() / (2 * count)] + sides[0];
         (0..count).map(|i| pick(i)..pick(i) + kind.length).collect()

@@ -23,7 +23,9 @@ pub(super) fn noise_variance(track: &[[f64; 4]], seen: &[bool], freedoms: usize)
     for k in 1..=*NOISE_ORDERS.end() {
         binomial *= (2 * (2 * k - 1)) as f64 / k as f64;
         for t in 1..y.len() {
-            y[t - 1] = [0, 1, 2, 3].map(|c| y[t][c] - y[t - 1][c]);
+            for c in 0..4 {
+                y[t - 1][c] = y[t][c] - y[t - 1][c];
+            }
         }
         y.pop();
         if !NOISE_ORDERS.contains(&k) {

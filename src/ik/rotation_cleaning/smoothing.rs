@@ -111,11 +111,13 @@ impl Noisy<'_> {
 
     fn risk(&self, smooth: &[[f64; 4]], trace: f64) -> f64 {
         let all = self.values.iter().zip(smooth).zip(self.counts);
-        let residual = |((y, s), _): ((&[f64; 4], &[f64; 4]), _)| {
-            (0..4).map(|c| (y[c] - s[c]).powi(2)).sum::<f64>()
-        };
-        let residuals: f64 = all.filter(|(_, counts)| **counts).map(residual).sum();
-        residuals + self.count() * self.noise * (2.0 * trace - 1.0)
+        let mut residuals = [0.0; 4];
+        for ((y, s), _) in all.filter(|(_, counts)| **counts) {
+            for c in 0..4 {
+                residuals[c] += (y[c] - s[c]) * (y[c] - s[c]);
+            }
+        }
+        residuals.iter().sum::<f64>() + self.count() * self.noise * (2.0 * trace - 1.0)
     }
 }
 
@@ -176,31 +178,45 @@ impl<'a> System<'a> {
         // About the first value, so that rounding is relative to what moves.
         let origin = y.first().copied().unwrap_or_default();
         out.clear();
-        let less = |(l, s): (f64, [f64; 4]), v: &mut [f64; 4]| {
-            (0..4).for_each(|c| v[c] -= l * s[c]);
-        };
-        let (mut z1, mut z2, mut z3) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        for (t, y) in y.iter().enumerate() {
-            let w = weight(self.counts[t]);
-            let l = self.lower[t + PAD];
-            let mut z = [0, 1, 2, 3].map(|c| w * (y[c] - origin[c]));
-            less((l[2], z3), &mut z);
-            less((l[1], z2), &mut z);
-            less((l[0], z1), &mut z);
-            (z3, z2, z1) = (z2, z1, z);
-            out.push(z);
+        out.resize(y.len(), [0.0; 4]);
+        let mut near = [[0.0; 4]; 3];
+        for (t, (y, out)) in y.iter().zip(out.iter_mut()).enumerate() {
+            let (w, l) = (weight(self.counts[t]), self.lower[t + PAD]);
+            for c in 0..4 {
+                out[c] = w * (y[c] - origin[c]);
+            }
+            *out = eliminated(*out, l, &near);
+            near = [*out, near[0], near[1]];
         }
-        (z1, z2, z3) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        for (t, s) in out.iter_mut().enumerate().rev() {
+        near = [[0.0; 4]; 3];
+        for (t, out) in out.iter_mut().enumerate().rev() {
             let i = t + PAD;
-            let mut z = s.map(|v| v * self.inverse[i]);
-            less((self.lower[i + 3][2], z3), &mut z);
-            less((self.lower[i + 2][1], z2), &mut z);
-            less((self.lower[i + 1][0], z1), &mut z);
-            (z3, z2, z1) = (z2, z1, z);
-            *s = [0, 1, 2, 3].map(|c| z[c] + origin[c]);
+            let l = [
+                self.lower[i + 1][0],
+                self.lower[i + 2][1],
+                self.lower[i + 3][2],
+            ];
+            for v in out.iter_mut() {
+                *v *= self.inverse[i];
+            }
+            *out = eliminated(*out, l, &near);
+            near = [*out, near[0], near[1]];
+            for c in 0..4 {
+                out[c] += origin[c];
+            }
         }
     }
+}
+
+/// A row less its three neighbors, the farthest first: the nearest is known last.
+#[inline(always)]
+fn eliminated(mut row: [f64; 4], l: [f64; 3], near: &[[f64; 4]; 3]) -> [f64; 4] {
+    for k in (0..3).rev() {
+        for c in 0..4 {
+            row[c] -= l[k] * near[k][c];
+        }
+    }
+    row
 }
 
 /// The entries of λ D'D at a frame and at those 1, 2 and 3 before it; `before` and `after` are the
