@@ -428,3 +428,101 @@ fn least([hh, hg, gg]: [f64; 3], [hc, gc]: [f64; 2], cost: impl Fn([f64; 2]) -> 
     let best = allowed.min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
     best.unwrap_or([0.0; 2])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAMES: usize = 300;
+
+    /// How two joints move, irregularly: the second as the first does.
+    fn joints() -> (Vec<DQuat>, Vec<DQuat>) {
+        let way = |t: usize, speed: f64| {
+            let t = t as f64;
+            (speed * t).sin() + 0.5 * (0.37 * speed * t).cos() + 0.3 * (1.7 * speed * t).sin()
+        };
+        let first = |t: usize| DVec3::new(0.5 * way(t, 0.09), 0.2 * way(t, 0.05), 0.0);
+        let second = |t: usize| DVec3::new(0.0, -0.3 * way(t, 0.05), 0.4 * way(t, 0.09));
+        let all = |of: &dyn Fn(usize) -> DVec3| {
+            let at = |t: usize| DQuat::from_scaled_axis(of(t));
+            (0..FRAMES).map(at).collect()
+        };
+        (all(&first), all(&second))
+    }
+
+    /// The rms errors of the fill and of the straight way over the gap of the second joint, and
+    /// what it says of its error.
+    fn errors(gap: Range<usize>, is_first_seen: bool, frames: usize) -> (f64, f64, f64) {
+        let (mut first, truth) = joints();
+        let (first, truth) = (&mut first[..frames], &truth[..frames]);
+        let seen: Vec<bool> = (0..frames).map(|t| !gap.contains(&t)).collect();
+        let mut values = truth.to_vec();
+        let straight = straight(truth, &gap);
+        values[gap.clone()].copy_from_slice(&straight);
+        let all = vec![true; frames];
+        let of_first = if is_first_seen { &all } else { &seen };
+        let predictors = Predictors::new(&[(first, of_first, 3), (&values, &seen, 3)], frames);
+        let gappy = Gappy {
+            values: &values,
+            seen: &seen,
+            predictors: &predictors,
+            own: Some(1),
+            step: 1.0 / 60.0,
+        };
+        let filled = gappy.fill(usize::MAX);
+        assert_eq!(filled.len(), 1);
+        let rms = |found: &[DQuat]| {
+            let pairs = found.iter().zip(&truth[gap.clone()]);
+            let squares = pairs.map(|(a, b)| a.step_to(*b).length_squared());
+            (squares.sum::<f64>() / gap.len() as f64).sqrt()
+        };
+        assert!(gappy.fill(gap.len() - 1).is_empty());
+        (rms(&filled[0].1), rms(&straight), filled[0].0.error)
+    }
+
+    #[test]
+    fn what_others_tell_is_taken_and_else_time_alone_serves() {
+        let (error, slerp, said) = errors(100..140, true, FRAMES);
+        assert!(
+            error < 0.25 * slerp && said < 0.25 * slerp,
+            "{error} {said} {slerp}"
+        );
+        // The other is missing in the same frames.
+        let (error, slerp, _) = errors(100..120, false, FRAMES);
+        assert!(error < 0.9 * slerp, "{error} {slerp}");
+        // At an end of the take.
+        let (error, held, _) = errors(270..FRAMES, true, FRAMES);
+        assert!(error < 0.6 * held, "{error} {held}");
+    }
+
+    #[test]
+    fn with_nothing_to_compare_with_the_straight_way_is_taken() {
+        let (error, slerp, said) = errors(5..25, true, 30);
+        assert!(error == slerp && said.is_nan());
+    }
+
+    #[test]
+    fn weights_are_those_of_least_cost_that_are_allowed() {
+        let sums = [
+            [2.0, 0.5, 1.0],
+            [4.0, 0.0, 1.0],
+            [1.0, 1.0, 1.0],
+            [0.0, 0.0, 0.0],
+        ];
+        for [hh, hg, gg] in sums {
+            for [hc, gc] in [[0.5, 0.3], [3.0, 2.0], [-1.0, 0.4], [-1.0, -1.0]] {
+                let cost = |[h, g]: [f64; 2]| {
+                    -2.0 * (h * hc + g * gc) + h * h * hh + 2.0 * h * g * hg + g * g * gg
+                };
+                let best = cost(least([hh, hg, gg], [hc, gc], cost));
+                for i in 0..=20 {
+                    for j in 0..=20 - i {
+                        let other = [i, j].map(|v| f64::from(v) / 20.0);
+                        let is_zero = hh == 0.0;
+                        assert!(is_zero || best <= cost(other) + 1e-9, "{other:?}");
+                    }
+                }
+            }
+        }
+    }
+}

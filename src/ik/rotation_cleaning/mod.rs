@@ -320,3 +320,127 @@ fn put<M: Copy>(
     };
     tracks.iter_mut().zip(filled).map(put_one).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::Axis;
+    use ndarray::s;
+    use rand_distr::{Distribution, Normal};
+
+    /// A root with a place, two ball joints and a hinge.
+    fn joints() -> Vec<JointChannels> {
+        let ball = |first: usize| {
+            let axes = [Axis::Z, Axis::X, Axis::Y].into_iter();
+            axes.enumerate()
+                .map(|(i, axis)| (first + i, axis))
+                .collect()
+        };
+        let joint = |joint: &str, angles, positions| JointChannels {
+            joint: joint.to_string(),
+            angles,
+            positions,
+        };
+        vec![
+            joint(
+                "root",
+                ball(3),
+                vec![(0, Axis::X), (1, Axis::Y), (2, Axis::Z)],
+            ),
+            joint("arm", ball(6), Vec::new()),
+            joint("elbow", vec![(9, Axis::X)], Vec::new()),
+        ]
+    }
+
+    /// Their motion, with noise of so many degrees.
+    fn motion(frames: usize, noise: f64) -> Array2<f64> {
+        let mut random = parallel::rng(5, 0);
+        let normal = Normal::new(0.0, noise.to_radians().max(1e-12)).unwrap();
+        Array2::from_shape_fn((frames, 10), |(t, c)| {
+            let way = (0.04 * t as f64 + 0.7 * c as f64).sin();
+            match c {
+                0..3 => 20.0 * way + 5.0 * normal.sample(&mut random),
+                _ => 0.6 * way + normal.sample(&mut random),
+            }
+        })
+    }
+
+    fn cleaned(motion: &Array2<f64>) -> CleanedRotations {
+        clean_rotations(&joints(), motion.view(), 60.0, &RotationCleaning::default())
+    }
+
+    fn error(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
+        ((a - b).mapv(|d| d * d).mean().unwrap_or(0.0)).sqrt()
+    }
+
+    #[test]
+    fn a_clean_file_stays_to_the_last_bit_and_a_noisy_one_comes_nearer() {
+        let truth = motion(400, 0.0);
+        let same = cleaned(&truth);
+        assert_eq!(same.motion, truth);
+        assert!(same.noise < 0.001 && same.tracks.iter().all(|t| t.strength.is_none()));
+        let noisy = motion(400, 1.0);
+        let better = cleaned(&noisy);
+        assert!(
+            (0.8..1.2).contains(&better.noise.to_degrees()),
+            "{}",
+            better.noise
+        );
+        let (before, after) = (error(&noisy, &truth), error(&better.motion, &truth));
+        assert!(after < 0.4 * before, "{after} {before}");
+        let off = RotationCleaning {
+            noise_limit: f64::INFINITY,
+            ..RotationCleaning::default()
+        };
+        let left = clean_rotations(&joints(), noisy.view(), 60.0, &off);
+        assert_eq!(left.motion, noisy);
+    }
+
+    #[test]
+    fn only_what_is_missing_or_pops_changes_in_a_clean_file() {
+        let truth = motion(400, 0.0);
+        let mut file = truth.clone();
+        file.slice_mut(s![100..110, 6..9]).fill(f64::NAN);
+        file.slice_mut(s![200..205, 7]).fill(f64::NAN);
+        file.slice_mut(s![300..304, 0..3]).fill(f64::NAN);
+        file.slice_mut(s![0..4, 9]).fill(f64::NAN);
+        file[[250, 9]] += 1.0;
+        let result = cleaned(&file);
+        for ((t, c), value) in result.motion.indexed_iter() {
+            let is_changed = file[[t, c]].is_nan() || (t, c) == (250, 9);
+            assert!(is_changed || *value == file[[t, c]], "{t} {c}");
+            let most = if c < 3 { 1.0 } else { 0.05 };
+            assert!((value - truth[[t, c]]).abs() < most, "{t} {c}: {value}");
+        }
+        let elbow = result.tracks.iter().find(|t| t.channels == [9]).unwrap();
+        assert_eq!(elbow.pops, [250..251]);
+        assert_eq!(elbow.gaps[0].0, 0..4);
+        // Longer gaps stay.
+        let short = RotationCleaning {
+            max_gap: Some(0.1),
+            ..RotationCleaning::default()
+        };
+        let left = clean_rotations(&joints(), file.view(), 60.0, &short).motion;
+        assert!(left[[105, 6]].is_nan() && left[[202, 7]].is_finite());
+    }
+
+    #[test]
+    fn odd_files_are_cleaned_too() {
+        for frames in [0, 1, 2, 5, 12] {
+            for noise in [0.0, 3.0] {
+                let mut file = motion(frames, noise);
+                assert_eq!(cleaned(&file).motion.dim(), (frames, 10));
+                file.slice_mut(s![.., 6]).fill(f64::NAN);
+                let left = cleaned(&file).motion;
+                assert!(left.column(6).iter().all(|v| v.is_nan()));
+                assert_eq!(left.column(7), file.column(7));
+                file.fill(f64::NAN);
+                assert!(cleaned(&file).motion.iter().all(|v| v.is_nan()));
+                file.fill(1e300);
+                cleaned(&file);
+            }
+        }
+        let nothing = clean_rotations(&[], Array2::zeros((9, 0)).view(), 60.0, &Default::default());
+        assert!(nothing.tracks.is_empty() && nothing.noise == 0.0);
+    }
+}

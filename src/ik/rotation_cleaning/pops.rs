@@ -98,12 +98,12 @@ mod tests {
             popped[t] *= turn;
         }
         let found = pops(&popped, &[true; 120], 60.0);
-        assert_eq!(found, [20..21, 50..52]);
+        assert_eq!(found, [20..21, 50..52, 118..119]);
         let kept: Vec<bool> = (0..120)
             .map(|t| !found.iter().any(|r| r.contains(&t)))
             .collect();
         bridge(&mut popped, &kept);
-        for t in [20, 50, 51] {
+        for t in [20, 50, 51, 118] {
             assert!(popped[t].step_to(truth[t]).length() < 0.01, "{t}");
         }
         assert!(pops(&truth, &[true; 120], 60.0).is_empty());

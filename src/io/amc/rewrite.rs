@@ -150,7 +150,7 @@ mod tests {
         other[[1, 6]] = f64::NAN;
         let wanted = text
             .replace("4.125", "0.500")
-            .replace("2\r\nroot 1", "2\r\nroot 4.00");
+            .replace("2\r\nroot 1", "2\r\nroot 4.000");
         assert_eq!(write(&other), wanted);
         let names: Vec<usize> = motion.channels().iter().map(|j| j.angles.len()).collect();
         assert_eq!(names, [3, 1]);
