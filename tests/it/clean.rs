@@ -875,10 +875,10 @@ fn noisy_rotations_are_smoothed_in_their_own_channels() {
     let frames = bvh_frames(&truth);
     let (head, rows) = truth.split_once("Frame Time").unwrap();
     let time = rows.lines().next().unwrap();
-    // A degree or so: sums of three sines that go their own ways.
+    // A degree, white.
     let noise = |t: usize, c: usize| {
         let x = (t * 97 + c * 57) as f64;
-        (x * 1.9).sin() + (x * 2.6 + 1.0).sin() + (x * 3.1 + 2.0).cos()
+        ((x * 12.9898).sin() * 43758.5453).rem_euclid(1.0) * 3.46 - 1.73
     };
     let row = |(t, row): (usize, &Vec<f64>)| {
         let cells = row.iter().enumerate();
