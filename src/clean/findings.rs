@@ -55,7 +55,11 @@ impl CleanSettings {
         }
         if let Some(rotations) = rotations {
             findings.extend(rotations.findings());
-            found.extend(rotations.places());
+            found.extend(rotations.places().into_iter().map(|mut place| {
+                // A bone that is none of the points has no trail.
+                place.point = place.point.filter(|p| poses.points.contains(p));
+                place
+            }));
         }
         let moved = replaced(restored);
         let doubtful = restored.counts().rejected.saturating_sub(moved.len());

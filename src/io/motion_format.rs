@@ -91,8 +91,8 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
              with bvh2xyz"
         }
         MotionFormat::Amc => {
-            "is an AMC file: clean it with `posing clean`, which keeps its rotations, or convert it \
-             with amc2xyz; both with the option `asf SUBJECT.asf` and the option `fps F`"
+            "is an AMC file: clean it with `posing clean`, which keeps its rotations, or convert \
+             it with amc2xyz; both with the option `asf SUBJECT.asf` and the option `fps F`"
         }
         MotionFormat::Asf => {
             "is an ASF skeleton: give it to amc2xyz with the option `asf`, together with an AMC \

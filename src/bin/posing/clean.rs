@@ -83,8 +83,8 @@ pub struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
-    /// Take rotations of BVH and AMC files that stand still for over 0.2 s beside moving ones for missing
-    /// ones: the last value was held. audit finds them
+    /// Take rotations of BVH and AMC files that stand still for over 0.2 s beside moving ones for
+    /// missing ones: the last value was held. audit finds them
     #[arg(long, help_heading = "Input")]
     held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are

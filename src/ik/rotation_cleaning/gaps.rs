@@ -123,16 +123,16 @@ impl Predictors {
 }
 
 /// A linear map from predictors to steps from a track's mean.
-struct Regression<'a> {
-    columns: &'a [usize],
+struct Regression {
+    columns: Vec<usize>,
     /// (columns, 3).
     slopes: Array2<f64>,
     at: Vec<f64>,
     mean: DVec3,
 }
 
-impl<'a> Regression<'a> {
-    fn new(sums: &Sums, columns: &'a [usize]) -> Option<Regression<'a>> {
+impl Regression {
+    fn new(sums: &Sums, columns: &[usize]) -> Option<Regression> {
         let n = sums.count;
         if n < 2.0 || columns.is_empty() {
             return None;
@@ -149,7 +149,7 @@ impl<'a> Regression<'a> {
         });
         let slopes = Cholesky::new(a)?.solve(&b)?;
         Some(Regression {
-            columns,
+            columns: columns.to_vec(),
             slopes,
             at,
             mean,
@@ -212,39 +212,46 @@ impl<M: Movable> Gappy<'_, M> {
             return Vec::new();
         };
         let mut learned = None;
-        let mut known: HashMap<Kind, Weights> = HashMap::new();
+        let mut known: HashMap<Kind, (Weights, Option<Regression>)> = HashMap::new();
+        let mut regressed = 0;
         let mut fill = |gap: Range<usize>| {
-            let is_long = gap.len() as f64 * self.step > SHORT;
-            let columns = match is_long && known.len() < MOST_REGRESSED {
-                true => self.predictors.columns(self.own, &gap),
-                false => Vec::new(),
-            };
-            let kind = Kind {
-                length: gap.len(),
-                has_sides: [gap.start > 0, gap.end < self.seen.len()],
-                columns: columns.clone(),
-            };
-            let sums = match columns.is_empty() {
-                true => None,
-                false => Some(&*learned.get_or_insert_with(|| self.sums(mean))),
-            };
-            let weights = *known
-                .entry(kind)
-                .or_insert_with_key(|kind| self.weigh(kind, sums, mean));
-            let regression = sums.and_then(|sums| Regression::new(sums, &columns));
-            let paths = self.paths(
-                &gap,
-                [gap.start > 0, gap.end < self.seen.len()],
-                regression,
-                mean,
-            );
+            let mut kind = self.kind(&gap);
+            if !known.contains_key(&kind) && !kind.columns.is_empty() {
+                regressed += 1;
+                if regressed > MOST_REGRESSED {
+                    kind.columns.clear();
+                }
+            }
+            let has_sides = kind.has_sides;
+            let (weights, regression) = &*known.entry(kind).or_insert_with_key(|kind| {
+                let sums = match kind.columns.is_empty() {
+                    true => None,
+                    false => Some(&*learned.get_or_insert_with(|| self.sums(mean))),
+                };
+                let regression = sums.and_then(|sums| Regression::new(sums, &kind.columns));
+                (self.weigh(kind, sums, mean), regression)
+            });
+            let paths = self.paths(&gap, has_sides, regression.as_ref(), mean);
             let filled = FilledGap {
                 frames: gap,
                 error: weights.error,
             };
-            (filled, paths.mixed(weights))
+            (filled, paths.mixed(*weights))
         };
         all.into_iter().map(&mut fill).collect()
+    }
+
+    /// What kind of gap one is; those that are short have no predictors.
+    fn kind(&self, gap: &Range<usize>) -> Kind {
+        let is_long = gap.len() as f64 * self.step > SHORT;
+        Kind {
+            length: gap.len(),
+            has_sides: [gap.start > 0, gap.end < self.seen.len()],
+            columns: match is_long {
+                true => self.predictors.columns(self.own, gap),
+                false => Vec::new(),
+            },
+        }
     }
 
     /// The sums over the frames in which the track is seen.
@@ -275,7 +282,7 @@ impl<M: Movable> Gappy<'_, M> {
                 }
                 Regression::new(&sums, &kind.columns)
             });
-            let paths = self.paths(gap, kind.has_sides, regression, mean);
+            let paths = self.paths(gap, kind.has_sides, regression.as_ref(), mean);
             for (k, t) in gap.clone().enumerate() {
                 let (h, g) = (paths.hermite[k], paths.regression[k]);
                 let c = paths.straight[k].step_to(self.values[t]);
@@ -318,7 +325,7 @@ impl<M: Movable> Gappy<'_, M> {
         &self,
         gap: &Range<usize>,
         has: [bool; 2],
-        regression: Option<Regression<'_>>,
+        regression: Option<&Regression>,
         mean: M,
     ) -> Paths<M> {
         let before = gap.start.checked_sub(1).filter(|_| has[0]);

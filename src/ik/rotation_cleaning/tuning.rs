@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 /// A degree, radians.
 const DEGREE: f64 = PI / 180.0;
 
-/// The noise over which all is smoothed, radians. Files without noise have a median over their joints
-/// of up to 0.18 degrees, with half a degree added 0.48 and more.
+/// The noise over which all is smoothed, radians. Files without noise have a median over their
+/// joints of up to 0.18 degrees, with half a degree added 0.48 and more.
 pub(super) const NOISE_LIMIT: f64 = 0.25 * DEGREE;
 /// A track none of whose steps is larger does not move, radians or cm.
 pub(super) const LEAST_STEP: f64 = 1e-6;
@@ -54,10 +54,10 @@ pub(super) const RIDGE: f64 = DEGREE * DEGREE;
 pub(super) const STILL: f64 = 0.1 * DEGREE;
 /// Axes that predict, at most: those that move most.
 pub(super) const MOST_PREDICTORS: usize = 300;
-/// Shorter gaps are bridged by time alone, seconds; and gaps of a joint that are regressed, at
-/// most.
+/// Shorter gaps are bridged by time alone, seconds; and kinds of gaps of a joint that are
+/// regressed, at most.
 pub(super) const SHORT: f64 = 0.04;
-pub(super) const MOST_REGRESSED: usize = 64;
+pub(super) const MOST_REGRESSED: usize = 24;
 
 /// An angle this far from the pole, as its cosine, is at it: the first angle then stays. (At 1
 /// degree, rotations would be written up to a degree off.)
