@@ -89,7 +89,7 @@ impl Predictors {
             let Some(mean) = DQuat::mean(rotations) else {
                 continue;
             };
-            let steps: Vec<DVec3> = rotations.iter().map(|q| q.from_mean(mean)).collect();
+            let steps: Vec<DVec3> = rotations.iter().map(|q| q.off_mean(mean)).collect();
             let turns = steps.iter().map(|s| s.length_squared()).sum::<f64>();
             if turns <= STILL * STILL * frames as f64 {
                 continue;
@@ -260,7 +260,7 @@ impl<M: Movable> Gappy<'_, M> {
         let mut sums = predictors.sums.clone();
         for (t, x) in predictors.values.rows().into_iter().enumerate() {
             match self.seen[t] {
-                true => sums.add_target(1.0, x, self.values[t].from_mean(mean)),
+                true => sums.add_target(1.0, x, self.values[t].off_mean(mean)),
                 false => sums.add_predictors(-1.0, x),
             }
         }
@@ -278,7 +278,7 @@ impl<M: Movable> Gappy<'_, M> {
                 for t in gap.clone() {
                     let x = self.predictors.values.row(t);
                     sums.add_predictors(-1.0, x);
-                    sums.add_target(-1.0, x, self.values[t].from_mean(mean));
+                    sums.add_target(-1.0, x, self.values[t].off_mean(mean));
                 }
                 Regression::new(&sums, &kind.columns)
             });

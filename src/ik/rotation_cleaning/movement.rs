@@ -12,7 +12,7 @@ pub(super) trait Movable: Copy + Send + Sync {
     /// The mean of some, the first where they have none.
     fn mean(all: &[Self]) -> Option<Self>;
     /// The step from the mean, continuous in time where the values are.
-    fn from_mean(self, mean: Self) -> DVec3;
+    fn off_mean(self, mean: Self) -> DVec3;
 }
 
 impl Movable for DQuat {
@@ -33,7 +33,7 @@ impl Movable for DQuat {
     }
 
     /// Past half a turn, no jump to the other side.
-    fn from_mean(self, mean: DQuat) -> DVec3 {
+    fn off_mean(self, mean: DQuat) -> DVec3 {
         rotation_vector(mean.conjugate() * self)
     }
 }
@@ -52,7 +52,7 @@ impl Movable for DVec3 {
         (!all.is_empty()).then(|| sum / all.len() as f64)
     }
 
-    fn from_mean(self, mean: DVec3) -> DVec3 {
+    fn off_mean(self, mean: DVec3) -> DVec3 {
         self - mean
     }
 }
@@ -106,7 +106,7 @@ mod tests {
             assert!(a.step_to(b).length() <= std::f64::consts::PI + 1e-9);
         }
         // Continuous past half a turn.
-        let turned = |angle: f64| DQuat::from_rotation_y(angle).from_mean(DQuat::IDENTITY);
+        let turned = |angle: f64| DQuat::from_rotation_y(angle).off_mean(DQuat::IDENTITY);
         assert!((turned(3.2) - turned(3.1)).length() < 0.11);
         assert_eq!(DVec3::X.stepped(DVec3::X.step_to(DVec3::Y)), DVec3::Y);
     }

@@ -122,7 +122,8 @@ mod tests {
 
     const ASF: &str = ":units\n length 0.45\n angle deg\n:root\n order TX TY TZ RX RY RZ\n axis \
         XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name thigh\n \
-        direction 0 -1 0\n length 2\n axis 0 0 0 XYZ\n dof rx\n end\n:hierarchy\n begin\n root thigh\n end\n";
+        direction 0 -1 0\n length 2\n axis 0 0 0 XYZ\n dof rx\n end\n:hierarchy\n begin\n \
+        root thigh\n end\n";
 
     #[test]
     fn only_new_values_are_written() {
