@@ -79,7 +79,7 @@ pub(crate) fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Fi
             frames: Some([held.frames.start, held.frames.end]),
             what: format!(
                 "{} {verb} still in frames {} to {} while others turn: {own} held (clean fills \
-                 them in BVH files with the option `held_is_missing`)",
+                 them with the option `held_is_missing`)",
                 names.join(", "),
                 held.frames.start,
                 held.frames.end - 1

@@ -1,6 +1,6 @@
 //! What became of a file, and what of its result somebody should look at.
 
-use super::one_file::{CleanSettings, keeps_rotations};
+use super::one_file::{CleanSettings, CleanedTake, keeps_rotations};
 use super::places::{PlaceToSee, places};
 use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
@@ -25,11 +25,12 @@ impl CleanSettings {
         file: &MotionFile,
         to: Option<OutputFormat>,
         naming: &PointNaming,
-        restored: &Restoration<'_>,
+        cleaned: &CleanedTake<'_>,
         unheld: usize,
         (redone, before): (Vec<PlaceToSee>, &[TakeAudit]),
     ) -> Summary {
-        let poses = &file.table.poses;
+        let (poses, restored) = (&file.table.poses, &cleaned.points);
+        let rotations = cleaned.rotations.as_ref();
         let keeps = keeps_rotations(file, to);
         let points = labeled(&poses.points);
         let missing = |xyz: ArrayView2<'_, f64>| {
@@ -37,16 +38,28 @@ impl CleanSettings {
             (0..poses.frames()).map(of_frame).sum::<usize>()
         };
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
-        let denoised = restored.counts().mean_noise() > 0.0;
-        let (mut findings, found) = self.remaining(file, keeps, restored);
+        let denoised = match rotations {
+            Some(rotations) => rotations.is_smoothed(),
+            None => restored.counts().mean_noise() > 0.0,
+        };
+        let (mut findings, mut found) = self.remaining(file, cleaned);
+        let noise_deg = rotations.map(|r| r.noise());
         let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
         findings.extend(left_open(restored));
-        let noise_stays = noise > self.method.noise_limit && keeps;
-        if noise_stays {
+        let limit = self.rotation_noise_limit.to_degrees();
+        let noise_stays = !self.smooth && noise_deg.is_some_and(|noise| noise >= limit);
+        if let (true, Some(noise)) = (noise_stays, noise_deg) {
             findings.push(format!(
-                "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh \
-                 or xyz2amc, makes new ones)"
+                "noise: {noise:.2} degrees stay, as nothing is smoothed"
             ));
+        }
+        if let Some(rotations) = rotations {
+            findings.extend(rotations.findings());
+            found.extend(rotations.places().into_iter().map(|mut place| {
+                // A bone that is none of the points has no trail.
+                place.point = place.point.filter(|p| poses.points.contains(p));
+                place
+            }));
         }
         let moved = replaced(restored);
         let doubtful = restored.counts().rejected.saturating_sub(moved.len());
@@ -67,6 +80,7 @@ impl CleanSettings {
         }
         let mut notes = notes(file, naming, restored);
         notes.extend(replacements(&moved));
+        notes.extend(rotations.iter().flat_map(|r| r.notes()));
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),
@@ -74,8 +88,9 @@ impl CleanSettings {
             rate: file.rate(),
             missing: lacking,
             filled,
-            outliers: moved.len(),
+            outliers: moved.len() + rotations.map_or(0, |r| r.popped()),
             noise,
+            noise_deg,
             denoised,
             noise_stays,
             copied: false,
@@ -89,17 +104,17 @@ impl CleanSettings {
     fn remaining(
         &self,
         file: &MotionFile,
-        keeps: bool,
-        restored: &Restoration<'_>,
+        cleaned: &CleanedTake<'_>,
     ) -> (Vec<String>, Vec<PlaceToSee>) {
         let result = Poses {
-            xyz: restored.xyz().to_owned(),
+            xyz: cleaned.points.xyz().to_owned(),
             ..file.table.poses.clone()
         };
         let mut takes = audit(&result, file.rate(), &self.limits);
-        if let (true, Some(take)) = (keeps, takes.first_mut()) {
-            let found = rotation_findings(&file.joint_angles(), file.rate());
-            take.findings.extend(found);
+        if let (Some(rotations), Some(take)) = (&cleaned.rotations, takes.first_mut()) {
+            let angles = file.joint_angles_of(rotations.cleaned.motion.view());
+            take.findings
+                .extend(rotation_findings(&angles, file.rate()));
         }
         let is_several = takes.len() > 1;
         let is_gap = |f: &&Finding| matches!(f.kind, FindingKind::LongGap | FindingKind::Missing);

@@ -2,10 +2,10 @@
 
 use crate::Result;
 use crate::audit::held_rotations;
-use crate::io::{Bvh, MotionFile};
+use crate::io::MotionFile;
 
-/// Takes rotations of a BVH file that were held for missing ones, and the positions that follow
-/// from them; notes say which, and what cannot be done.
+/// Takes rotations that were held for missing ones, and the positions that follow from them; notes
+/// say which, and what cannot be done.
 ///
 /// # Errors
 /// None for a file that was read.
@@ -14,15 +14,9 @@ pub(crate) fn empty_held(file: &mut MotionFile) -> Result<()> {
         return Ok(());
     };
     let held = held_rotations(&angles, rate);
-    let Some(bvh) = file.bvh() else {
-        if !held.is_empty() {
-            let what = "held rotations stay: only in BVH files are they filled";
-            file.notes.push(what.to_string());
-        }
-        return Ok(());
-    };
-    let columns = rotation_columns(bvh);
-    let last = bvh.motion.nrows();
+    let mut channels = file.channels();
+    channels.retain(|joint| !joint.angles.is_empty());
+    let last = file.table.poses.frames();
     let mut missing = Vec::new();
     for held in held {
         let names: Vec<&str> = held.joints.iter().map(|&j| &*angles[j].joint).collect();
@@ -34,8 +28,8 @@ pub(crate) fn empty_held(file: &mut MotionFile) -> Result<()> {
             continue;
         }
         let frames = held.frames.start + 1..held.frames.end;
-        let columns = held.joints.iter().flat_map(|&j| &columns[j]);
-        missing.extend(columns.flat_map(|&c| frames.clone().map(move |t| (t, c))));
+        let columns = held.joints.iter().flat_map(|&j| &channels[j].angles);
+        missing.extend(columns.flat_map(|&(c, _)| frames.clone().map(move |t| (t, c))));
         file.notes.push(format!(
             "held rotations of {of} in frames {} to {} count as missing",
             frames.start,
@@ -43,18 +37,4 @@ pub(crate) fn empty_held(file: &mut MotionFile) -> Result<()> {
         ));
     }
     file.empty_channels(&missing)
-}
-
-/// The columns of the rotations of each joint that has some.
-fn rotation_columns(bvh: &Bvh) -> Vec<Vec<usize>> {
-    let mut first = 0;
-    let mut out = Vec::with_capacity(bvh.joints.len());
-    for joint in &bvh.joints {
-        let channels = joint.channels.iter().enumerate();
-        let angles = channels.filter(|(_, channel)| channel.is_angle());
-        let columns: Vec<usize> = angles.map(|(c, _)| first + c).collect();
-        out.extend(Some(columns).filter(|c| !c.is_empty()));
-        first += joint.channels.len();
-    }
-    out
 }

@@ -56,6 +56,9 @@ fn listed(row: &Row, folder: &Path) -> Value {
             }
             out["rate"] = json!(s.rate);
             out["noise"] = json!(s.noise);
+            if let Some(noise) = s.noise_deg {
+                out["noise_deg"] = json!(noise);
+            }
             out["denoised"] = json!(s.denoised);
             out["copied"] = json!(s.copied);
         }

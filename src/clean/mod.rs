@@ -11,6 +11,7 @@ mod record;
 mod redo;
 mod replaced;
 mod report;
+mod rotations;
 mod row;
 mod sources;
 

@@ -9,9 +9,10 @@ use super::record::{
 };
 use super::redo::Segment;
 use super::replaced::replaced;
+use super::rotations::CleanedFile;
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, audit_motion};
-use crate::ik::{PositionSd, mix_with_paths, solve_missing_channels};
+use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skeleton_of};
 use crate::io::motion_folder::name_of;
 use crate::io::output::{TemporaryFile, write_file};
@@ -21,7 +22,6 @@ use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::gap_lines;
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Error, Place, Result};
-use ndarray::Array2;
 use serde_json::json;
 use std::path::Path;
 
@@ -35,6 +35,11 @@ pub struct CleanSettings {
     pub map: Option<NameMap>,
     /// How takes are restored.
     pub method: Clean,
+    /// The noise over which the rotations of a file that keeps them are smoothed, radians about an
+    /// axis.
+    pub rotation_noise_limit: f64,
+    /// Whether noise is removed at all.
+    pub smooth: bool,
     /// Whether rotations that were held are missing.
     pub held_is_missing: bool,
     /// What is still as it should be.
@@ -47,6 +52,14 @@ pub struct CleanSettings {
     pub redo: Vec<Segment>,
     /// The cutoff of a low-pass filter after all else, Hz.
     pub butterworth: Option<f64>,
+}
+
+/// What was made of a file.
+pub(super) struct CleanedTake<'t> {
+    /// Its points.
+    pub points: Restoration<'t>,
+    /// Its rotations, where it keeps them.
+    pub rotations: Option<CleanedFile>,
 }
 
 /// The capture of a job: the bytes that it has, unpacked, and how they are read.
@@ -123,7 +136,7 @@ impl CleanSettings {
         };
         let made_from = MadeFrom {
             posing: env!("CARGO_PKG_VERSION").to_string(),
-            settings: self.recorded(&read, to),
+            settings: self.recorded(&read, format, to),
             input,
             skeleton,
         };
@@ -175,6 +188,7 @@ impl CleanSettings {
         let restored = self.restored(&file, to, &naming)?;
         let (restored, smoothed) = self.smoothed(&file, keeps, restored)?;
         notes.extend(smoothed);
+        let points = &restored.points;
         if !self.again && is_in_doubt(&job.output) {
             self.check_same(job, to, &file, &restored)?;
         }
@@ -187,10 +201,15 @@ impl CleanSettings {
         if to == Some(OutputFormat::Npy) && file.format != MotionFormat::Npy {
             summary.notes.extend(file.table.columns.lost_in_array());
         }
-        summary.copied = self.is_copied(job, to, &file, &restored, capture);
-        summary.findings.extend(self.kept(&file, to, &restored));
+        summary.copied = self.is_copied(job, to, &file, points, capture);
+        if let (true, Some(noise)) = (summary.copied, summary.noise_deg) {
+            summary
+                .notes
+                .push(format!("unchanged: the noise is {noise:.2} degrees"));
+        }
+        summary.findings.extend(self.kept(&file, to, points));
         // The result is whole also where its page is not written.
-        match write_page(job, &file, &restored, &summary) {
+        match write_page(job, &file, points, &summary) {
             Ok(note) => summary.notes.extend(note),
             Err(e) => summary.findings.push(format!("page: not written: {e}")),
         }
@@ -205,9 +224,10 @@ impl CleanSettings {
             audit: before,
             summary: &summary,
             redone: &self.redo,
-            gaps: gap_lines(&restored),
+            gaps: gap_lines(points),
             gaps_by_point: Vec::new(),
-            outliers: replaced(&restored),
+            outliers: replaced(points),
+            rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
             left_out: 0,
             output: Fingerprint::read(&job.output)?,
         }
@@ -215,24 +235,54 @@ impl CleanSettings {
         Ok(summary)
     }
 
-    /// The take as it is restored; rotations that lack nothing are copied.
+    /// The take as it is restored; rotations that stay rotations by themselves.
     fn restored<'t>(
         &self,
         file: &'t MotionFile,
         to: Option<OutputFormat>,
         naming: &PointNaming,
-    ) -> Result<Restoration<'t>> {
+    ) -> Result<CleanedTake<'t>> {
         let table = &file.table;
-        if keeps_rotations(file, to) && file.is_whole() {
-            return Ok(Restoration::unchanged(table));
+        let of_points = |points| CleanedTake {
+            points,
+            rotations: None,
+        };
+        match (keeps_rotations(file, to), file.motion()) {
+            (true, Some(motion)) => {
+                let how = RotationCleaning {
+                    noise_limit: match self.smooth {
+                        true => self.rotation_noise_limit,
+                        false => f64::INFINITY,
+                    },
+                    pops: self.method.outliers,
+                    max_gap: self.method.max_gap,
+                };
+                let rate = file.rate().unwrap_or(1.0);
+                let cleaned = clean_rotations(&file.channels(), motion, rate, &how);
+                let xyz = file.positions_of(cleaned.motion.view())?;
+                return Ok(CleanedTake {
+                    points: Restoration::followed(table, xyz),
+                    rotations: Some(CleanedFile::new(file, cleaned)),
+                });
+            }
+            (true, None) => return Ok(of_points(Restoration::unchanged(table))),
+            _ => {}
         }
         if !self.force {
             let names = naming.model_names(&table.poses.points);
             let remedy = "give the file's unit with the option `units`";
             check_body_size(&table.poses, &names, &table.name, remedy)?;
         }
+        let method = Clean {
+            fps: file.rate().or(Some(1.0)),
+            noise_limit: match self.smooth {
+                true => self.method.noise_limit,
+                false => f64::INFINITY,
+            },
+            ..self.method
+        };
         let restorer = self.restorer(naming, &table.poses);
-        restorer.clean(table, &self.method_for(file, to))
+        restorer.clean(table, &method).map(of_points)
     }
 
     /// Empties what is to be done again; its places, and a line on each.
@@ -288,18 +338,19 @@ impl CleanSettings {
         &self,
         file: &MotionFile,
         keeps: bool,
-        restored: Restoration<'t>,
-    ) -> Result<(Restoration<'t>, Option<String>)> {
+        restored: CleanedTake<'t>,
+    ) -> Result<(CleanedTake<'t>, Option<String>)> {
         let Some(cutoff) = self.butterworth else {
             return Ok((restored, None));
         };
         if keeps {
             let what =
-                "not smoothed, since the file holds rotations; as csv, its positions would be";
+                "no low-pass filter, since the file holds rotations; as csv, its positions have it";
             return Ok((restored, Some(what.to_string())));
         }
-        let (restored, short) = (restored.low_passed(cutoff, file.rate()))
+        let (points, short) = (restored.points.low_passed(cutoff, file.rate()))
             .map_err(|e| e.at(Place::file(&file.table.name)))?;
+        let restored = CleanedTake { points, ..restored };
         let mut note = format!("smoothed (Butterworth, {cutoff} Hz, forwards and backwards)");
         if short > 0 {
             note += &format!("; {short} pieces of fewer than 10 frames are not");
@@ -331,7 +382,12 @@ impl CleanSettings {
     }
 
     /// What is known of the settings in a record: all that changes results.
-    fn recorded(&self, read: &ReadOptions, to: Option<OutputFormat>) -> serde_json::Value {
+    fn recorded(
+        &self,
+        read: &ReadOptions,
+        format: MotionFormat,
+        to: Option<OutputFormat>,
+    ) -> serde_json::Value {
         let mut out = json!({
             "fps": read.fps,
             "units": read.units.map(LengthUnit::name),
@@ -350,7 +406,13 @@ impl CleanSettings {
             "force": self.force,
             "to": to.map(OutputFormat::name),
         });
-        // Results from before there were these stay.
+        // Results from before there were these stay, but for those of rotations.
+        if is_of_rotations(format) && to.is_none() {
+            out["rotation_noise_limit"] = json!(self.rotation_noise_limit.to_degrees());
+        }
+        if !self.smooth {
+            out["smooth"] = json!(false);
+        }
         if !self.redo.is_empty() {
             out["redo"] = json!(self.redo);
         }
@@ -385,35 +447,13 @@ impl CleanSettings {
         }
     }
 
-    /// Rotations that stay rotations are filled where they are missing; all others of them are as
-    /// they were measured.
-    fn method_for(&self, file: &MotionFile, to: Option<OutputFormat>) -> Clean {
-        let keeps = keeps_rotations(file, to);
-        Clean {
-            fps: file.rate().or(Some(1.0)),
-            outliers: self.method.outliers && !keeps,
-            // For rotations, the limit holds for both estimates together.
-            max_sd: if keeps {
-                f64::INFINITY
-            } else {
-                self.method.max_sd
-            },
-            noise_limit: if keeps {
-                f64::INFINITY
-            } else {
-                self.method.noise_limit
-            },
-            ..self.method
-        }
-    }
-
     /// Fails where the file in the place of the result is not what is to be written there.
     fn check_same(
         &self,
         job: &Job,
         to: Option<OutputFormat>,
         file: &MotionFile,
-        restored: &Restoration<'_>,
+        restored: &CleanedTake<'_>,
     ) -> Result<()> {
         // Its name ends as that of the result, which says how it is packed.
         let suffix = format!("-{}", name_of(&job.output).display());
@@ -435,34 +475,21 @@ impl CleanSettings {
         ))
     }
 
-    /// Writes the file anew in its own format. In a BVH file, missing values are solved for where
-    /// the joints that they move are sure enough; all else stays. How many positions its
-    /// numbers do not hold, or how many values are missing still.
+    /// Writes the file anew in its own format. How many positions its numbers do not hold, or how
+    /// many values of rotations are missing still.
     fn write_back(
         &self,
         path: &Path,
         file: &MotionFile,
-        restored: &Restoration<'_>,
+        restored: &CleanedTake<'_>,
     ) -> Result<usize> {
-        let xyz = restored.xyz();
-        let Some(bvh) = file.bvh().filter(|_| !file.is_whole()) else {
-            return file.write_back(path, xyz);
-        };
-        let shape = (xyz.nrows(), file.poses().points.len());
-        let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
-        let poses = Poses {
-            xyz: xyz.to_owned(),
-            ..file.poses().clone()
-        };
-        let sd = PositionSd {
-            sd: sd.view(),
-            most: self.method.max_sd,
-        };
-        let turn = file.units().up.rotation();
-        let mut motion = solve_missing_channels(bvh, &poses, Some(sd), turn)?;
-        mix_with_paths(bvh, |t, c| file.is_emptied(t, c), &mut motion);
-        file.write_channels(path, motion.view())?;
-        Ok(motion.iter().filter(|v| v.is_nan()).count())
+        match &restored.rotations {
+            Some(rotations) => {
+                file.write_channels(path, rotations.cleaned.motion.view())?;
+                Ok(rotations.missing())
+            }
+            None => file.write_back(path, restored.points.xyz()),
+        }
     }
 
     /// Writes the result; how many positions, or values of a BVH file, it does not hold.
@@ -471,14 +498,14 @@ impl CleanSettings {
         job: &Job,
         to: Option<OutputFormat>,
         file: &MotionFile,
-        restored: &Restoration<'_>,
+        restored: &CleanedTake<'_>,
     ) -> Result<usize> {
         let Some(to) = to.filter(|to| !to.is(file.format)) else {
             return self.write_back(&job.output, file, restored);
         };
         if let Some(table) = to.table() {
             return file
-                .write_table(&job.output, table, restored.xyz())
+                .write_table(&job.output, table, restored.points.xyz())
                 .map(|()| 0);
         }
         let units = Units {
@@ -490,7 +517,7 @@ impl CleanSettings {
             },
         };
         let poses = Poses {
-            xyz: restored.xyz().to_owned(),
+            xyz: restored.points.xyz().to_owned(),
             ..file.table.poses.clone()
         };
         if poses.takes().len() > 1 {
@@ -509,9 +536,12 @@ impl CleanSettings {
 
 /// Whether the result holds rotations or columns, as the file does, and no positions.
 pub(crate) fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
-    let is_of_rotations = matches!(
-        file.format,
+    is_of_rotations(file.format) && to.is_none()
+}
+
+fn is_of_rotations(format: MotionFormat) -> bool {
+    matches!(
+        format,
         MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
-    );
-    is_of_rotations && to.is_none()
+    )
 }

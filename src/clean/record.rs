@@ -4,6 +4,7 @@
 use super::places::PlaceToSee;
 use super::redo::Segment;
 use super::replaced::ReplacedPosition;
+use super::rotations::RotationLines;
 use crate::audit::TakeAudit;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
@@ -94,6 +95,9 @@ pub struct Summary {
     pub outliers: usize,
     /// Noise of a coordinate, cm.
     pub noise: f64,
+    /// Noise of the rotations of a file that keeps them, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_deg: Option<f64>,
     /// Whether it was removed.
     pub denoised: bool,
     /// Whether it is over the limit and stays.
@@ -136,6 +140,9 @@ pub(crate) struct Record<'a> {
     pub gaps_by_point: Vec<PointGapLine<'a>>,
     /// Measured positions that were replaced as outliers.
     pub outliers: Vec<ReplacedPosition>,
+    /// What was done to the rotations of a file that keeps them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotations: Option<RotationLines>,
     /// Points and outliers that are left out, since there are so many.
     #[serde(skip_serializing_if = "is_zero")]
     pub left_out: usize,
@@ -346,6 +353,9 @@ impl Record<'_> {
         self.gaps_by_point.truncate(FEW);
         cut(self.outliers.len());
         self.outliers.truncate(FEW);
+        if let Some(rotations) = &mut self.rotations {
+            rotations.cut(FEW);
+        }
         for take in &mut self.audit {
             cut(take.findings.len());
             take.findings.truncate(FEW);

@@ -211,7 +211,10 @@ fn cells(row: &Row) -> Vec<String> {
             out.extend(
                 [s.frames, s.points, s.missing, s.filled, s.outliers].map(|n| n.to_string()),
             );
-            out.push(format!("{:.2}{became}", s.noise));
+            out.push(match s.noise_deg {
+                Some(noise) => format!("{noise:.2} deg{became}"),
+                None => format!("{:.2}{became}", s.noise),
+            });
         }
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }

@@ -1,14 +1,13 @@
 //! Inverse kinematics: a skeleton's degrees of freedom from the positions of its joints.
 
 pub(crate) mod bone_normalization;
-mod channel_paths;
 pub mod correspondence;
 pub(crate) mod fit_quality;
 mod frame_solver;
 pub(crate) mod initial_pose;
 mod missing_channels;
 mod named_skeleton;
-mod rotation_paths;
+pub mod rotation_cleaning;
 pub mod sequence;
 pub(crate) mod skeleton_estimation;
 mod skeleton_fit;
@@ -17,8 +16,7 @@ mod tree_cholesky;
 mod tuning;
 
 pub use fit_quality::{FitQuality, FitVerdict};
-pub use missing_channels::{PositionSd, solve_missing_channels};
+pub use missing_channels::solve_missing_channels;
 pub use named_skeleton::{NamedSkeleton, named_skeleton};
-pub use rotation_paths::mix_with_paths;
 pub use skeleton_estimation::estimate_skeleton;
 pub use skeleton_fit::{FittedTake, SkeletonFit};

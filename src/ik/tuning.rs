@@ -144,42 +144,12 @@ pub(crate) mod fit_quality {
     pub(crate) const WHOLE_BODY: usize = 12;
 }
 
-/// Missing channels by time.
-pub(crate) mod channel_paths {
-    /// Gaps that are simulated for one that is there.
-    pub(crate) const SIMULATED: usize = 12;
-    /// Fewer simulated gaps say nothing.
-    pub(crate) const LEAST_SIMULATED: usize = 3;
-    /// Places that are tried for simulated gaps.
-    pub(crate) const TRIED: usize = 400;
-    /// Frames on either side of a gap that its path is led by.
-    pub(crate) const SIDE: usize = 2;
-}
-
-/// Missing channels by positions and time. Measured: gaps of .4 to 1 s in limbs of a MotionBuilder
-/// walk leave 1.0 cm RMS (by time alone 3.3), those of a Bandai-Namco run of 3 s 9.5 (by time
-/// alone 9.9, by positions alone 11.1).
+/// Missing channels by positions.
 pub(crate) mod missing_channels {
     /// Holds what the joints leave open to the path, cm² a squared radian.
     pub(crate) const PATH_WEIGHT: f64 = 1e-2;
-    /// No position is surer than this, cm².
-    pub(crate) const LEAST_VARIANCE: f64 = 1e-2;
+    /// The weight of a joint that the table does not have, of 1.
+    pub(crate) const UNKNOWN_WEIGHT: f64 = 1e-3;
     /// Frames of one parallel task.
     pub(crate) const CHUNK: usize = 8;
-}
-
-/// Missing rotations by a cubic over time.
-pub(crate) mod rotation_paths {
-    /// Frames on either side that tell the speed there.
-    pub(crate) const SIDE: usize = 4;
-    /// The share of that speed that lasts: a motion that goes on is rarer than one that turns.
-    pub(crate) const LASTING: f64 = 0.7;
-    /// The share of the solution in the mixture. Measured on 42 segments of 14 CMU takes: so it is
-    /// no worse on the whole, and small motions are twice as good (3.5 degrees RMS; the straight
-    /// way between the ends 7.7).
-    pub(crate) const SOLVED: f64 = 0.8;
-    /// Segments of the take that tell how far a joint leaves the straight way.
-    pub(crate) const COMPARED: usize = 60;
-    /// A solution this many times farther off the straight way is astray.
-    pub(crate) const ASTRAY: f64 = 1.25;
 }

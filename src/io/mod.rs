@@ -26,6 +26,7 @@ mod new_take;
 pub mod npy;
 pub mod npz;
 mod npz_take;
+mod number_words;
 pub mod opensim;
 pub mod output;
 mod point_titles;

@@ -86,10 +86,13 @@ impl MotionFormat {
 pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
-        MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
+        MotionFormat::Bvh => {
+            "is a BVH file: clean it with `posing clean`, which keeps its rotations, or convert it \
+             with bvh2xyz"
+        }
         MotionFormat::Amc => {
-            "is an AMC file: convert it with amc2xyz, with the option `asf SUBJECT.asf` and the \
-             option `fps F`"
+            "is an AMC file: clean it with `posing clean`, which keeps its rotations, or convert \
+             it with amc2xyz; both with the option `asf SUBJECT.asf` and the option `fps F`"
         }
         MotionFormat::Asf => {
             "is an ASF skeleton: give it to amc2xyz with the option `asf`, together with an AMC \

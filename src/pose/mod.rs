@@ -22,7 +22,7 @@ pub mod units;
 
 pub use body::Body;
 pub use bone_points::BonePoints;
-pub use joint_angles::JointAngles;
+pub use joint_angles::{JointAngles, JointChannels};
 pub use kinematics::Space;
 pub use name_map::{NameFinder, NameMap, PointNaming};
 pub use observation::Observation;

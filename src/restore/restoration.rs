@@ -6,9 +6,9 @@ use super::take::TakeResult;
 use crate::Result;
 use crate::io::Table;
 use crate::label::unlabeled::labeled;
-use crate::pose::{FillMethod, Poses, Status};
+use crate::pose::{FillMethod, Poses, Status, point_at};
 use glam::DVec3;
-use ndarray::{ArrayView2, s};
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// Numbers of frames and points by what became of them.
@@ -98,6 +98,29 @@ impl<'t> Restoration<'t> {
             frames,
             counts: RestorationCounts::default(),
         }
+    }
+
+    /// A table whose points follow from something else that was restored, such as rotations: they
+    /// are at `xyz` now (frames, 3 points; cm; NaN where still missing).
+    pub(crate) fn followed(source: &'t Table, xyz: Array2<f64>) -> Restoration<'t> {
+        let mut out = Restoration::unchanged(source);
+        out.counts.frames = xyz.nrows();
+        for t in 0..xyz.nrows() {
+            for p in 0..out.frames.points() {
+                let [was, now] = [&source.poses.xyz, &xyz].map(|xyz| point_at(xyz.view(), t, p));
+                let status = match (was.is_finite(), now.is_finite()) {
+                    (_, false) => Status::Unknown,
+                    (false, true) => Status::Inferred,
+                    (true, true) if was == now => Status::Observed,
+                    (true, true) => Status::Changed,
+                };
+                out.frames.set(t, p, status, f64::NAN);
+                out.counts.filled += usize::from(status == Status::Inferred);
+                out.counts.unfilled += usize::from(status == Status::Unknown);
+            }
+        }
+        out.frames.xyz = xyz;
+        out
     }
 
     /// Puts restored frames of some of the table's `points` in place, from frame `first` on. Where

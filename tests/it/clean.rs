@@ -860,25 +860,98 @@ fn positions_are_smoothed_as_by_trim() {
     assert!(said.0 == 1 && said.1.contains("below .4"), "{}", said.1);
 }
 
+/// The numbers of the frames of a BVH file.
+fn bvh_frames(text: &str) -> Vec<Vec<f64>> {
+    let rows = text.split("Frame Time:").nth(1).unwrap().lines().skip(1);
+    rows.map(|l| l.split_whitespace().map(|w| w.parse().unwrap()).collect())
+        .collect()
+}
+
 #[test]
-fn rotations_that_stay_noisy_are_copied_and_that_is_said() {
+fn noisy_rotations_are_smoothed_in_their_own_channels() {
     let folder = Folder::new();
-    let table: Vec<String> = walk().lines().take(120).map(str::to_string).collect();
-    let table = run(
-        "corrupt",
-        &["-q", "--dense", "0.8"],
-        &(table.join("\n") + "\n"),
-    );
-    folder.put("in/a.bvh", run("xyz2bvh", &["-q"], &table));
-    let (code, said) = folder.clean(&["in", "-o", "out"]);
-    assert_eq!(code, 3, "{said}");
-    assert_eq!(fate(&said, "a.bvh"), "copied", "{said}");
+    let table: Vec<String> = walk().lines().take(240).map(str::to_string).collect();
+    let truth = run("xyz2bvh", &["-q"], &(table.join("\n") + "\n"));
+    let frames = bvh_frames(&truth);
+    let (head, rows) = truth.split_once("Frame Time").unwrap();
+    let time = rows.lines().next().unwrap();
+    // A degree, white.
+    let noise = |t: usize, c: usize| {
+        let x = (t * 97 + c * 57) as f64;
+        ((x * 12.9898).sin() * 43758.5453).rem_euclid(1.0) * 3.46 - 1.73
+    };
+    let row = |(t, row): (usize, &Vec<f64>)| {
+        let cells = row.iter().enumerate();
+        let cells = cells.map(|(c, v)| format!("{:.4}", if c < 3 { *v } else { v + noise(t, c) }));
+        cells.collect::<Vec<_>>().join(" ") + "\n"
+    };
+    let rows: String = frames.iter().enumerate().map(row).collect();
+    let noisy = format!("{head}Frame Time{time}\n{rows}");
+    folder.put("in/a.bvh", &noisy);
+    let (_, said) = folder.clean(&["in", "-o", "out"]);
+    assert_eq!(fate(&said, "a.bvh"), "cleaned", "{said}");
+    assert!(said.contains("deg removed"), "{said}");
+    let clean = fs::read_to_string(folder.at("out/a.bvh")).unwrap();
+    assert_eq!(clean.split("MOTION").next(), noisy.split("MOTION").next());
+    let off = |text: &str| {
+        let (mut sum, mut count) = (0.0, 0);
+        for (a, b) in bvh_frames(text).iter().zip(&frames) {
+            for (a, b) in a[3..].iter().zip(&b[3..]) {
+                (sum, count) = (sum + (a - b).powi(2), count + 1);
+            }
+        }
+        (sum / f64::from(count)).sqrt()
+    };
     assert!(
-        said.contains("stay, since the file holds rotations"),
-        "{said}"
+        off(&clean) < 0.7 * off(&noisy),
+        "{} {}",
+        off(&clean),
+        off(&noisy)
     );
-    let read = |name: &str| fs::read(folder.at(name)).unwrap();
-    assert_eq!(read("in/a.bvh"), read("out/a.bvh"));
+    let record = folder.record("out/a.bvh");
+    let joints = record["rotations"]["joints"].as_array().unwrap();
+    assert!(
+        joints
+            .iter()
+            .any(|j| j["smoothed"]["cutoff_hz"].as_f64() > Some(0.0))
+    );
+    // Again: nothing to do; another limit: done again.
+    assert!(folder.clean(&["in", "-o", "out"]).1.contains("1 unchanged"));
+    let (_, said) = folder.clean(&["in", "-o", "out", "--noise-limit", "9deg"]);
+    assert_eq!(fate(&said, "a.bvh"), "copied", "{said}");
+    let (code, said) = folder.clean(&["in", "-o", "left", "--no-smooth"]);
+    assert!(code == 3 && said.contains("degrees stay"), "{said}");
+    assert_eq!(fs::read_to_string(folder.at("left/a.bvh")).unwrap(), noisy);
+    assert_eq!(
+        folder.clean(&["in", "-o", "x", "--noise-limit", "1turn"]).0,
+        2
+    );
+}
+
+/// A take of a skeleton's own angles: what pops is put back, and all else stays.
+#[test]
+fn angles_of_an_amc_file_that_pop_are_put_back() {
+    let folder = Folder::new();
+    let testdata = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu/07");
+    let read = |name: &str| fs::read_to_string(testdata.join(name)).unwrap();
+    folder.put("07.asf", read("07.asf"));
+    let whole = read("07_01.amc");
+    let mut lines: Vec<String> = whole.lines().map(str::to_string).collect();
+    let at = lines.iter().position(|l| l == "50").unwrap();
+    let line = (at..).find(|&l| lines[l].starts_with("ltibia ")).unwrap();
+    let angle: f64 = lines[line][7..].trim().parse().unwrap();
+    lines[line] = format!("ltibia {:.4}", angle + 60.0);
+    folder.put("07_01.amc", lines.join("\n") + "\n");
+    let (_, said) = folder.clean(&["07_01.amc", "-o", "out.amc", "--fps", "120"]);
+    assert_eq!(fate(&said, "07_01.amc"), "cleaned", "{said}");
+    let result = fs::read_to_string(folder.at("out.amc")).unwrap();
+    let result: Vec<&str> = result.lines().collect();
+    for (l, (is, was)) in result.iter().zip(&lines).enumerate() {
+        assert!(l == line || is == was, "{is} {was}");
+    }
+    let found: f64 = result[line][7..].trim().parse().unwrap();
+    assert!((found - angle).abs() < 1.0, "{found} {angle}");
+    assert_eq!(folder.record("out.amc")["summary"]["outliers"], 1);
 }
 
 #[test]

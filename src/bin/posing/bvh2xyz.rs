@@ -24,7 +24,7 @@ use std::sync::Arc;
     name = "bvh2xyz",
     version,
     after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz walk.bvh | \
-                  posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing \
+                  posing complete > whole.csv\n  posing \
                   bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
 )]
 pub struct Args {

@@ -10,6 +10,7 @@ use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
+use posing::ik::rotation_cleaning::RotationCleaning;
 use posing::io::Model;
 use posing::pose::joints;
 use posing::pose::units::parse_length;
@@ -24,9 +25,13 @@ use std::path::PathBuf;
 /// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
 /// format, with all else that the file says. Gaps are filled as by complete, outliers replaced (the
 /// record keeps them), and takes with more noise than --noise-limit are denoised; all else stays to
-/// the last digit. In BVH files, missing values (the word nan) are filled and every other byte
-/// stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become
-/// positions, which are cleaned as others are.
+/// the last digit. With --to, BVH and AMC files become positions, which are cleaned as others are.
+///
+/// Else these keep their own rotations, which are cleaned joint by joint, without a model: any rig,
+/// hands too. Where the joints tremble more than the limit, each is smoothed as strongly as it
+/// bears; pops of some frames are bridged, and missing values (the word nan) filled. Every other
+/// byte stays: header, order of channels, branches of angles, digits. Slow noise, which is
+/// correlated over more than some frames, cannot be told from motion, and stays.
 ///
 /// A folder is searched for such files; its results keep their places below DIR. Beside each
 /// result, RESULT.json says what it was made from, how the file was taken, what was found, and how
@@ -78,8 +83,8 @@ pub struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
-    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing
-    /// ones: the last value was held. audit finds them
+    /// Take rotations of BVH and AMC files that stand still for over 0.2 s beside moving ones for
+    /// missing ones: the last value was held. audit finds them
     #[arg(long, help_heading = "Input")]
     held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are
@@ -91,15 +96,19 @@ pub struct Args {
     /// Use no model: learn from each take's own frames alone
     #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
     take_alone: bool,
-    /// Noise of a coordinate over which a take is denoised, in cm or with a unit (1mm)
+    /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
+    /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
+    /// [default: 0.1cm and 0.25deg]
     #[arg(
         long,
-        value_name = "CM",
-        default_value = "0.1",
-        value_parser = parse_length,
+        value_name = "CM|DEG",
+        value_parser = NoiseLimit::parse,
         help_heading = "Method"
     )]
-    noise_limit: f64,
+    noise_limit: Option<NoiseLimit>,
+    /// Remove no noise: only fill gaps and replace outliers
+    #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
+    no_smooth: bool,
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
@@ -107,8 +116,8 @@ pub struct Args {
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
-    /// Largest standard deviation of what is filled, in cm or with a unit; a gap that is less sure
-    /// stays, and is a finding
+    /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
+    /// less sure stays, and is a finding
     #[arg(
         long,
         value_name = "CM",
@@ -133,6 +142,35 @@ pub struct Args {
     limits: MotionLimitArgs,
     #[command(flatten)]
     common: CommonArgs,
+}
+
+/// Limits of noise: of a coordinate, cm, and of rotations, degrees.
+#[derive(Clone, Copy)]
+struct NoiseLimit {
+    positions: Option<f64>,
+    rotations: Option<f64>,
+}
+
+impl NoiseLimit {
+    fn parse(text: &str) -> std::result::Result<NoiseLimit, String> {
+        let number = |text: &str| {
+            text.parse::<f64>()
+                .ok()
+                .filter(|v| v.is_finite() && *v >= 0.0)
+        };
+        if let Some(degrees) = text.strip_suffix("deg") {
+            let degrees = number(degrees).ok_or("expected degrees such as 0.5deg")?;
+            return Ok(NoiseLimit {
+                positions: None,
+                rotations: Some(degrees),
+            });
+        }
+        let positions = parse_length(text).map_err(|e| e.to_string())?;
+        Ok(NoiseLimit {
+            positions: Some(positions),
+            rotations: number(text),
+        })
+    }
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
@@ -181,18 +219,22 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         true => args.outliers != Some(OutlierDetection::None),
         false => args.outliers == Some(OutlierDetection::Auto),
     };
+    let limit = |of: fn(NoiseLimit) -> Option<f64>| args.noise_limit.and_then(of);
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
         read: args.read.rules()?,
         model,
         map: map.transpose()?,
         method: Clean {
-            noise_limit: args.noise_limit,
+            noise_limit: limit(|limit| limit.positions).unwrap_or(Clean::default().noise_limit),
             outliers,
             max_gap: args.max_gap,
             max_sd: args.max_sd,
             fps: None,
         },
+        rotation_noise_limit: limit(|limit| limit.rotations)
+            .map_or(RotationCleaning::default().noise_limit, f64::to_radians),
+        smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
         limits: args.limits.limits(),
         force: args.force,

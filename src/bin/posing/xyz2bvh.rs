@@ -36,7 +36,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\
         \n  posing xyz2bvh -o walk.bvh walk.csv\
         \n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\
-        \n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh\
+        \n  posing csv2xyz --up z take.csv | posing xyz2bvh --skeleton rig.bvh -o take.bvh\
         \n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]
 pub struct Args {
@@ -112,6 +112,13 @@ pub fn work(args: &Args) -> Result<Outcome> {
         return Err(Error::usage(what));
     };
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
+    if let (true, Some(file)) = (is_bvh && poses.frames() > 1, &args.skeleton) {
+        messages::info(&format!(
+            "if the table came from {0}: `posing clean {0}` cleans it in its own rotations, which \
+             come nearer than those solved from points",
+            file.display()
+        ));
+    }
     name_bone_ends(&mut poses, &table.name, args.force, is_bvh)?;
     report_time_jumps(&poses, &table.name, "a BVH");
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
@@ -141,8 +148,8 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
         Error::Usage(what) => Error::data(Place::file(&table.name), what),
         other => other,
     };
-    let motion = solve_missing_channels(&bvh, &poses, None, args.units.rotation()).map_err(bad)?;
-    let filled = bvh.fill_missing(&bytes, motion.view(), unit)?;
+    let motion = solve_missing_channels(&bvh, &poses, args.units.rotation()).map_err(bad)?;
+    let filled = bvh.with_motion(&bytes, motion.view(), unit)?;
     let missing = bvh.missing();
     let left = missing.iter().filter(|at| motion[**at].is_nan()).count();
     messages::info(&format!(

@@ -5,8 +5,10 @@
 //! out or stand there without values.
 
 mod block;
+mod rewrite;
 mod write;
 
+pub(crate) use rewrite::AmcMotion;
 use write::{write_frame, write_header};
 
 use super::Input;
@@ -245,6 +247,11 @@ impl<'a> AmcReader<'a> {
         reader.head()?;
         reader.blocks.format.degrees = reader.degrees;
         Ok(reader)
+    }
+
+    /// Whether the take's angles are in degrees.
+    pub(crate) fn degrees(&self) -> bool {
+        self.degrees
     }
 
     fn head(&mut self) -> Result<()> {

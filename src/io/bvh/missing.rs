@@ -3,12 +3,9 @@
 
 use super::Bvh;
 use super::read::motion_start;
-use crate::pose::Channel;
+use crate::io::number_words::Decimals;
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
-
-/// Digits after the point of what is filled.
-const DECIMALS: usize = 6;
 
 impl Bvh {
     /// The frames and channels that are missing, in order.
@@ -20,13 +17,14 @@ impl Bvh {
             .collect()
     }
 
-    /// The text of the file, `original`, with its missing values ([`Bvh::missing`]) from `motion`
-    /// (frames, channels; radians and centimeters); every other byte stays. Lengths in the file
-    /// are in units of `unit` centimeters. What `motion` does not have either stays missing.
+    /// The text of the file, `original`, with the values of `motion` (frames, channels; radians and
+    /// centimeters) that are not its own, [missing](Bvh::missing) ones above all; every other byte
+    /// stays, as does the text of what `motion` does not have. Lengths in the file are in units of
+    /// `unit` centimeters.
     ///
     /// # Errors
     /// [`Error::Data`]: `original` is no BVH file.
-    pub fn fill_missing(
+    pub fn with_motion(
         &self,
         original: &[u8],
         motion: ArrayView2<'_, f64>,
@@ -34,37 +32,37 @@ impl Bvh {
     ) -> Result<Vec<u8>> {
         let other = || Error::data(Place::file("the original"), "is no BVH file");
         let start = motion_start(original).ok_or_else(other)?;
-        let channels: Vec<Channel> = (self.joints.iter())
-            .flat_map(|j| j.channels.iter().copied())
+        let is_angle: Vec<bool> = (self.joints.iter())
+            .flat_map(|j| j.channels.iter().map(|c| c.is_angle()))
             .collect();
-        let mut out = original[..start].to_vec();
-        let mut count = 0;
-        let mut at = start;
-        while at < original.len() {
-            let is_space = |b: &u8| b.is_ascii_whitespace();
-            let rest = &original[at..];
-            let space = rest.iter().take_while(|b| is_space(b)).count();
-            let word = rest[space..].iter().take_while(|b| !is_space(b)).count();
-            out.extend_from_slice(&rest[..space]);
-            let text = &rest[space..space + word];
-            let (frame, channel) = (count / channels.len().max(1), count % channels.len().max(1));
-            let value = motion.get([frame, channel]).copied();
-            let is_missing = self
-                .motion
-                .get([frame, channel])
-                .is_some_and(|v| v.is_nan());
-            match value.filter(|v| v.is_finite() && is_missing && word > 0) {
+        let (head, body) = original.split_at(start);
+        let is_space = |b: &u8| b.is_ascii_whitespace();
+        let mut decimals = Decimals::default();
+        let words = body.split(is_space).filter(|word| !word.is_empty());
+        words.for_each(|word| decimals.count(word));
+        let (mut out, mut count) = (head.to_vec(), 0);
+        for piece in body.chunk_by(|a, b| is_space(a) == is_space(b)) {
+            if is_space(&piece[0]) {
+                out.extend_from_slice(piece);
+                continue;
+            }
+            let width = is_angle.len().max(1);
+            let at = [count / width, count % width];
+            count += 1;
+            let is_new = |v: &&f64| {
+                let was = self.motion.get(at).copied().unwrap_or(f64::NAN);
+                v.is_finite() && v.to_bits() != was.to_bits()
+            };
+            match motion.get(at).filter(is_new) {
                 Some(value) => {
-                    let value = match channels[channel].is_angle() {
+                    let value = match is_angle[at[1]] {
                         true => value.to_degrees(),
                         false => value / unit,
                     };
-                    out.extend(format!("{value:.DECIMALS$}").bytes());
+                    out.extend(decimals.text(value, piece).bytes());
                 }
-                None => out.extend_from_slice(text),
+                None => out.extend_from_slice(piece),
             }
-            count += usize::from(word > 0);
-            at += space + word;
         }
         Ok(out)
     }
@@ -84,7 +82,7 @@ mod tests {
         \n 2 0 0  NaN 1e0 0";
 
     #[test]
-    fn only_what_is_missing_changes() {
+    fn only_what_is_new_changes() {
         let bytes = FILE.replace("ROOT a", "ROOT h\u{f6}he").into_bytes();
         // Latin-1, as old files have it.
         let bytes: Vec<u8> = bytes
@@ -97,7 +95,7 @@ mod tests {
         assert_eq!(bvh.missing(), [(0, 4), (1, 3)]);
         let mut motion = bvh.motion.clone();
         motion[[0, 4]] = 90_f64.to_radians();
-        let filled = bvh.fill_missing(&bytes, motion.view(), 1.0).unwrap();
+        let filled = bvh.with_motion(&bytes, motion.view(), 1.0).unwrap();
         let tail = |bytes: &[u8]| {
             String::from_utf8_lossy(bytes)
                 .split("0.01\n")
@@ -105,10 +103,7 @@ mod tests {
                 .unwrap()
                 .to_string()
         };
-        assert_eq!(
-            tail(&filled),
-            "1.50 0 0\t10 90.000000 0 \n 2 0 0  NaN 1e0 0"
-        );
-        assert_eq!(filled.len(), bytes.len() + 6);
+        assert_eq!(tail(&filled), "1.50 0 0\t10 90.00 0 \n 2 0 0  NaN 1e0 0");
+        assert_eq!(filled.len(), bytes.len() + 2);
     }
 }

@@ -26,7 +26,6 @@ pub use skeleton::{BvhPoints, BvhSkeleton, BvhTemplate};
 
 use super::input::Input;
 use super::output::write_file;
-use crate::pose::kinematics::Posture;
 use crate::pose::poses::round_rate;
 use crate::pose::{Channel, Poses};
 use crate::{Error, Result};
@@ -143,16 +142,7 @@ impl Bvh {
     /// frames a second.
     pub fn positions(&self, skeleton: &BvhSkeleton, which: BvhPoints, rate: f64) -> Poses {
         let points = skeleton.points(which);
-        let mut xyz = Array2::zeros((self.motion.nrows(), 3 * points.len()));
-        let (mut posture, mut q) = (Posture::default(), vec![0.0; skeleton.skeleton.dof_count()]);
-        for (frame, mut out) in self.motion.rows().into_iter().zip(xyz.rows_mut()) {
-            skeleton.values(frame.as_slice().unwrap_or(&frame.to_vec()), &mut q);
-            skeleton.skeleton.posture_into(&q, &mut posture);
-            let ends = points
-                .iter()
-                .flat_map(|&(_, bone)| posture.ends[bone].to_array());
-            out.iter_mut().zip(ends).for_each(|(to, v)| *to = v);
-        }
+        let xyz = skeleton.positions(self.motion.view(), which);
         Poses {
             points: points.iter().map(|(name, _)| name.clone()).collect(),
             time: Some((0..xyz.nrows()).map(|i| i as f64 / rate).collect()),

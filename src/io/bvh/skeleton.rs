@@ -8,6 +8,7 @@
 use super::{Bvh, Joint};
 use crate::Result;
 use crate::numeric::statistics::span;
+use crate::pose::kinematics::Posture;
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -190,6 +191,22 @@ impl BvhSkeleton {
         let parents = self.skeleton.nearest_above(&points).into_iter();
         let bones = parents.enumerate().filter_map(|(i, p)| Some((p?, i)));
         bones.collect()
+    }
+
+    /// The positions of points (frames, 3 P), cm, by the channels of `motion` (frames, channels).
+    pub(crate) fn positions(&self, motion: ArrayView2<'_, f64>, which: BvhPoints) -> Array2<f64> {
+        let points = self.points(which);
+        let mut xyz = Array2::zeros((motion.nrows(), 3 * points.len()));
+        let (mut posture, mut q) = (Posture::default(), vec![0.0; self.skeleton.dof_count()]);
+        for (frame, mut out) in motion.rows().into_iter().zip(xyz.rows_mut()) {
+            self.values(frame.as_slice().unwrap_or(&frame.to_vec()), &mut q);
+            self.skeleton.posture_into(&q, &mut posture);
+            let ends = points
+                .iter()
+                .flat_map(|&(_, bone)| posture.ends[bone].to_array());
+            out.iter_mut().zip(ends).for_each(|(to, v)| *to = v);
+        }
+        xyz
     }
 
     /// A frame's channels as the skeleton's values.

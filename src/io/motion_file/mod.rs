@@ -10,7 +10,7 @@ pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
 pub(crate) use skeleton::skeleton_of;
 
-use super::amc::{AmcFrames, AmcReader};
+use super::amc::{AmcFrames, AmcMotion, AmcReader};
 use super::asf::Asf;
 use super::bvh::{Bvh, BvhPoints, BvhSkeleton, LARGEST_FILE};
 use super::c3d::C3d;
@@ -22,11 +22,12 @@ use super::row::TableOptions;
 use super::table::Table;
 use super::zeros::empty_zeros;
 use super::{marker_csv, opensim, trc};
-use crate::pose::{Channel, JointAngles, LengthUnit, Poses, Units, UpAxis, joints, kinematics};
+use crate::pose::{
+    JointAngles, JointChannels, LengthUnit, Poses, Units, UpAxis, joints, kinematics,
+};
 use crate::{Error, Place, Result};
 use bytes::Bytes;
-use ndarray::{Array2, ArrayView2, Axis};
-use std::collections::BTreeSet;
+use ndarray::{Array2, ArrayView2};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -64,8 +65,6 @@ pub struct MotionFile {
     pub notes: Vec<String>,
     units: Units,
     original: Original,
-    /// The frames and channels of a BVH file that count as missing though it has values.
-    emptied: BTreeSet<(usize, usize)>,
 }
 
 /// What is taken for a file that does not say it.
@@ -93,7 +92,8 @@ enum Original {
     Text(Bytes, Box<MarkerTake>),
     Npz(Box<NpzTake>),
     Bvh(Bytes, Box<Bvh>),
-    Amc(Bytes, Vec<JointAngles>),
+    /// With the bones whose ends are its points.
+    Amc(Bytes, Box<AmcMotion>, Vec<usize>),
     Table,
 }
 
@@ -183,29 +183,58 @@ impl MotionFile {
         }
     }
 
-    /// Whether the value of a BVH file's channel in a frame was taken for a missing one: see
-    /// [`MotionFile::empty_channels`].
-    pub(crate) fn is_emptied(&self, frame: usize, channel: usize) -> bool {
-        self.emptied.contains(&(frame, channel))
+    /// The values of a file of rotations (frames, channels; radians and centimeters; NaN is
+    /// missing), BVH or AMC.
+    pub(crate) fn motion(&self) -> Option<ArrayView2<'_, f64>> {
+        match &self.original {
+            Original::Bvh(_, bvh) => Some(bvh.motion.view()),
+            Original::Amc(_, amc, _) => Some(amc.values.view()),
+            _ => None,
+        }
     }
 
-    /// Takes values of a BVH file's channels, (frame, channel), for missing ones, and so the
-    /// positions that follow from them. Other files stay.
+    /// The channels of each joint; none of a file without rotations.
+    pub(crate) fn channels(&self) -> Vec<JointChannels> {
+        match &self.original {
+            Original::Bvh(_, bvh) => {
+                let joints = bvh.joints.iter();
+                JointChannels::all(joints.map(|j| (j.name.clone(), j.channels.clone())))
+            }
+            Original::Amc(_, amc, _) => amc.channels(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The positions (frames, 3 P; centimeters, y up) that follow from values of the channels; the
+    /// file's own where it has no rotations.
+    ///
+    /// # Errors
+    /// None for a file that was read.
+    pub(crate) fn positions_of(&self, motion: ArrayView2<'_, f64>) -> Result<Array2<f64>> {
+        match &self.original {
+            Original::Bvh(_, bvh) => {
+                let skeleton = BvhSkeleton::new(&bvh.joints, self.units.up.rotation(), true)?;
+                Ok(skeleton.positions(motion, BvhPoints::Origins))
+            }
+            Original::Amc(_, amc, bones) => Ok(amc.positions(motion, bones)),
+            _ => Ok(self.table.poses.xyz.clone()),
+        }
+    }
+
+    /// Takes values of channels, (frame, channel), for missing ones, and so the positions that
+    /// follow from them. Files without rotations stay.
     ///
     /// # Errors
     /// None for a file that was read.
     pub(crate) fn empty_channels(&mut self, values: &[(usize, usize)]) -> Result<()> {
-        let rate = self.rate();
-        let Original::Bvh(_, bvh) = &mut self.original else {
-            return Ok(());
+        let motion = match &mut self.original {
+            Original::Bvh(_, bvh) => &mut bvh.motion,
+            Original::Amc(_, amc, _) => &mut amc.values,
+            _ => return Ok(()),
         };
-        for &at in values {
-            bvh.motion[at] = f64::NAN;
-        }
-        self.emptied.extend(values);
-        let skeleton = BvhSkeleton::new(&bvh.joints, self.units.up.rotation(), true)?;
-        let poses = bvh.positions(&skeleton, BvhPoints::Origins, rate.unwrap_or(1.0));
-        self.table.poses.xyz = poses.xyz;
+        values.iter().for_each(|at| motion[*at] = f64::NAN);
+        let motion = motion.clone();
+        self.table.poses.xyz = self.positions_of(motion.view())?;
         Ok(())
     }
 
@@ -224,17 +253,17 @@ impl MotionFile {
 
     /// The angles of its joints, where it has rotations.
     pub(crate) fn joint_angles(&self) -> Vec<JointAngles> {
-        match &self.original {
-            Original::Amc(_, angles) => angles.clone(),
-            Original::Bvh(_, bvh) => {
-                let joints = bvh.joints.iter();
-                let joints = joints.map(|joint| (joint.name.clone(), joint.channels.clone()));
-                joint_angles(joints, bvh.motion.view())
-            }
-            Original::C3d(_) | Original::Text(..) | Original::Npz(_) | Original::Table => {
-                Vec::new()
-            }
-        }
+        self.motion()
+            .map_or(Vec::new(), |motion| self.joint_angles_of(motion))
+    }
+
+    /// The angles of its joints by values of its channels.
+    pub(crate) fn joint_angles_of(&self, motion: ArrayView2<'_, f64>) -> Vec<JointAngles> {
+        let channels = self.channels();
+        channels
+            .iter()
+            .filter_map(|joint| joint.angles_in(motion))
+            .collect()
     }
 }
 
@@ -325,7 +354,6 @@ fn of_markers(
         notes,
         units,
         original,
-        emptied: BTreeSet::new(),
     })
 }
 
@@ -349,7 +377,6 @@ fn of_bvh(
         notes: std::mem::take(&mut bvh.notes),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
-        emptied: BTreeSet::new(),
     })
 }
 
@@ -375,7 +402,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
         xyz.extend(frames.positions(&asf.skeleton, &shown, kinematics::Space::World));
         time.extend(frames.numbers.iter().map(|&n| (n as f64 - 1.0) / rate));
     }
-    let dropped = reader.dropped;
+    let (dropped, degrees) = (reader.dropped, reader.degrees());
     let dropped = dropped.map(|n| format!("dropped frame {n}, which is incomplete"));
     let name: Arc<str> = take_name(path).into();
     let poses = Poses {
@@ -390,13 +417,6 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
         asf.skeleton.dof_count(),
     );
     let values = Array2::from_shape_vec(shape, values).map_err(|e| bad(&e.to_string()))?;
-    let channels = bones.iter().map(|bone| {
-        let channels = bone.dofs.iter().map(|dof| dof.channel).collect();
-        (bone.name.clone(), channels)
-    });
-    // Acclaim's first angle is applied first, so it stands last in the product.
-    let mut angles = joint_angles(channels, values.view());
-    angles.iter_mut().for_each(JointAngles::reverse);
     let units = Units::CM_Y;
     let of_skeleton = [Source::File, Source::Custom];
     Ok(MotionFile {
@@ -405,36 +425,16 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
         read_as: read_as(rate_of(None, options), units, of_skeleton),
         notes: dropped.into_iter().collect(),
         units,
-        original: Original::Amc(bytes, angles),
-        emptied: BTreeSet::new(),
+        original: Original::Amc(
+            bytes,
+            Box::new(AmcMotion {
+                asf,
+                values,
+                degrees,
+            }),
+            shown,
+        ),
     })
-}
-
-/// The angles among the channels of joints, whose values follow one another in `values` (frames,
-/// channels).
-fn joint_angles(
-    joints: impl Iterator<Item = (String, Vec<Channel>)>,
-    values: ArrayView2<'_, f64>,
-) -> Vec<JointAngles> {
-    let mut first = 0;
-    let mut out = Vec::new();
-    for (joint, channels) in joints {
-        let axis = |(i, channel): (usize, &Channel)| match channel {
-            Channel::Rotate(axis) => Some((first + i, *axis)),
-            _ => None,
-        };
-        let (columns, axes): (Vec<usize>, Vec<_>) =
-            channels.iter().enumerate().filter_map(axis).unzip();
-        if !columns.is_empty() {
-            out.push(JointAngles {
-                joint,
-                axes,
-                angles: values.select(Axis(1), &columns),
-            });
-        }
-        first += channels.len();
-    }
-    out
 }
 
 fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result<MotionFile> {
@@ -457,7 +457,6 @@ fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result
         notes: Vec::new(),
         units,
         original: Original::Table,
-        emptied: BTreeSet::new(),
         table,
     })
 }

@@ -12,11 +12,6 @@ use ndarray::{Array2, ArrayView2};
 use std::path::Path;
 
 impl MotionFile {
-    /// Whether a file of rotations lacks none.
-    pub(crate) fn is_whole(&self) -> bool {
-        self.bvh().is_none_or(|bvh| bvh.missing().is_empty())
-    }
-
     /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
     /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see
     /// `MotionFile::write_channels`. Returns how many positions are outside of the
@@ -45,7 +40,7 @@ impl MotionFile {
                 let new = self.in_file(&npz.take, xyz, |_| true);
                 npz.with_points(new.view())?
             }
-            Original::Bvh(bytes, _) | Original::Amc(bytes, _) => bytes.to_vec(),
+            Original::Bvh(bytes, _) | Original::Amc(bytes, ..) => bytes.to_vec(),
             Original::Table => {
                 let format = match self.format {
                     MotionFormat::Npy => TableFormat::Npy,
@@ -57,18 +52,23 @@ impl MotionFile {
         write_file(path, &bytes).map(|()| left)
     }
 
-    /// Writes a BVH file with the missing values of its channels at `motion` (frames, channels;
-    /// centimeters, radians); NaN stays missing, and every other byte of the file stays.
+    /// Writes a file of rotations with those values of `motion` (frames, channels; centimeters,
+    /// radians) that are new and no NaN; every other byte of the file stays.
     ///
     /// # Errors
-    /// [`Error::Io`]: writing fails. [`Error::Data`]: it is no BVH file, or has no such values.
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: it has no rotations.
     pub(crate) fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
-        let Original::Bvh(bytes, bvh) = &self.original else {
-            let what = "has no channels: it is no BVH file";
-            return Err(Error::data(Place::file(&self.table.name), what));
+        let bytes = match &self.original {
+            Original::Bvh(bytes, bvh) => {
+                bvh.with_motion(bytes, motion, self.units.unit.centimeters())?
+            }
+            Original::Amc(bytes, amc, _) => amc.rewritten(bytes, motion),
+            _ => {
+                let what = "has no rotations: it is no BVH or AMC file";
+                return Err(Error::data(Place::file(&self.table.name), what));
+            }
         };
-        let unit = self.units.unit.centimeters();
-        write_file(path, &bvh.fill_missing(bytes, motion, unit)?)
+        write_file(path, &bytes)
     }
 
     /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in

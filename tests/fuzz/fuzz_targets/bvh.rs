@@ -17,7 +17,7 @@ fuzz_target!(init: use_one_thread(), |bytes: &[u8]| {
     assert_near(&file, &again);
 
     let filled = file.motion.mapv(|v| if v.is_nan() { 1.0 } else { v });
-    let filled = file.fill_missing(bytes, filled.view(), 1.0);
+    let filled = file.with_motion(bytes, filled.view(), 1.0);
     let again = read(&filled.expect("it was read")).expect("a filled file stays one");
     let is_filled = |(a, b): (&f64, &f64)| same(*a, *b) || a.is_nan() && (b - 1.0).abs() < 1e-6;
     assert!(file.motion.iter().zip(&again.motion).all(is_filled));
