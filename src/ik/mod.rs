@@ -6,6 +6,7 @@ pub mod correspondence;
 pub(crate) mod fit_quality;
 pub(crate) mod initial_pose;
 mod missing_channels;
+pub mod retarget;
 mod rotation_paths;
 pub mod sequence;
 pub(crate) mod skeleton_estimation;
@@ -13,6 +14,7 @@ mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 mod tuning;
+mod two_bone;
 
 pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::{PositionSd, solve_missing_channels};

@@ -29,6 +29,7 @@ mod npz_take;
 pub mod opensim;
 pub mod output;
 mod point_titles;
+pub mod rotation_take;
 mod row;
 mod row_cells;
 mod skeleton_file;

@@ -1,0 +1,182 @@
+//! A body found by the shape of its tree: two legs on one joint, two arms on another, the head
+//! between the arms; left and right by words in the names, else by where the toes point.
+
+use super::hierarchy::Hierarchy;
+use super::segments::{BodyJoints, Limb};
+use super::tuning::shape::*;
+use glam::DVec3;
+
+/// Joints from one that hangs on a fork downwards, along the longest way.
+type Chain = Vec<usize>;
+
+/// The body of a tree.
+///
+/// # Errors
+/// Why it is none, or not for sure.
+pub(super) fn find(tree: &Hierarchy) -> Result<BodyJoints, String> {
+    let lengths = lengths(tree);
+    let mut pairs: Vec<(usize, [Chain; 2])> = Vec::new();
+    for joint in 0..tree.len() {
+        pairs.extend(pair(tree, &lengths, joint).map(|pair| (joint, pair)));
+    }
+    // Fingers and the like hang on limbs: of pairs the uppermost two count.
+    let depth = |joint: usize| tree.upwards(joint).count();
+    pairs.sort_by_key(|(joint, _)| depth(*joint));
+    let (Some(lower), rest) = (pairs.first(), pairs.get(1..).unwrap_or_default()) else {
+        return Err("it has no two limbs alike".into());
+    };
+    let hangs_on_it = |(joint, _): &&(usize, [Chain; 2])| {
+        let limbs = lower.1.iter().map(|chain| chain[0]);
+        limbs.into_iter().all(|limb| !tree.is_below(*joint, limb))
+    };
+    let Some(upper) = rest.iter().find(hangs_on_it) else {
+        return Err("it has two limbs alike, not four".into());
+    };
+    let limbs = |pair: &(usize, [Chain; 2])| pair.1.clone().map(|chain| limb(tree, &chain));
+    let ([a, b], [c, d]) = (limbs(lower), limbs(upper));
+    let ([Some(a), Some(b)], [Some(c), Some(d)]) = ([a, b], [c, d]) else {
+        return Err("its limbs have no two long bones".into());
+    };
+    let long = |limb: &Limb| length(tree, limb.joints[0], limb.joints[2]);
+    let (legs, arms) = match long(&a) > long(&c) {
+        true => ([a, b], [c, d]),
+        // The tree grows from the chest.
+        false => ([c, d], [a, b]),
+    };
+    if !LEG_TO_ARM.contains(&(long(&legs[0]) / long(&arms[0]))) {
+        return Err("its limbs are too much alike to tell legs from arms".into());
+    }
+    let (legs, arms) = sided(tree, legs, arms)?;
+    BodyJoints::new(tree, "shape", legs, Some(arms), None)
+}
+
+/// By joint, the length of the longest way down from it.
+fn lengths(tree: &Hierarchy) -> Vec<f64> {
+    let tips = |j: usize| tree.tips[j].iter().map(|t| t.length());
+    let mut lengths: Vec<f64> = (0..tree.len())
+        .map(|j| tips(j).fold(0.0, f64::max))
+        .collect();
+    for j in (1..tree.len()).rev() {
+        if let Some(parent) = tree.parents[j] {
+            lengths[parent] = lengths[parent].max(tree.offsets[j].length() + lengths[j]);
+        }
+    }
+    lengths
+}
+
+/// The longest two branches of a joint that are alike, each of three joints at least.
+fn pair(tree: &Hierarchy, lengths: &[f64], joint: usize) -> Option<[Chain; 2]> {
+    let whole = |j: usize| tree.offsets[j].length() + lengths[j];
+    let mut branches: Vec<usize> = tree.children(joint).collect();
+    branches.sort_by(|a, b| whole(*b).total_cmp(&whole(*a)));
+    let size = |j: usize| (0..tree.len()).filter(|&o| tree.is_below(o, j)).count();
+    branches.windows(2).find_map(|two| {
+        let [a, b] = [two[0], two[1]];
+        let is_alike = whole(a) - whole(b) <= ALIKE * whole(a) && size(a) == size(b);
+        let chains = [a, b].map(|j| chain(tree, lengths, j));
+        (is_alike && chains.iter().all(|c| c.len() >= 3)).then_some(chains)
+    })
+}
+
+fn chain(tree: &Hierarchy, lengths: &[f64], from: usize) -> Chain {
+    let whole = |j: &usize| tree.offsets[*j].length() + lengths[*j];
+    let longest = |j: &usize| {
+        let children = tree.children(*j);
+        children.max_by(|a, b| whole(a).total_cmp(&whole(b)))
+    };
+    std::iter::successors(Some(from), longest).collect()
+}
+
+/// The limb of a chain: where its two longest neighboring bones are.
+fn limb(tree: &Hierarchy, chain: &[usize]) -> Option<Limb> {
+    let bone = |j: usize| tree.offsets[j].length();
+    let long = |three: &&[usize]| bone(three[1]) + bone(three[2]);
+    let (at, three) = chain
+        .windows(3)
+        .enumerate()
+        .max_by(|a, b| long(&a.1).total_cmp(&long(&b.1)).then(b.0.cmp(&a.0)))?;
+    let joints: [usize; 3] = three.try_into().ok()?;
+    let is_limb = RATIO.contains(&(bone(joints[1]) / bone(joints[2])));
+    is_limb.then_some(Limb {
+        joints,
+        end: chain.get(at + 3).copied(),
+    })
+}
+
+fn length(tree: &Hierarchy, from: usize, to: usize) -> f64 {
+    let path = tree.path(from, to);
+    path.iter().map(|&j| tree.offsets[j].length()).sum()
+}
+
+/// Legs and arms, left before right.
+fn sided(
+    tree: &Hierarchy,
+    [a, b]: [Limb; 2],
+    [c, d]: [Limb; 2],
+) -> Result<([Limb; 2], [Limb; 2]), String> {
+    let places = tree.zero().places;
+    let at = |limb: &Limb, n: usize| places[limb.joints[n]];
+    let across = at(&a, 0) - at(&b, 0);
+    let by_words = |a: &Limb, b: &Limb| {
+        let side = |limb: &Limb| side(&tree.names[limb.joints[1]]);
+        match (side(a), side(b)) {
+            (Some(a), Some(b)) if a != b => Some(a),
+            _ => None,
+        }
+    };
+    let by_toes = || {
+        let up = (at(&c, 0) + at(&d, 0) - at(&a, 2) - at(&b, 2)).try_normalize()?;
+        let toes = |limb: &Limb| Some(places[limb.end?] - at(limb, 2));
+        let forward = toes(&a)? + toes(&b)?;
+        let forward = (forward - forward.dot(up) * up).try_normalize()?;
+        let left = up.cross(forward).dot(across.try_normalize()?);
+        (left.abs() > FORWARD).then_some(left > 0.0)
+    };
+    let Some(is_left) = by_words(&a, &b).or_else(by_toes) else {
+        return Err("nothing tells its left from its right".into());
+    };
+    let shoulders: DVec3 = at(&c, 0) - at(&d, 0);
+    let is_same = match by_words(&c, &d) {
+        Some(c_is_left) => c_is_left == is_left,
+        None => shoulders.dot(across) > 0.0,
+    };
+    let legs = if is_left { [a, b] } else { [b, a] };
+    let arms = if is_same == is_left { [c, d] } else { [d, c] };
+    Ok((legs, arms))
+}
+
+/// Whether a name is of the left side; `None`: it says nothing.
+fn side(name: &str) -> Option<bool> {
+    let name = name.to_ascii_lowercase();
+    let is_word = |word: &str| {
+        name.split(|c: char| !c.is_alphanumeric())
+            .any(|w| w == word)
+    };
+    let left = name.contains("left") || is_word("l");
+    let right = name.contains("right") || is_word("r");
+    (left != right).then_some(left)
+}
+
+/// The joint of the head: on the highest branch of the chest that is no arm, the first that carries
+/// not one joint alone, or the one before where that is the head's top.
+pub(super) fn head(tree: &Hierarchy, chest: usize, arms: Option<&[Limb; 2]>) -> Option<usize> {
+    let lengths = lengths(tree);
+    let is_arm = |j: usize| {
+        let mut shoulders = arms.into_iter().flatten().map(|arm| arm.joints[0]);
+        shoulders.any(|shoulder| tree.is_below(shoulder, j))
+    };
+    let whole = |j: &usize| tree.offsets[*j].length() + lengths[*j];
+    let branches = tree.children(chest).filter(|&j| !is_arm(j));
+    let neck = branches.max_by(|a, b| whole(a).total_cmp(&whole(b)))?;
+    let mut joint = neck;
+    loop {
+        let mut children = tree.children(joint);
+        match (children.next(), children.next()) {
+            (Some(only), None) => joint = only,
+            (None, _) if joint != neck && tree.tips[joint].iter().all(|t| t.length() == 0.0) => {
+                return tree.parents[joint];
+            }
+            _ => return Some(joint),
+        }
+    }
+}
