@@ -193,7 +193,9 @@ fn report(name: &str, done: &Retargeted) {
         Some(contacts) => {
             let s = if contacts == 1 { "" } else { "s" };
             let slide = done.slide;
-            format!("; {contacts} contact{s} held, beyond the source's slide by {slide:.2} at most")
+            format!(
+                "; {contacts} contact{s} held, sliding {slide:.2} more than the source's at most"
+            )
         }
         None => String::new(),
     };

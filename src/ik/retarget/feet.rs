@@ -130,3 +130,89 @@ fn fade(contacts: &[Range<usize>], rate: f64, offsets: &mut [DVec3], weights: &m
         (1..=after).for_each(|n| add(contact.end - 1 + n, last, cosine(n, after)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ankle that stands, swings for 20 frames and stands again, at 100 frames a second.
+    fn track() -> Vec<DVec3> {
+        let at = |t: usize| {
+            let swing = (t as f64 - 40.0).clamp(0.0, 20.0) / 20.0;
+            let lift = 15.0 * (std::f64::consts::PI * swing).sin();
+            // It rolls a little while it stands.
+            DVec3::new(0.02 * t as f64, 8.0 + lift, 70.0 * swing)
+        };
+        (0..100).map(at).collect()
+    }
+
+    fn legs(error: impl Fn(usize) -> DVec3) -> Vec<LegFrame> {
+        let frame = |(t, source): (usize, DVec3)| {
+            let ankle = 0.9 * source + error(t);
+            let hip = DVec3::new(0.0, 80.0, 0.9 * 70.0 * t as f64 / 100.0);
+            // Thigh and shin of 40, bent forward.
+            let half = (ankle - hip) / 2.0;
+            let side = DVec3::X.cross(half).normalize() * -1.0;
+            let knee = hip + half + side * (1600.0 - half.length_squared()).max(0.0).sqrt();
+            LegFrame {
+                bones: TwoBones { hip, knee, ankle },
+                thigh: DMat3::IDENTITY,
+                source,
+            }
+        };
+        track().into_iter().enumerate().map(frame).collect()
+    }
+
+    #[test]
+    fn slow_and_low_ankles_are_in_contact() {
+        let found = contacts(&track(), 100.0, 1.0);
+        assert_eq!(found.len(), 2);
+        assert!(found[0].start == 0 && (39..=41).contains(&found[0].end));
+        assert!((59..=61).contains(&found[1].start) && found[1].end == 100);
+        // In another unit the limits are others.
+        let inches: Vec<DVec3> = track().iter().map(|a| *a / 2.54).collect();
+        assert_eq!(contacts(&inches, 100.0, 1.0 / 2.54), found);
+        let mut cut = track();
+        cut[20] = DVec3::NAN;
+        let cut = contacts(&cut, 100.0, 1.0);
+        assert_eq!((cut[0].clone(), cut[1].start), (0..19, 22));
+        assert!(contacts(&track()[..5], 100.0, 1.0).is_empty());
+        assert!(contacts(&[], 100.0, 1.0).is_empty());
+        assert!(contacts(&[DVec3::ZERO], 100.0, 1.0).is_empty());
+        assert!(contacts(&[DVec3::NAN; 30], 100.0, 1.0).is_empty());
+    }
+
+    #[test]
+    fn a_planted_foot_has_the_sources_roll_and_fades_out() {
+        let wobble = |t: usize| DVec3::new((t as f64 * 0.3).sin(), 0.0, (t as f64 * 0.2).cos());
+        let frames = legs(wobble);
+        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0]);
+        assert_eq!(planted.contacts, 2);
+        assert!(planted.slide <= 1e-9, "{}", planted.slide);
+        let ankle = |t: usize| {
+            let TwoBones { hip, knee, ankle } = frames[t].bones;
+            match planted.turns[t] {
+                Some([upper, lower]) => hip + upper * (knee - hip) + lower * (ankle - knee),
+                None => ankle,
+            }
+        };
+        for contact in contacts(&track(), 100.0, 1.0) {
+            let first = ankle(contact.start) - 0.9 * frames[contact.start].source;
+            for t in contact {
+                assert!((ankle(t) - 0.9 * frames[t].source - first).length() <= 1e-9);
+            }
+        }
+        for t in 1..100 {
+            let added = |t: usize| ankle(t) - frames[t].bones.ankle;
+            let step = (added(t) - added(t - 1)).length();
+            assert!(step <= 0.6, "{t}: {step}");
+        }
+    }
+
+    #[test]
+    fn a_foot_that_follows_already_is_left_alone() {
+        let planted = plant(&legs(|_| DVec3::X), 100.0, [0.9, 80.0, 1.0]);
+        let still = |turn: &DMat3| turn.abs_diff_eq(DMat3::IDENTITY, 1e-6);
+        assert!(planted.turns.iter().flatten().flatten().all(still));
+    }
+}

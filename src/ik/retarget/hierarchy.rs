@@ -131,10 +131,32 @@ impl Hierarchy {
         }
     }
 
-    /// Whether a channel of each joint is missing in a frame.
-    pub(super) fn missing(&self, frame: &[f64]) -> Vec<bool> {
-        let of = |j: usize| &frame[self.first[j]..][..self.joints[j].channels.len()];
-        let is_missing = |j| of(j).iter().any(|v| !v.is_finite());
-        (0..self.len()).map(is_missing).collect()
+    /// What each joint lacks in a frame.
+    pub(super) fn missing(&self, frame: &[f64]) -> Vec<Missing> {
+        let of = |(joint, &first): (&Joint, &usize)| {
+            let values = joint.channels.iter().zip(&frame[first..]);
+            let lacks = |is_angle: bool| {
+                let mut values = values.clone().filter(|(c, _)| c.is_angle() == is_angle);
+                values.any(|(_, v)| !v.is_finite())
+            };
+            Missing {
+                rotation: lacks(true),
+                place: lacks(false),
+            }
+        };
+        self.joints.iter().zip(&self.first).map(of).collect()
     }
+
+    /// Whether where a joint stands is missing.
+    pub(super) fn lacks_place(&self, joint: usize, missing: &[Missing]) -> bool {
+        let mut above = self.upwards(joint).skip(1);
+        missing[joint].place || above.any(|j| missing[j].place || missing[j].rotation)
+    }
+}
+
+/// What a joint lacks in a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Missing {
+    pub rotation: bool,
+    pub place: bool,
 }

@@ -27,7 +27,7 @@ use crate::pose::{Channel, NameMap, UpAxis};
 use crate::{Error, Result};
 use feet::{LegFrame, Planted, plant};
 use glam::{DMat3, DVec3};
-use hierarchy::{Hierarchy, Pose};
+use hierarchy::{Hierarchy, Missing, Pose};
 use ndarray::Array2;
 use rest::{RestPose, is_same_convention};
 use segments::BodyJoints;
@@ -222,7 +222,6 @@ impl Run<'_> {
             false => source_leg / LEG,
         };
         let ankles = [0, 1].map(|side| self.body.legs[side].joints[2]);
-        let above = ankles.map(|ankle| self.tree.upwards(ankle).skip(1).collect::<Vec<usize>>());
         let frames = map_chunks(self.source.motion.nrows(), CHUNK, |range| {
             let (mut source, mut pose) = (Pose::default(), Pose::default());
             let mut of_frame = |frame: usize| {
@@ -232,11 +231,10 @@ impl Run<'_> {
                 [0, 1].map(|side| {
                     let joints = self.rig.body.legs[side].joints;
                     let [hip, knee, ankle] = joints.map(|j| pose.places[j]);
-                    let is_missing = above[side].iter().any(|j| missing[*j]);
                     LegFrame {
                         bones: TwoBones { hip, knee, ankle },
                         thigh: pose.rotations[joints[0]],
-                        source: match is_missing {
+                        source: match self.tree.lacks_place(ankles[side], &missing) {
                             true => DVec3::NAN,
                             false => source.places[ankles[side]],
                         },
@@ -252,8 +250,8 @@ impl Run<'_> {
         vec![side(0), side(1)]
     }
 
-    /// Whether each of the source's joints lacks a value in a frame.
-    fn missing(&self, frame: usize) -> Vec<bool> {
+    /// What the source's joints lack in a frame.
+    fn missing(&self, frame: usize) -> Vec<Missing> {
         let row = self.source.motion.row(frame);
         self.tree.missing(row.as_slice().unwrap_or(&row.to_vec()))
     }
@@ -266,6 +264,7 @@ impl Run<'_> {
         let needed: Vec<Vec<usize>> = (0..rig.len())
             .map(|j| self.transfer.needed(j, [self.tree, rig]))
             .collect();
+        let hips = [0, 1].map(|side: usize| self.body.legs[side].joints[0]);
         let (mut near, mut missing) = (vec![[0.0; 3]; rig.len()], 0);
         for first in (0..frames).step_by(BLOCK) {
             // Rotations in parallel; then angles, each beside those of the frame before.
@@ -280,15 +279,16 @@ impl Run<'_> {
             });
             for (n, (locals, place)) in poses.into_iter().flatten().enumerate() {
                 let lacks = self.missing(first + n);
+                let lost = hips.iter().any(|&hip| self.tree.lacks_place(hip, &lacks));
                 let mut row = motion.row_mut(first + n);
                 for (j, local) in locals.iter().enumerate() {
-                    let is_missing = needed[j].iter().any(|s| lacks[*s]);
+                    let is_missing = needed[j].iter().any(|s| lacks[*s].rotation);
                     let values = self.rig.values(j, local, place, &mut near[j]);
                     let (channels, at) = rig.channels(j);
                     for (c, value) in values.into_iter().enumerate() {
                         let is_lost = match channels[c].is_angle() {
                             true => is_missing,
-                            false => self.rig.carrier == Some(j) && self.lacks_place(&lacks),
+                            false => self.rig.carrier == Some(j) && lost,
                         };
                         missing += usize::from(is_lost);
                         row[at + c] = if is_lost { f64::NAN } else { value };
@@ -307,13 +307,6 @@ impl Run<'_> {
             Some([(leg.joints[0], upper), (leg.joints[1], lower)])
         };
         legs.filter_map(of_leg).flatten().collect()
-    }
-
-    /// Whether the place of the hips is missing.
-    fn lacks_place(&self, lacks: &[bool]) -> bool {
-        let hips = self.body.legs.iter().map(|leg| leg.joints[0]);
-        hips.into_iter()
-            .any(|hip| self.tree.upwards(hip).skip(1).any(|j| lacks[j]))
     }
 }
 
@@ -392,3 +385,6 @@ impl Retargeter {
         self.tree.channels(joint).0.iter().map(value).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -14,10 +14,10 @@ type Chain = Vec<usize>;
 /// # Errors
 /// Why it is none, or not for sure.
 pub(super) fn find(tree: &Hierarchy) -> Result<BodyJoints, String> {
-    let lengths = lengths(tree);
+    let (lengths, sizes) = (lengths(tree), sizes(tree));
     let mut pairs: Vec<(usize, [Chain; 2])> = Vec::new();
     for joint in 0..tree.len() {
-        pairs.extend(pair(tree, &lengths, joint).map(|pair| (joint, pair)));
+        pairs.extend(pair(tree, [&lengths, &sizes], joint).map(|pair| (joint, pair)));
     }
     // Fingers and the like hang on limbs: of pairs the uppermost two count.
     let depth = |joint: usize| tree.upwards(joint).count();
@@ -64,18 +64,34 @@ fn lengths(tree: &Hierarchy) -> Vec<f64> {
     lengths
 }
 
+/// By joint, the number of joints from it downwards.
+fn sizes(tree: &Hierarchy) -> Vec<f64> {
+    let mut sizes = vec![1.0; tree.len()];
+    for j in (1..tree.len()).rev() {
+        if let Some(parent) = tree.parents[j] {
+            sizes[parent] += sizes[j];
+        }
+    }
+    sizes
+}
+
 /// The longest two branches of a joint that are alike, each of three joints at least.
-fn pair(tree: &Hierarchy, lengths: &[f64], joint: usize) -> Option<[Chain; 2]> {
+fn pair(tree: &Hierarchy, [lengths, sizes]: [&[f64]; 2], joint: usize) -> Option<[Chain; 2]> {
     let whole = |j: usize| tree.offsets[j].length() + lengths[j];
     let mut branches: Vec<usize> = tree.children(joint).collect();
     branches.sort_by(|a, b| whole(*b).total_cmp(&whole(*a)));
-    let size = |j: usize| (0..tree.len()).filter(|&o| tree.is_below(o, j)).count();
-    branches.windows(2).find_map(|two| {
-        let [a, b] = [two[0], two[1]];
-        let is_alike = whole(a) - whole(b) <= ALIKE * whole(a) && size(a) == size(b);
-        let chains = [a, b].map(|j| chain(tree, lengths, j));
-        (is_alike && chains.iter().all(|c| c.len() >= 3)).then_some(chains)
-    })
+    let is_alike = |a: usize, b: usize| {
+        whole(a) - whole(b) <= ALIKE * whole(a) && sizes[a] == sizes[b] && sizes[a] >= 3.0
+    };
+    let two = branches.iter().enumerate().find_map(|(n, &a)| {
+        let others = branches[n + 1..].iter().copied();
+        others
+            .take(MOST_BRANCHES)
+            .find(|&b| is_alike(a, b))
+            .map(|b| [a, b])
+    });
+    let chains = two?.map(|j| chain(tree, lengths, j));
+    chains.iter().all(|c| c.len() >= 3).then_some(chains)
 }
 
 fn chain(tree: &Hierarchy, lengths: &[f64], from: usize) -> Chain {
@@ -87,15 +103,14 @@ fn chain(tree: &Hierarchy, lengths: &[f64], from: usize) -> Chain {
     std::iter::successors(Some(from), longest).collect()
 }
 
-/// The limb of a chain: where its two longest neighboring bones are.
+/// The limb of a chain: its two longest neighboring bones; of several that are about as long, as
+/// collar and upper arm are, the last.
 fn limb(tree: &Hierarchy, chain: &[usize]) -> Option<Limb> {
     let bone = |j: usize| tree.offsets[j].length();
-    let long = |three: &&[usize]| bone(three[1]) + bone(three[2]);
-    let (at, three) = chain
-        .windows(3)
-        .enumerate()
-        .max_by(|a, b| long(&a.1).total_cmp(&long(&b.1)).then(b.0.cmp(&a.0)))?;
-    let joints: [usize; 3] = three.try_into().ok()?;
+    let long = |three: &[usize]| bone(three[1]) + bone(three[2]);
+    let longest = chain.windows(3).map(long).fold(0.0, f64::max);
+    let at = (chain.windows(3)).rposition(|three| long(three) >= ABOUT_AS_LONG * longest)?;
+    let joints = [chain[at], chain[at + 1], chain[at + 2]];
     let is_limb = RATIO.contains(&(bone(joints[1]) / bone(joints[2])));
     is_limb.then_some(Limb {
         joints,
@@ -126,7 +141,10 @@ fn sided(
     };
     let by_toes = || {
         let up = (at(&c, 0) + at(&d, 0) - at(&a, 2) - at(&b, 2)).try_normalize()?;
-        let toes = |limb: &Limb| Some(places[limb.end?] - at(limb, 2));
+        let toes = |limb: &Limb| match limb.end {
+            Some(end) => Some(places[end] - at(limb, 2)),
+            None => tree.tips[limb.joints[2]].first().copied(),
+        };
         let forward = toes(&a)? + toes(&b)?;
         let forward = (forward - forward.dot(up) * up).try_normalize()?;
         let left = up.cross(forward).dot(across.try_normalize()?);
@@ -157,8 +175,9 @@ fn side(name: &str) -> Option<bool> {
     (left != right).then_some(left)
 }
 
-/// The joint of the head: on the highest branch of the chest that is no arm, the first that carries
-/// not one joint alone, or the one before where that is the head's top.
+/// The joint of the head: on the longest branch of the chest that is no arm, the first that carries
+/// not one joint alone. Of three or more joints, the last of which has no length, it is the one
+/// before: neck, head, top of the head.
 pub(super) fn head(tree: &Hierarchy, chest: usize, arms: Option<&[Limb; 2]>) -> Option<usize> {
     let lengths = lengths(tree);
     let is_arm = |j: usize| {
@@ -169,13 +188,15 @@ pub(super) fn head(tree: &Hierarchy, chest: usize, arms: Option<&[Limb; 2]>) -> 
     let branches = tree.children(chest).filter(|&j| !is_arm(j));
     let neck = branches.max_by(|a, b| whole(a).total_cmp(&whole(b)))?;
     let mut joint = neck;
+    let is_top = |j: usize| {
+        let is_third = tree.parents[j].is_some_and(|p| p != neck) && j != neck;
+        is_third && tree.tips[j].iter().all(|t| t.length() == 0.0)
+    };
     loop {
         let mut children = tree.children(joint);
         match (children.next(), children.next()) {
             (Some(only), None) => joint = only,
-            (None, _) if joint != neck && tree.tips[joint].iter().all(|t| t.length() == 0.0) => {
-                return tree.parents[joint];
-            }
+            (None, _) if is_top(joint) => return tree.parents[joint],
             _ => return Some(joint),
         }
     }

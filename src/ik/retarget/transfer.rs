@@ -251,14 +251,15 @@ impl Transfer {
         let Some(arms) = &rig.body.arms else {
             return;
         };
+        let names: Vec<String> = source.tree.names.iter().map(|name| bare(name)).collect();
         for r in 0..rig.tree.len() {
             let hangs = arms.iter().any(|arm| rig.tree.is_below(r, arm.joints[2]));
             let above = rig.tree.parents[r].and_then(|p| self.carried[p]);
             let Some(above) = above.filter(|_| hangs && self.follows[r].is_none()) else {
                 continue;
             };
-            let is_same = |s: &usize| bare(&source.tree.names[*s]) == bare(&rig.tree.names[r]);
-            let Some(s) = (0..source.tree.len()).find(is_same) else {
+            let own = bare(&rig.tree.names[r]);
+            let Some(s) = names.iter().position(|name| *name == own) else {
                 continue;
             };
             let directions = source.direction(s, None).zip(rig.direction(r, None));

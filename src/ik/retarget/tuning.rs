@@ -21,9 +21,9 @@ pub(super) mod feet {
     pub(in super::super) const HINGE: f64 = 2.0;
     /// The leg of an adult, hip to ankle, cm.
     pub(in super::super) const LEG: f64 = 80.0;
-    /// Legs of people, cm: a source with another is in another unit, and its limits are shares of
+    /// Legs of people, cm, longer than an adult's in inches: a source with another is in another unit, and its limits are shares of
     /// its leg.
-    pub(in super::super) const LEGS: std::ops::RangeInclusive<f64> = 35.0..=130.0;
+    pub(in super::super) const LEGS: std::ops::RangeInclusive<f64> = 42.0..=130.0;
 }
 
 /// Rest poses.
@@ -48,6 +48,10 @@ pub(super) mod shape {
     pub(in super::super) const ALIKE: f64 = 0.1;
     /// The upper bone of a limb is this many times as long as the lower.
     pub(in super::super) const RATIO: std::ops::RangeInclusive<f64> = 0.55..=1.8;
+    /// Branches of a joint that are compared with each of them.
+    pub(in super::super) const MOST_BRANCHES: usize = 16;
+    /// Two bones are about as long as the longest two from this share of their length on.
+    pub(in super::super) const ABOUT_AS_LONG: f64 = 0.85;
     /// A leg is this many times as long as an arm.
     pub(in super::super) const LEG_TO_ARM: std::ops::RangeInclusive<f64> = 1.05..=2.2;
     /// The cosine over which toes point away from the line of the hips.
