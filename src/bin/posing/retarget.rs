@@ -41,7 +41,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\
         \n  posing retarget --to hero.bvh walk.bvh -o hero-walk.bvh\
         \n  posing retarget --to hero.bvh --fps 120 07_01.amc -o hero-walk.bvh\
-        \n  posing retarget --to hero.bvh --map-to hero.toml captures/ -o takes/"
+        \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
 )]
 pub struct Args {
     /// Takes (BVH, AMC), and folders that are searched for them; - or nothing: standard input

@@ -6,8 +6,8 @@
 //! the ratio of the legs, and the root follows from it; see `feet` for the contacts. A source's
 //! missing channels (nan) are missing in the rig's joints that depend on them, and in no others.
 //!
-//! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest poses
-//! that are no bodies are replaced by a frame in which one stands (`rest`).
+//! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest
+//! poses that are no bodies are replaced by a frame in which one stands (`rest`).
 
 mod feet;
 mod hierarchy;
@@ -302,7 +302,7 @@ impl Run<'_> {
     /// What turns the legs in a frame.
     fn turns(&self, planted: &[Planted], frame: usize) -> Vec<(usize, DMat3)> {
         let legs = planted.iter().zip(&self.rig.body.legs);
-        let of_leg = |(planted, leg): (&Planted, &segments::Limb)| {
+        let of_leg = |(planted, leg): (&Planted, &shape::Limb)| {
             let [upper, lower] = planted.turns[frame]?;
             Some([(leg.joints[0], upper), (leg.joints[1], lower)])
         };

@@ -1,18 +1,10 @@
 //! Which joint of a hierarchy is which of a body: by a map of names, else by the shape of the tree.
 
 use super::hierarchy::Hierarchy;
-use super::shape;
+use super::shape::{self, Limb};
 use crate::pose::{NameFinder, NameMap};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
-
-/// A leg (hip, knee, ankle) or an arm (shoulder, elbow, wrist).
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Limb {
-    pub joints: [usize; 3],
-    /// The joint of the toes, or at the hand's end.
-    pub end: Option<usize>,
-}
 
 /// The joints of a body, left before right.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +87,9 @@ impl BodyJoints {
         if let Some(map) = NameMap::fitting(&tree.names) {
             return by_names(tree, map, option);
         }
-        shape::find(tree).map_err(|why| {
+        let by_shape = shape::find(tree)
+            .and_then(|(legs, arms)| BodyJoints::new(tree, "shape", legs, Some(arms), None));
+        by_shape.map_err(|why| {
             let nearest = match NameMap::nearest(&tree.names) {
                 Some((map, found)) => format!(
                     "the nearest shipped map is {}, with {found} of its {} names",
@@ -121,20 +115,20 @@ impl BodyJoints {
         legs: [Limb; 2],
         arms: Option<[Limb; 2]>,
         head: Option<usize>,
-    ) -> std::result::Result<BodyJoints, String> {
+    ) -> Result<BodyJoints> {
         for limb in legs.iter().chain(arms.iter().flatten()) {
             let [a, b, c] = limb.joints;
             for (above, joint) in [(a, b), (b, c)] {
                 if above == joint || !tree.is_below(joint, above) {
                     let (above, joint) = (&tree.names[above], &tree.names[joint]);
-                    return Err(format!("{joint} does not hang on {above}"));
+                    return Err(Error::unfit(format!("{joint} does not hang on {above}")));
                 }
             }
         }
         let common = |limbs: &[Limb; 2]| tree.common(limbs[0].joints[0], limbs[1].joints[0]);
         let pelvis = common(&legs);
         if legs.iter().any(|leg| leg.joints[0] == pelvis) {
-            return Err("one leg hangs on the other".into());
+            return Err(Error::unfit("one leg hangs on the other"));
         }
         let chest = arms.as_ref().map(common);
         Ok(BodyJoints {

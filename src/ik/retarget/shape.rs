@@ -2,18 +2,29 @@
 //! between the arms; left and right by words in the names, else by where the toes point.
 
 use super::hierarchy::Hierarchy;
-use super::segments::{BodyJoints, Limb};
 use super::tuning::shape::*;
+use crate::{Error, Result};
 use glam::DVec3;
+
+/// A leg (hip, knee, ankle) or an arm (shoulder, elbow, wrist).
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Limb {
+    pub joints: [usize; 3],
+    /// The joint of the toes, or at the hand's end.
+    pub end: Option<usize>,
+}
 
 /// Joints from one that hangs on a fork downwards, along the longest way.
 type Chain = Vec<usize>;
 
-/// The body of a tree.
+/// Legs and arms of a body.
+type Limbs = ([Limb; 2], [Limb; 2]);
+
+/// The legs and the arms of a tree.
 ///
 /// # Errors
-/// Why it is none, or not for sure.
-pub(super) fn find(tree: &Hierarchy) -> Result<BodyJoints, String> {
+/// [`Error::Unfit`]: why it has none, or not for sure.
+pub(super) fn find(tree: &Hierarchy) -> Result<Limbs> {
     let (lengths, sizes) = (lengths(tree), sizes(tree));
     let mut pairs: Vec<(usize, [Chain; 2])> = Vec::new();
     for joint in 0..tree.len() {
@@ -23,19 +34,19 @@ pub(super) fn find(tree: &Hierarchy) -> Result<BodyJoints, String> {
     let depth = |joint: usize| tree.upwards(joint).count();
     pairs.sort_by_key(|(joint, _)| depth(*joint));
     let (Some(lower), rest) = (pairs.first(), pairs.get(1..).unwrap_or_default()) else {
-        return Err("it has no two limbs alike".into());
+        return Err(Error::unfit("it has no two limbs alike"));
     };
     let hangs_on_it = |(joint, _): &&(usize, [Chain; 2])| {
         let limbs = lower.1.iter().map(|chain| chain[0]);
         limbs.into_iter().all(|limb| !tree.is_below(*joint, limb))
     };
     let Some(upper) = rest.iter().find(hangs_on_it) else {
-        return Err("it has two limbs alike, not four".into());
+        return Err(Error::unfit("it has two limbs alike, not four"));
     };
     let limbs = |pair: &(usize, [Chain; 2])| pair.1.clone().map(|chain| limb(tree, &chain));
     let ([a, b], [c, d]) = (limbs(lower), limbs(upper));
     let ([Some(a), Some(b)], [Some(c), Some(d)]) = ([a, b], [c, d]) else {
-        return Err("its limbs have no two long bones".into());
+        return Err(Error::unfit("its limbs have no two long bones"));
     };
     let long = |limb: &Limb| length(tree, limb.joints[0], limb.joints[2]);
     let (legs, arms) = match long(&a) > long(&c) {
@@ -44,10 +55,11 @@ pub(super) fn find(tree: &Hierarchy) -> Result<BodyJoints, String> {
         false => ([c, d], [a, b]),
     };
     if !LEG_TO_ARM.contains(&(long(&legs[0]) / long(&arms[0]))) {
-        return Err("its limbs are too much alike to tell legs from arms".into());
+        return Err(Error::unfit(
+            "its limbs are too much alike to tell legs from arms",
+        ));
     }
-    let (legs, arms) = sided(tree, legs, arms)?;
-    BodyJoints::new(tree, "shape", legs, Some(arms), None)
+    sided(tree, legs, arms)
 }
 
 /// By joint, the length of the longest way down from it.
@@ -124,11 +136,7 @@ fn length(tree: &Hierarchy, from: usize, to: usize) -> f64 {
 }
 
 /// Legs and arms, left before right.
-fn sided(
-    tree: &Hierarchy,
-    [a, b]: [Limb; 2],
-    [c, d]: [Limb; 2],
-) -> Result<([Limb; 2], [Limb; 2]), String> {
+fn sided(tree: &Hierarchy, [a, b]: [Limb; 2], [c, d]: [Limb; 2]) -> Result<Limbs> {
     let places = tree.zero().places;
     let at = |limb: &Limb, n: usize| places[limb.joints[n]];
     let across = at(&a, 0) - at(&b, 0);
@@ -151,7 +159,7 @@ fn sided(
         (left.abs() > FORWARD).then_some(left > 0.0)
     };
     let Some(is_left) = by_words(&a, &b).or_else(by_toes) else {
-        return Err("nothing tells its left from its right".into());
+        return Err(Error::unfit("nothing tells its left from its right"));
     };
     let shoulders: DVec3 = at(&c, 0) - at(&d, 0);
     let is_same = match by_words(&c, &d) {

@@ -9,7 +9,8 @@
 
 use super::hierarchy::{Hierarchy, Pose};
 use super::rest::{RestPose, between};
-use super::segments::{BodyJoints, Limb};
+use super::segments::BodyJoints;
+use super::shape::Limb;
 use super::tuning::rest::NO_LENGTH;
 use crate::pose::rotation::shortest_arc;
 use glam::{DMat3, DQuat, DVec3};

@@ -21,8 +21,8 @@ pub(super) mod feet {
     pub(in super::super) const HINGE: f64 = 2.0;
     /// The leg of an adult, hip to ankle, cm.
     pub(in super::super) const LEG: f64 = 80.0;
-    /// Legs of people, cm, longer than an adult's in inches: a source with another is in another unit, and its limits are shares of
-    /// its leg.
+    /// Legs of people, cm, longer than an adult's in inches: a source with another is in another
+    /// unit, and its limits are shares of its leg.
     pub(in super::super) const LEGS: std::ops::RangeInclusive<f64> = 42.0..=130.0;
 }
 
