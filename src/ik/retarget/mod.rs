@@ -107,7 +107,8 @@ impl Retargeter {
     ) -> Result<Retargeted> {
         let tree = Hierarchy::new(source, up.rotation());
         let body = BodyJoints::find(&tree, map, "map_from")?;
-        let [own, rest] = match is_same_convention(&tree, &self.tree) {
+        let is_same = is_same_convention(&tree, &self.tree);
+        let [own, rest] = match is_same {
             true => [
                 RestPose::zero(&tree, &body),
                 RestPose::zero(&self.tree, &self.body),
@@ -133,7 +134,7 @@ impl Retargeter {
         }
         let run = Run {
             rig: self,
-            transfer: Transfer::new(figure, rig),
+            transfer: Transfer::new(figure, rig, is_same),
             tree: &tree,
             body: &body,
             source,

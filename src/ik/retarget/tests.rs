@@ -203,6 +203,16 @@ fn a_body_keeps_its_own_motion() {
             .fold(0.0, |m, d| f64::max(m, d.abs()));
         assert!(far <= 1e-6, "{far}");
     }
+    // So do joints that no map knows.
+    let mut odd = source.clone();
+    for (j, joint) in odd.joints.iter_mut().enumerate().take(5).skip(1) {
+        joint.name = format!("odd{j}");
+    }
+    let own = carried(&odd, &odd, false);
+    let far = (&own.bvh.motion - &odd.motion)
+        .iter()
+        .fold(0.0, |m, d| f64::max(m, d.abs()));
+    assert!(far <= 1e-6 && own.resting == 0, "{far}");
 }
 
 #[test]

@@ -75,8 +75,9 @@ impl Figure<'_> {
 }
 
 impl Transfer {
-    /// What each joint of `rig` follows of `source`.
-    pub(super) fn new(source: Figure, rig: Figure) -> Transfer {
+    /// What each joint of `rig` follows of `source`; with `is_same`, both have the same joints, and
+    /// each follows its own.
+    pub(super) fn new(source: Figure, rig: Figure, is_same: bool) -> Transfer {
         let rotations = &rig.rest.pose.rotations;
         let local = |(j, parent): (usize, &Option<usize>)| match parent {
             Some(p) => rotations[*p].transpose() * rotations[j],
@@ -103,7 +104,7 @@ impl Transfer {
                 out.hand([source, rig], [s, r]);
             }
         }
-        out.same_names([source, rig]);
+        out.same_names([source, rig], lower, is_same);
         out
     }
 
@@ -246,17 +247,18 @@ impl Transfer {
         self.chain(figures, [&s_chain, &r_chain], a);
     }
 
-    /// Fingers of one name in both follow each other.
-    fn same_names(&mut self, figures: [Figure; 2]) {
+    /// Fingers of one name in both follow each other, and so do all joints with `is_same`.
+    fn same_names(&mut self, figures: [Figure; 2], lower: DMat3, is_same: bool) {
         let [source, rig] = figures;
-        let Some(arms) = &rig.body.arms else {
-            return;
-        };
         let names: Vec<String> = source.tree.names.iter().map(|name| bare(name)).collect();
         for r in 0..rig.tree.len() {
-            let hangs = arms.iter().any(|arm| rig.tree.is_below(r, arm.joints[2]));
-            let above = rig.tree.parents[r].and_then(|p| self.carried[p]);
-            let Some(above) = above.filter(|_| hangs && self.follows[r].is_none()) else {
+            let mut arms = rig.body.arms.iter().flatten();
+            let hangs = arms.any(|arm| rig.tree.is_below(r, arm.joints[2]));
+            let above = match rig.tree.parents[r] {
+                Some(parent) => self.carried[parent].filter(|_| hangs || is_same),
+                None => Some(lower).filter(|_| is_same),
+            };
+            let Some(above) = above.filter(|_| self.follows[r].is_none()) else {
                 continue;
             };
             let own = bare(&rig.tree.names[r]);

@@ -19,6 +19,8 @@ pub(super) mod feet {
     /// The weight of the side to which a knee bends in the mean against its bend in a frame, cm
     /// for a leg of [`LEG`]. Without it the knee of a straight leg pops by 14 to 19 degrees.
     pub(in super::super) const HINGE: f64 = 2.0;
+    /// A foot that is moved by less than this share of the leg is hardly moved.
+    pub(in super::super) const HARDLY: f64 = 1e-3;
     /// The leg of an adult, hip to ankle, cm.
     pub(in super::super) const LEG: f64 = 80.0;
     /// Legs of people, cm, longer than an adult's in inches: a source with another is in another
