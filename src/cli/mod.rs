@@ -2,6 +2,7 @@
 //! manual pages.
 
 pub mod args;
+pub mod batch;
 pub mod body;
 pub mod body_output;
 pub mod browser;

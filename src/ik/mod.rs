@@ -7,6 +7,7 @@ mod frame_solver;
 pub(crate) mod initial_pose;
 mod missing_channels;
 mod named_skeleton;
+pub mod retarget;
 pub mod rotation_cleaning;
 pub mod sequence;
 pub(crate) mod skeleton_estimation;
@@ -14,6 +15,7 @@ mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 mod tuning;
+mod two_bone;
 
 pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::solve_missing_channels;

@@ -30,6 +30,7 @@ mod number_words;
 pub mod opensim;
 pub mod output;
 mod point_titles;
+pub mod rotation_take;
 mod row;
 mod row_cells;
 mod skeleton_file;

@@ -41,6 +41,7 @@ mod plot_meshes;
 mod prior_train;
 mod prose;
 mod readme;
+mod retarget;
 mod same_bytes;
 mod score;
 mod streams;

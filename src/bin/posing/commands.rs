@@ -76,6 +76,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
             entry!("xyz2glb", xyz2glb),
         ],
     ),
+    ("Other skeletons", &[entry!("retarget", retarget)]),
     (
         "Choose and draw",
         &[entry!("trim", trim), entry!("plot", plot)],

@@ -31,6 +31,7 @@ mod plot;
 mod pose_distance;
 mod prior_train;
 mod rdsr_train;
+mod retarget;
 mod retrieve;
 mod rotations_train;
 mod score;

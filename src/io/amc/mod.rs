@@ -14,18 +14,25 @@ use write::{write_frame, write_header};
 use super::Input;
 use super::asf::Asf;
 use super::block_reader::{BLOCK, BlockReader};
+use super::bvh::Bvh;
 use super::output::write_file;
 use super::text::{Lines, check_length, excerpt, parse_number};
 use crate::pose::kinematics::{Posture, Space};
+use crate::pose::rotation::Axis;
 use crate::pose::{Poses, Skeleton};
 use crate::{Error, Place, Result};
 use block::FrameFormat;
+use glam::DMat3;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::sync::Arc;
+
+/// Why a take cannot be timed.
+pub(super) const NO_RATE: &str = "an AMC file does not say its rate; give it with the option `fps \
+                                  F` (frames per second)";
 
 /// One frame of a take.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -102,18 +109,26 @@ impl<'a> Amc<'a> {
     /// place has the line.
     pub fn open(path: impl AsRef<Path>, asf: &'a Asf) -> Result<Amc<'a>> {
         let path = path.as_ref();
-        let mut reader = AmcReader::new(asf, Input::open(path)?, false)?;
+        let (mut amc, _) = Amc::read(Input::open(path)?, asf, false)?;
+        let name = path.file_stem().unwrap_or(path.as_os_str());
+        amc.name = name.to_string_lossy().into_owned();
+        Ok(amc)
+    }
+
+    /// Reads a take of the skeleton `asf` from an open input, whose name is the take's. With
+    /// `keep_whole`, one that is cut off in its last frame ends before that frame; its number.
+    ///
+    /// # Errors
+    /// Those of [`Amc::open`].
+    pub fn read(input: Input, asf: &'a Asf, keep_whole: bool) -> Result<(Amc<'a>, Option<u64>)> {
+        let name = input.name.clone();
+        let mut reader = AmcReader::new(asf, input, keep_whole)?;
         let (mut frames, mut block) = (AmcFrames::default(), AmcFrames::default());
         while reader.read_block(&mut block)? {
             frames.numbers.append(&mut block.numbers);
             frames.values.append(&mut block.values);
         }
-        let name = path.file_stem().unwrap_or(path.as_os_str());
-        Ok(Amc {
-            asf,
-            name: name.to_string_lossy().into_owned(),
-            frames,
-        })
+        Ok((Amc { asf, name, frames }, reader.dropped))
     }
 
     /// A take of the skeleton `asf` from `values` (frames, degrees of freedom; radians and
@@ -135,11 +150,7 @@ impl<'a> Amc<'a> {
     /// # Errors
     /// [`Error::Usage`]: a rate that is not above zero.
     pub fn to_poses(&self, rate: f64) -> Result<Poses> {
-        if !(rate > 0.0 && rate.is_finite()) {
-            return Err(Error::usage(format!(
-                "a rate of {rate}: expected a number above zero"
-            )));
-        }
+        check_rate(rate)?;
         let skeleton = &self.asf.skeleton;
         let joints: Vec<usize> = (0..skeleton.bones().len()).collect();
         let xyz = self.frames.positions(skeleton, &joints, Space::World);
@@ -152,6 +163,21 @@ impl<'a> Amc<'a> {
             time: Some(numbers.iter().map(|&n| (n as f64 - 1.0) / rate).collect()),
             take: Some(vec![take; numbers.len()]),
         })
+    }
+
+    /// The take as a BVH file at `rate` frames a second, in centimeters: joint NAME stands at the
+    /// start of bone NAME.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a rate that is not above zero.
+    pub fn to_bvh(&self, rate: f64) -> Result<Bvh> {
+        check_rate(rate)?;
+        let skeleton = &self.asf.skeleton;
+        let shape = (self.frames.numbers.len(), skeleton.dof_count());
+        let values = ArrayView2::from_shape(shape, &self.frames.values);
+        let values = values.map_err(|e| Error::usage(e.to_string()))?;
+        let order = [Axis::Z, Axis::Y, Axis::X];
+        Bvh::from_values(skeleton, values, order, DMat3::IDENTITY, 1.0 / rate)
     }
 
     /// The file's text, in degrees and the skeleton's units.
@@ -172,6 +198,15 @@ impl<'a> Amc<'a> {
     /// [`Error::Io`]: the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         write_file(path, &self.to_bytes())
+    }
+}
+
+fn check_rate(rate: f64) -> Result<()> {
+    match rate > 0.0 && rate.is_finite() {
+        true => Ok(()),
+        false => Err(Error::usage(format!(
+            "a rate of {rate}: expected a number above zero"
+        ))),
     }
 }
 

@@ -401,6 +401,17 @@ pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
     bytes.len().checked_sub(words.text.len() - words.at)
 }
 
+/// Where the hierarchy ends in the bytes of a file, behind the word MOTION; `None` where there is
+/// none.
+pub(super) fn hierarchy_end(bytes: &[u8]) -> Option<usize> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut parser = Parser::new(&text);
+    parser.hierarchy().ok()?;
+    // Counted from the end, as for `motion_start`.
+    let words = parser.words;
+    bytes.len().checked_sub(words.text.len() - words.at)
+}
+
 /// The count of frames, the Frame Time, and where the count stands.
 fn motion_head(words: &mut Tokens) -> std::result::Result<(f64, f64, usize), BvhFault> {
     let (frames, start) = labeled(words, &["frames"], "Frames:")?;

@@ -275,23 +275,27 @@ fn mean_and_range(values: ArrayView1<'_, f64>) -> Option<(f64, f64)> {
     (count > 0).then(|| (known().sum::<f64>() / count as f64, span(known())))
 }
 
-impl BvhTemplate {
-    /// The hierarchy of `bvh`; `turn` carries the file's axes to ours (y up).
-    ///
-    /// # Errors
-    /// [`crate::Error::Usage`]: the joints are no tree.
-    pub fn new(bvh: Bvh, turn: DMat3) -> Result<BvhTemplate> {
-        let trunk = trunk(&bvh.joints);
-        let mut bones = bvh.joints.clone();
+impl Bvh {
+    /// The joints with the means of their position channels, but those that move the body as a
+    /// whole, for OFFSETs.
+    pub(crate) fn mean_bones(&self) -> Vec<Joint> {
+        self.bones_and_ranges().0
+    }
+
+    /// [`Bvh::mean_bones`], and whether each channel of each joint moves its bone.
+    fn bones_and_ranges(&self) -> (Vec<Joint>, Vec<Vec<bool>>) {
+        let trunk = trunk(&self.joints);
+        let mut bones = self.joints.clone();
         let mut varies = Vec::with_capacity(bones.len());
         let mut column = 0;
         for (j, joint) in bones.iter_mut().enumerate() {
             let mut of_joint = vec![false; joint.channels.len()];
             for (c, channel) in joint.channels.iter().enumerate() {
-                let values = mean_and_range(bvh.motion.column(column + c));
-                if let (Channel::Translate(axis), Some((mean, range))) = (channel, values)
-                    && j > trunk
-                {
+                let Channel::Translate(axis) = channel else {
+                    continue;
+                };
+                let values = mean_and_range(self.motion.column(column + c));
+                if let Some((mean, range)) = values.filter(|_| j > trunk) {
                     joint.offset[axis.index()] = mean;
                     of_joint[c] = range > VARIES;
                 }
@@ -299,6 +303,18 @@ impl BvhTemplate {
             column += of_joint.len();
             varies.push(of_joint);
         }
+        (bones, varies)
+    }
+}
+
+impl BvhTemplate {
+    /// The hierarchy of `bvh`; `turn` carries the file's axes to ours (y up).
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`]: the joints are no tree.
+    pub fn new(bvh: Bvh, turn: DMat3) -> Result<BvhTemplate> {
+        let trunk = trunk(&bvh.joints);
+        let (bones, varies) = bvh.bones_and_ranges();
         let skeleton = BvhSkeleton::with_moving(&bones, turn, |j, c| match varies[j][c] {
             _ if j <= trunk => Moving::FromOrigin,
             true => Moving::FromOffset,

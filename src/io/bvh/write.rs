@@ -1,7 +1,9 @@
 //! The writer of BVH files.
 
 use super::Bvh;
+use super::read::hierarchy_end;
 use crate::pose::Channel;
+use crate::{Error, Place, Result};
 use glam::DVec3;
 use std::io::Write;
 
@@ -14,6 +16,27 @@ impl Bvh {
     pub fn to_bytes(&self, unit: f64) -> Vec<u8> {
         let mut out = b"HIERARCHY\n".to_vec();
         self.put_hierarchy(&mut out, unit);
+        out.extend_from_slice(b"MOTION\n");
+        self.put_motion(&mut out, unit);
+        out
+    }
+
+    /// The text of `original`, which has the joints, to the end of its hierarchy, byte for byte;
+    /// then the motion, as [`Bvh::to_bytes`] has it.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: `original` is no BVH file.
+    pub fn with_hierarchy_of(&self, original: &[u8], unit: f64) -> Result<Vec<u8>> {
+        let other = || Error::data(Place::file("the rig"), "is no BVH file");
+        let end = hierarchy_end(original).ok_or_else(other)?;
+        let mut out = original[..end].to_vec();
+        out.push(b'\n');
+        self.put_motion(&mut out, unit);
+        Ok(out)
+    }
+
+    /// The count of frames, the Frame Time and the frames.
+    fn put_motion(&self, out: &mut Vec<u8>, unit: f64) {
         let kinds: Vec<bool> = self
             .joints
             .iter()
@@ -23,7 +46,7 @@ impl Bvh {
         // Writing to memory cannot fail.
         let _ = write!(
             out,
-            "MOTION\nFrames: {}\nFrame Time: {:.10}\n",
+            "Frames: {}\nFrame Time: {:.10}\n",
             self.motion.nrows(),
             self.frame_time
         );
@@ -41,7 +64,6 @@ impl Bvh {
             }
             out.push(b'\n');
         }
-        out
     }
 }
 

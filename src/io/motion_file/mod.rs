@@ -10,7 +10,7 @@ pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
 pub(crate) use skeleton::skeleton_of;
 
-use super::amc::{AmcFrames, AmcMotion, AmcReader};
+use super::amc::{AmcFrames, AmcMotion, AmcReader, NO_RATE};
 use super::asf::Asf;
 use super::bvh::{Bvh, BvhPoints, BvhSkeleton, LARGEST_FILE};
 use super::c3d::C3d;
@@ -382,12 +382,7 @@ fn of_bvh(
 
 fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Result<MotionFile> {
     let bad = |what: &str| Error::data(Place::file(path.display().to_string()), what);
-    let rate = options.fps.ok_or_else(|| {
-        bad(
-            "an AMC file does not say its rate; give it with the option `fps F` (frames per \
-             second)",
-        )
-    })?;
+    let rate = options.fps.ok_or_else(|| bad(NO_RATE))?;
     let asf = Asf::read(Input::open(skeleton_of(path, options)?)?, None)?;
     let mut reader = AmcReader::new(&asf, input, options.keep_whole)?;
     let bones = asf.skeleton.bones();

@@ -97,7 +97,8 @@ pub const SMALLER: &[(&str, &str)] = &[
 pub const BVH: &str = "
 set -e
 posing xyz2bvh -o walk.bvh truth.csv
-cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh
+cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh; cp walk.bvh hero.bvh
+mkdir motions; cp walk.bvh motions/
 ";
 
 /// Runs a script where the commands are on the PATH.

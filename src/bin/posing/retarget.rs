@@ -1,0 +1,228 @@
+//! Carries motion to another skeleton.
+
+use clap::Parser;
+use posing::cli::args::{CommonArgs, parse_rate};
+use posing::cli::batch::{BatchJob, batch};
+use posing::cli::input::{check_single_stdin, open, or_stdin};
+use posing::cli::name_maps::name_map;
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages};
+use posing::ik::retarget::{Retargeted, Retargeter, cmu_map};
+use posing::io::bvh::LARGEST_FILE;
+use posing::io::motion_file::ReadOptions;
+use posing::io::rotation_take::RotationTake;
+use posing::io::{Bvh, Input};
+use posing::pose::units::UpAxis;
+use posing::pose::{NameMap, joints};
+use posing::{Error, Place, Result};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+/// Carry motion to another skeleton: a rig of other proportions, names and rest pose
+///
+/// Reads BVH files, and AMC files with their ASF. Writes each as a BVH file with the hierarchy of
+/// RIG.bvh, byte for byte, and the source's frames. Directions of limbs are the source's; pelvis,
+/// spine, neck and head turn as the source's, whatever number of joints they have. The middle of
+/// the hips moves by the ratio of the legs, and feet are planted as the source's are: the ankle
+/// keeps the source's own roll, and knees bend to their own side. Fingers follow where they have
+/// the source's names; other joints keep their rest pose.
+///
+/// Which joint is which is told by the names (maps as for complete), else by the shape of the tree.
+/// Skeletons are compared in their rest pose, all rotations zero; where that is no standing body,
+/// in the most upright frame of the file. Values that a source lacks (the word nan) are nan in the
+/// result, in the joints that depend on them, and in no others: fill them first, with clean.
+///
+/// Standard error reports the maps, the scale and the feet. Exit code 3: values are missing; 1: a
+/// file failed, all others are done.
+#[derive(Parser)]
+#[command(
+    name = "retarget",
+    version,
+    after_help = "Examples:\
+        \n  posing retarget --to hero.bvh walk.bvh -o hero-walk.bvh\
+        \n  posing retarget --to hero.bvh --fps 120 07_01.amc -o hero-walk.bvh\
+        \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
+)]
+pub struct Args {
+    /// Takes (BVH, AMC), and folders that are searched for them; - or nothing: standard input
+    #[arg(value_name = "IN")]
+    inputs: Vec<PathBuf>,
+    /// Rig whose hierarchy, channels and proportions the results have
+    #[arg(long, value_name = "RIG.bvh")]
+    to: PathBuf,
+    /// Write the result of one file to OUT instead of standard output, results of several files
+    /// into the folder DIR
+    #[arg(short, long, value_name = "OUT.bvh|DIR", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Names of the sources' joints: cmu, a shipped map or a TOML file [default: the map that
+    /// fits, else the shape of the skeleton]
+    #[arg(long, value_name = "NAME|FILE.toml", help_heading = "Method")]
+    map_from: Option<String>,
+    /// Names of the rig's joints, likewise
+    #[arg(long, value_name = "NAME|FILE.toml", help_heading = "Method")]
+    map_to: Option<String>,
+    /// Do not plant feet: limbs have exactly the source's directions
+    #[arg(long, help_heading = "Method")]
+    no_feet: bool,
+    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
+    /// 07.asf for 07_01.amc]
+    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
+    asf: Option<PathBuf>,
+    /// Frames per second of files that do not say it, as AMC files
+    #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
+    fps: Option<f64>,
+    /// Axis that points up in BVH sources
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        default_value = "y",
+        help_heading = "Input"
+    )]
+    up: UpAxis,
+    /// Axis that points up in the rig, and so in the results
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        default_value = "y",
+        help_heading = "Output"
+    )]
+    out_up: UpAxis,
+    /// Accept a file whose last frame is cut off; that frame is dropped
+    #[arg(long, help_heading = "Input")]
+    keep_whole: bool,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+/// What is the same for all files.
+struct Job<'a> {
+    rig: Retargeter,
+    /// The rig's file.
+    original: Vec<u8>,
+    map: Option<NameMap>,
+    options: ReadOptions,
+    args: &'a Args,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let inputs = or_stdin(&args.inputs);
+    check_single_stdin(inputs.iter().chain([&args.to]))?;
+    let kept: Vec<&Path> = [Some(&args.to), args.asf.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    let output = args.output.as_deref();
+    let jobs = batch(&inputs, output, &["bvh", "amc"], "bvh", &kept)?;
+    let options = ReadOptions {
+        fps: args.fps,
+        up: Some(args.up),
+        asf: args.asf.clone(),
+        keep_whole: args.keep_whole,
+        ..ReadOptions::default()
+    };
+    let name = args.to.display().to_string();
+    let original = open(&args.to)?.read_all(LARGEST_FILE)?;
+    let rig = Bvh::read(Input::new(&name, Cursor::new(original.clone()))?, 1.0, true)?;
+    rig.notes.iter().for_each(|note| messages::info(note));
+    let rig = Retargeter::new(rig, args.out_up, map(&args.map_to)?.as_ref());
+    let job = Job {
+        rig: rig.map_err(|e| e.at(Place::file(name)))?,
+        original,
+        map: map(&args.map_from)?,
+        options,
+        args,
+    };
+    if let [one] = &jobs[..] {
+        return job.retarget(one);
+    }
+    let mut outcome = Outcome::Done;
+    for one in &jobs {
+        match job.retarget(one) {
+            Ok(Outcome::Done) => {}
+            Ok(found) if outcome == Outcome::Done => outcome = found,
+            Ok(_) => {}
+            Err(e) => {
+                messages::error(&e.to_string());
+                outcome = Outcome::Failed;
+            }
+        }
+    }
+    Ok(outcome)
+}
+
+/// The map of a flag.
+fn map(name: &Option<String>) -> Result<Option<NameMap>> {
+    let named = |name: &String| match name.eq_ignore_ascii_case("cmu") {
+        true => Ok(cmu_map()),
+        false => name_map(name, &joints::cmu_names()),
+    };
+    name.as_ref().map(named).transpose()
+}
+
+impl Job<'_> {
+    fn retarget(&self, job: &BatchJob) -> Result<Outcome> {
+        let take = RotationTake::read(&job.input, open(&job.input)?, &self.options)?;
+        take.notes.iter().for_each(|note| messages::info(note));
+        let name = job.input.display().to_string();
+        let time = (take.up, take.rate);
+        let done = self
+            .rig
+            .retarget(&take.bvh, time, self.map.as_ref(), !self.args.no_feet);
+        let done = done.map_err(|e| e.at(Place::file(&name)))?;
+        let text = done.bvh.with_hierarchy_of(&self.original, 1.0)?;
+        if let Some(folder) = job.output.as_ref().and_then(|path| path.parent()) {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        }
+        write_bytes(job.output.as_deref(), &text, false)?;
+        report(&name, &done);
+        Ok(match done.missing {
+            0 => Outcome::Done,
+            _ => Outcome::Findings,
+        })
+    }
+}
+
+/// Says how a file became its result.
+fn report(name: &str, done: &Retargeted) {
+    let [from, to] = &done.maps;
+    let feet = match done.contacts {
+        Some(contacts) => {
+            let s = if contacts == 1 { "" } else { "s" };
+            let slide = done.slide;
+            format!(
+                "; {contacts} contact{s} held, sliding {slide:.2} more than the source's at most"
+            )
+        }
+        None => String::new(),
+    };
+    messages::info(&format!(
+        "{name}: {} frames, names {from} to {to}, scale {:.4}, {} joints keep their rest \
+         pose{feet}",
+        done.bvh.motion.nrows(),
+        done.scale,
+        done.resting
+    ));
+    for (whose, frame) in ["its", "the rig's"].iter().zip(done.rest_frames) {
+        if let Some(frame) = frame {
+            messages::info(&format!(
+                "{name}: {whose} zero pose is no standing body; comparing by frame {}",
+                frame + 1
+            ));
+        }
+    }
+    if !done.moves {
+        messages::info(&format!(
+            "{name}: the rig has no position channels; it stays in place"
+        ));
+    }
+    if done.missing > 0 {
+        messages::info(&format!(
+            "{name}: {} values are missing (nan), as those of the source; fill them with clean",
+            done.missing
+        ));
+    }
+}

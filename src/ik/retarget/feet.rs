@@ -1,0 +1,227 @@
+//! Feet of a rig planted as the source's are.
+//!
+//! An ankle of the source is in contact while it is slow and low. There the rig's ankle goes to `k
+//! (a - median a) + median a'`: the place that it has itself, with the source's own roll, k the
+//! scale. The legs reach it by two-bone inverse kinematics; what was added fades before and after.
+
+use super::tuning::feet::*;
+use crate::ik::two_bone::TwoBones;
+use crate::numeric::statistics::{median, quantile};
+use glam::{DMat3, DVec3};
+use std::ops::Range;
+
+/// A leg in one frame: the rig's, and the source's ankle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LegFrame {
+    pub bones: TwoBones,
+    /// The global rotation of the thigh.
+    pub thigh: DMat3,
+    /// The source's ankle; nan where it is missing.
+    pub source: DVec3,
+}
+
+/// What plants a foot.
+#[derive(Debug, Default)]
+pub(super) struct Planted {
+    /// By frame, what turns thigh and shin, from the left; `None`: nothing.
+    pub turns: Vec<Option<[DMat3; 2]>>,
+    /// The number of contacts.
+    pub contacts: usize,
+    /// How far the ankle leaves its goal at most, cm.
+    pub slide: f64,
+}
+
+/// The frames in which an ankle is in contact, at `rate` frames a second; `unit`: what counts as a
+/// centimeter.
+pub(super) fn contacts(ankle: &[DVec3], rate: f64, unit: f64) -> Vec<Range<usize>> {
+    let heights = ankle.iter().map(|a| a.y).filter(|y| y.is_finite());
+    let Some(lowest) = quantile(heights.collect(), LOWEST).filter(|_| ankle.len() > 1) else {
+        return Vec::new();
+    };
+    let last = ankle.len() - 1;
+    let is_planted = |t: usize| {
+        let (before, after) = (t.saturating_sub(1), (t + 1).min(last));
+        let speed = ankle[after].distance(ankle[before]) * rate / (after - before) as f64;
+        speed < SPEED * unit && ankle[t].y - lowest < HEIGHT * unit
+    };
+    let mut found: Vec<Range<usize>> = Vec::new();
+    for t in (0..=last).filter(|&t| is_planted(t)) {
+        match found.last_mut().filter(|range| range.end == t) {
+            Some(range) => range.end += 1,
+            None => found.push(t..t + 1),
+        }
+    }
+    found.retain(|range| range.len() as f64 >= LEAST * rate - 1e-6);
+    found
+}
+
+/// Plants a foot; `scale` is the rig's length of a unit of the source, `leg` the rig's leg, and
+/// `unit` what counts as a centimeter of the source.
+pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]) -> Planted {
+    let source: Vec<DVec3> = frames.iter().map(|f| f.source).collect();
+    let contacts = contacts(&source, rate, unit);
+    let mut offsets = vec![DVec3::ZERO; frames.len()];
+    let mut weights = vec![0.0; frames.len()];
+    for contact in &contacts {
+        let shift = middle(&frames[contact.clone()], |f| {
+            f.bones.ankle - scale * f.source
+        });
+        for t in contact.clone() {
+            offsets[t] = scale * frames[t].source + shift - frames[t].bones.ankle;
+            weights[t] = 1.0;
+        }
+    }
+    fade(&contacts, rate, &mut offsets, &mut weights);
+    let hinge: DVec3 = frames
+        .iter()
+        .map(|f| f.thigh.transpose() * f.bones.bend())
+        .sum();
+    let hinge = hinge.normalize_or_zero() * HINGE * leg / LEG;
+    let mut out = Planted {
+        contacts: contacts.len(),
+        ..Planted::default()
+    };
+    for ((frame, &offset), &weight) in frames.iter().zip(&offsets).zip(&weights) {
+        let is_moved = offset != DVec3::ZERO && frame.source.is_finite();
+        let reached = is_moved.then(|| {
+            // What hardly moves keeps the plane of its knee.
+            let moved = (offset.length() / (HARDLY * leg)).min(1.0);
+            let pole = frame.bones.bend() + weight * moved * (frame.thigh * hinge);
+            frame.bones.reach(frame.bones.ankle + offset, pole, REACH)
+        });
+        let reached = reached.flatten();
+        if let Some(reached) = reached.filter(|_| weight == 1.0) {
+            let goal = frame.bones.ankle + offset;
+            out.slide = out.slide.max(reached.ankle.distance(goal));
+        }
+        out.turns.push(reached.map(|r| [r.upper, r.lower]));
+    }
+    out
+}
+
+/// The median of each coordinate.
+fn middle(frames: &[LegFrame], point: impl Fn(&LegFrame) -> DVec3) -> DVec3 {
+    let one = |c: usize| median(frames.iter().map(|f| point(f)[c]).collect()).unwrap_or(0.0);
+    DVec3::new(one(0), one(1), one(2))
+}
+
+/// Lets the offsets at the ends of contacts fade by a cosine, to nothing at the next contact at the
+/// latest.
+fn fade(contacts: &[Range<usize>], rate: f64, offsets: &mut [DVec3], weights: &mut [f64]) {
+    let longest = (FADE * rate).round() as usize;
+    let cosine = |n: usize, of: usize| {
+        let share = n as f64 / (of + 1) as f64;
+        0.5 + 0.5 * (std::f64::consts::PI * share).cos()
+    };
+    for (i, contact) in contacts.iter().enumerate() {
+        let before = match i.checked_sub(1) {
+            Some(i) => contact.start - contacts[i].end,
+            None => contact.start,
+        };
+        let after = match contacts.get(i + 1) {
+            Some(next) => next.start - contact.end,
+            None => offsets.len() - contact.end,
+        };
+        let [first, last] = [offsets[contact.start], offsets[contact.end - 1]];
+        let (before, after) = (before.min(longest), after.min(longest));
+        let mut add = |t: usize, offset: DVec3, weight: f64| {
+            offsets[t] += weight * offset;
+            weights[t] = f64::max(weights[t], weight);
+        };
+        (1..=before).for_each(|n| add(contact.start - n, first, cosine(n, before)));
+        (1..=after).for_each(|n| add(contact.end - 1 + n, last, cosine(n, after)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ankle that stands, swings for 20 frames and stands again, at 100 frames a second.
+    fn track() -> Vec<DVec3> {
+        let at = |t: usize| {
+            let swing = (t as f64 - 40.0).clamp(0.0, 20.0) / 20.0;
+            let lift = 15.0 * (std::f64::consts::PI * swing).sin();
+            // It rolls a little while it stands.
+            DVec3::new(0.02 * t as f64, 8.0 + lift, 70.0 * swing)
+        };
+        (0..100).map(at).collect()
+    }
+
+    fn legs(error: impl Fn(usize) -> DVec3) -> Vec<LegFrame> {
+        let frame = |(t, source): (usize, DVec3)| {
+            let ankle = 0.9 * source + error(t);
+            let hip = DVec3::new(0.0, 80.0, 0.9 * 70.0 * t as f64 / 100.0);
+            // Thigh and shin of 40, bent forward.
+            let half = (ankle - hip) / 2.0;
+            let side = DVec3::X.cross(half).normalize() * -1.0;
+            let knee = hip + half + side * (1600.0 - half.length_squared()).max(0.0).sqrt();
+            LegFrame {
+                bones: TwoBones { hip, knee, ankle },
+                thigh: DMat3::IDENTITY,
+                source,
+            }
+        };
+        track().into_iter().enumerate().map(frame).collect()
+    }
+
+    #[test]
+    fn slow_and_low_ankles_are_in_contact() {
+        let found = contacts(&track(), 100.0, 1.0);
+        assert_eq!(found.len(), 2);
+        assert!(found[0].start == 0 && (39..=41).contains(&found[0].end));
+        assert!((59..=61).contains(&found[1].start) && found[1].end == 100);
+        // In another unit the limits are others.
+        let inches: Vec<DVec3> = track().iter().map(|a| *a / 2.54).collect();
+        assert_eq!(contacts(&inches, 100.0, 1.0 / 2.54), found);
+        let mut cut = track();
+        cut[20] = DVec3::NAN;
+        let cut = contacts(&cut, 100.0, 1.0);
+        assert_eq!((cut[0].clone(), cut[1].start), (0..19, 22));
+        assert!(contacts(&track()[..5], 100.0, 1.0).is_empty());
+        assert!(contacts(&[], 100.0, 1.0).is_empty());
+        assert!(contacts(&[DVec3::ZERO], 100.0, 1.0).is_empty());
+        assert!(contacts(&[DVec3::NAN; 30], 100.0, 1.0).is_empty());
+    }
+
+    #[test]
+    fn a_planted_foot_has_the_sources_roll_and_fades_out() {
+        let wobble = |t: usize| DVec3::new((t as f64 * 0.3).sin(), 0.0, (t as f64 * 0.2).cos());
+        let frames = legs(wobble);
+        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0]);
+        assert_eq!(planted.contacts, 2);
+        assert!(planted.slide <= 1e-9, "{}", planted.slide);
+        let ankle = |t: usize| {
+            let TwoBones { hip, knee, ankle } = frames[t].bones;
+            match planted.turns[t] {
+                Some([upper, lower]) => hip + upper * (knee - hip) + lower * (ankle - knee),
+                None => ankle,
+            }
+        };
+        for contact in contacts(&track(), 100.0, 1.0) {
+            let first = ankle(contact.start) - 0.9 * frames[contact.start].source;
+            for t in contact {
+                assert!((ankle(t) - 0.9 * frames[t].source - first).length() <= 1e-9);
+            }
+        }
+        for t in 1..100 {
+            let added = |t: usize| ankle(t) - frames[t].bones.ankle;
+            let step = (added(t) - added(t - 1)).length();
+            assert!(step <= 0.6, "{t}: {step}");
+        }
+    }
+
+    #[test]
+    fn a_foot_that_follows_already_is_left_alone() {
+        let mut frames = legs(|_| DVec3::X);
+        // Knees that bend to another side than in the mean.
+        let turn = |t: usize| DMat3::from_rotation_y((t as f64 * 0.1).sin());
+        frames
+            .iter_mut()
+            .enumerate()
+            .for_each(|(t, frame)| frame.thigh = turn(t));
+        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0]);
+        let still = |turn: &DMat3| turn.abs_diff_eq(DMat3::IDENTITY, 1e-6);
+        assert!(planted.turns.iter().flatten().flatten().all(still));
+    }
+}

@@ -1,0 +1,162 @@
+//! The joints of a BVH file in their rotations: in their parent's frame, in the world, and where
+//! they stand.
+
+use crate::io::Bvh;
+use crate::io::bvh::Joint;
+use crate::pose::Channel;
+use glam::{DMat3, DVec3};
+
+/// A hierarchy, y up, centimeters.
+pub(super) struct Hierarchy {
+    pub names: Vec<String>,
+    pub parents: Vec<Option<usize>>,
+    /// By joint, from its parent in the parent's frame; the mean where position channels move it.
+    pub offsets: Vec<DVec3>,
+    /// By joint, its End Sites.
+    pub tips: Vec<Vec<DVec3>>,
+    joints: Vec<Joint>,
+    /// By joint, its first channel.
+    first: Vec<usize>,
+    turn: DMat3,
+}
+
+/// The rotations and places of all joints in one frame.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pose {
+    pub rotations: Vec<DMat3>,
+    pub places: Vec<DVec3>,
+}
+
+impl Hierarchy {
+    /// That of a file; `turn` carries its axes to ours.
+    pub(super) fn new(bvh: &Bvh, turn: DMat3) -> Hierarchy {
+        let mut next = 0;
+        let first = bvh.joints.iter().map(|joint| {
+            let at = next;
+            next += joint.channels.len();
+            at
+        });
+        Hierarchy {
+            first: first.collect(),
+            names: bvh.joints.iter().map(|j| j.name.clone()).collect(),
+            parents: bvh.joints.iter().map(|j| j.parent).collect(),
+            offsets: bvh.mean_bones().iter().map(|j| turn * j.offset).collect(),
+            tips: (bvh.joints.iter())
+                .map(|j| j.ends.iter().map(|e| turn * e.offset).collect())
+                .collect(),
+            joints: bvh.joints.clone(),
+            turn,
+        }
+    }
+
+    /// The number of joints.
+    pub(super) fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// The channels of a joint, in the file's order, and the first one's place in a frame.
+    pub(super) fn channels(&self, joint: usize) -> (&[Channel], usize) {
+        (&self.joints[joint].channels, self.first[joint])
+    }
+
+    /// The joints that hang on a joint.
+    pub(super) fn children(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.len()).filter(move |&j| self.parents[j] == Some(joint))
+    }
+
+    /// A joint and all above it, upwards.
+    pub(super) fn upwards(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+        std::iter::successors(Some(joint), |&j| self.parents[j])
+    }
+
+    /// Whether a joint is `above` or hangs below it.
+    pub(super) fn is_below(&self, joint: usize, above: usize) -> bool {
+        self.upwards(joint).any(|j| j == above)
+    }
+
+    /// The lowest joint that two hang on, which may be one of them.
+    pub(super) fn common(&self, a: usize, b: usize) -> usize {
+        let mut above = self.upwards(a);
+        above.find(|&j| self.is_below(b, j)).unwrap_or(0)
+    }
+
+    /// The joints from one, or from the first that both hang on, down to another: the first is not
+    /// among them.
+    pub(super) fn path(&self, from: usize, to: usize) -> Vec<usize> {
+        let top = self.common(from, to);
+        let mut path: Vec<usize> = self.upwards(to).take_while(|&j| j != top).collect();
+        path.reverse();
+        path
+    }
+
+    /// The pose in which nothing is turned, the first joint at the origin.
+    pub(super) fn zero(&self) -> Pose {
+        let mut pose = Pose {
+            rotations: vec![DMat3::IDENTITY; self.len()],
+            places: Vec::with_capacity(self.len()),
+        };
+        for (parent, offset) in self.parents.iter().zip(&self.offsets) {
+            let place = parent.map_or(DVec3::ZERO, |p| pose.places[p] + *offset);
+            pose.places.push(place);
+        }
+        pose
+    }
+
+    /// The pose of a frame. What is missing (nan) is not turned, and stands at its offset.
+    pub(super) fn pose(&self, frame: &[f64], pose: &mut Pose) {
+        pose.rotations.clear();
+        pose.places.clear();
+        for (j, joint) in self.joints.iter().enumerate() {
+            let values = &frame[self.first[j]..];
+            let (mut local, mut place) = (DMat3::IDENTITY, self.turn.transpose() * self.offsets[j]);
+            for (channel, &value) in joint.channels.iter().zip(values) {
+                match channel {
+                    _ if !value.is_finite() => {}
+                    Channel::Rotate(axis) => local *= axis.rotation(value),
+                    Channel::Translate(axis) => place[axis.index()] = value,
+                    Channel::Length => {}
+                }
+            }
+            let local = self.turn * local * self.turn.transpose();
+            let place = self.turn * place;
+            let (rotation, place) = match joint.parent {
+                Some(p) => (
+                    pose.rotations[p] * local,
+                    pose.places[p] + pose.rotations[p] * place,
+                ),
+                None => (local, place),
+            };
+            pose.rotations.push(rotation);
+            pose.places.push(place);
+        }
+    }
+
+    /// What each joint lacks in a frame.
+    pub(super) fn missing(&self, frame: &[f64]) -> Vec<Missing> {
+        let of = |(joint, &first): (&Joint, &usize)| {
+            let values = joint.channels.iter().zip(&frame[first..]);
+            let lacks = |is_angle: bool| {
+                let mut values = values.clone().filter(|(c, _)| c.is_angle() == is_angle);
+                values.any(|(_, v)| !v.is_finite())
+            };
+            Missing {
+                rotation: lacks(true),
+                place: lacks(false),
+            }
+        };
+        self.joints.iter().zip(&self.first).map(of).collect()
+    }
+
+    /// Whether where a joint stands is missing.
+    pub(super) fn lacks_place(&self, joint: usize, missing: &[Missing]) -> bool {
+        let mut above = self.upwards(joint).skip(1);
+        missing[joint].place || above.any(|j| missing[j].place || missing[j].rotation)
+    }
+}
+
+/// What a joint lacks in a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Missing {
+    pub rotation: bool,
+    pub place: bool,
+}

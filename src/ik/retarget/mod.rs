@@ -1,0 +1,391 @@
+//! Motion of one skeleton on another: rotations carried over, the root scaled by the legs, feet
+//! planted as they were.
+//!
+//! [`Retargeter`] holds a rig and takes sources with rotations, one after another. Directions of
+//! limbs are the source's (see `transfer`); the middle of the hips is at `k` times its place, `k`
+//! the ratio of the legs, and the root follows from it; see `feet` for the contacts. A source's
+//! missing channels (nan) are missing in the rig's joints that depend on them, and in no others.
+//!
+//! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest
+//! poses that are no bodies are replaced by a frame in which one stands (`rest`).
+
+mod feet;
+mod hierarchy;
+mod rest;
+mod segments;
+mod shape;
+mod transfer;
+mod tuning;
+
+pub use segments::cmu_map;
+
+use super::two_bone::TwoBones;
+use crate::io::Bvh;
+use crate::numeric::parallel::map_chunks;
+use crate::pose::rotation::{Axis, decompose};
+use crate::pose::{Channel, NameMap, UpAxis};
+use crate::{Error, Result};
+use feet::{LegFrame, Planted, plant};
+use glam::{DMat3, DVec3};
+use hierarchy::{Hierarchy, Missing, Pose};
+use ndarray::Array2;
+use rest::{RestPose, is_same_convention};
+use segments::BodyJoints;
+use transfer::{Figure, Transfer};
+use tuning::feet::{LEG, LEGS};
+use tuning::{BLOCK, CHUNK};
+
+/// A rig that takes over motions.
+pub struct Retargeter {
+    bvh: Bvh,
+    tree: Hierarchy,
+    body: BodyJoints,
+    up: UpAxis,
+    /// The joint whose position channels move the body as a whole.
+    carrier: Option<usize>,
+}
+
+/// A motion of the rig, and how it came about.
+#[derive(Debug)]
+pub struct Retargeted {
+    /// The rig with the motion.
+    pub bvh: Bvh,
+    /// The maps of the source's and of the rig's names; `shape` where the shape of the tree told.
+    pub maps: [String; 2],
+    /// What lengths of the source were multiplied by.
+    pub scale: f64,
+    /// Frames, from 0, that served as rest poses of source and rig, where the file's own is no
+    /// standing body.
+    pub rest_frames: [Option<usize>; 2],
+    /// The number of joints that follow none of the source's and keep their rest pose.
+    pub resting: usize,
+    /// The number of contacts in which a foot is held; `None`: feet were not asked for.
+    pub contacts: Option<usize>,
+    /// How far a held foot leaves its goal at most, in the rig's unit: where that is out of reach.
+    pub slide: f64,
+    /// The number of values that are missing (nan), as the source lacks what they depend on.
+    pub missing: usize,
+    /// Whether the rig has position channels that move it.
+    pub moves: bool,
+}
+
+impl Retargeter {
+    /// A rig by its file, whose axis `up` points up; `map`: its names, else they are told from the
+    /// names or the tree.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: nothing tells which joints are legs and arms.
+    pub fn new(rig: Bvh, up: UpAxis, map: Option<&NameMap>) -> Result<Retargeter> {
+        let tree = Hierarchy::new(&rig, up.rotation());
+        let body = BodyJoints::find(&tree, map, "map_to")?;
+        let slides = |joint: &usize| {
+            let (channels, _) = tree.channels(*joint);
+            let slide = |c: &&Channel| matches!(c, Channel::Translate(_));
+            channels.iter().filter(slide).count() == 3
+        };
+        let carrier = tree.upwards(body.base).find(slides);
+        Ok(Retargeter {
+            bvh: rig,
+            tree,
+            body,
+            up,
+            carrier,
+        })
+    }
+
+    /// The motion of `source` at its `rate` (frames per second), whose axis `up` points up; `map`
+    /// as for [`Retargeter::new`]. With `feet`, they are planted as the source's.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: nothing tells which joints of the source are legs and arms.
+    pub fn retarget(
+        &self,
+        source: &Bvh,
+        (up, rate): (UpAxis, f64),
+        map: Option<&NameMap>,
+        feet: bool,
+    ) -> Result<Retargeted> {
+        let tree = Hierarchy::new(source, up.rotation());
+        let body = BodyJoints::find(&tree, map, "map_from")?;
+        let is_same = is_same_convention(&tree, &self.tree);
+        let [own, rest] = match is_same {
+            true => [
+                RestPose::zero(&tree, &body),
+                RestPose::zero(&self.tree, &self.body),
+            ],
+            false => [
+                RestPose::of(&tree, &body, source.motion.view()),
+                RestPose::of(&self.tree, &self.body, self.bvh.motion.view()),
+            ],
+        };
+        let figure = Figure {
+            tree: &tree,
+            body: &body,
+            rest: &own,
+        };
+        let rig = Figure {
+            tree: &self.tree,
+            body: &self.body,
+            rest: &rest,
+        };
+        let legs = [figure.leg(), rig.leg()];
+        if legs.iter().any(|leg| !(*leg > 0.0 && leg.is_finite())) {
+            return Err(Error::unfit("legs without a length"));
+        }
+        let run = Run {
+            rig: self,
+            transfer: Transfer::new(figure, rig, is_same),
+            tree: &tree,
+            body: &body,
+            source,
+            scale: legs[1] / legs[0],
+        };
+        let planted = match feet {
+            true => run.plant(legs, rate),
+            false => Default::default(),
+        };
+        let (motion, missing) = run.motion(&planted);
+        Ok(Retargeted {
+            bvh: Bvh {
+                joints: self.bvh.joints.clone(),
+                frame_time: match source.frame_time > 0.0 {
+                    true => source.frame_time,
+                    false => 1.0 / rate,
+                },
+                motion,
+                notes: Vec::new(),
+            },
+            maps: [body.map.clone(), self.body.map.clone()],
+            scale: run.scale,
+            rest_frames: [own.frame, rest.frame],
+            resting: run.transfer.resting(),
+            contacts: feet.then(|| planted.iter().map(|p| p.contacts).sum()),
+            slide: planted.iter().map(|p| p.slide).fold(0.0, f64::max),
+            missing,
+            moves: self.carrier.is_some(),
+        })
+    }
+}
+
+/// A source on its way to a rig.
+struct Run<'a> {
+    rig: &'a Retargeter,
+    transfer: Transfer,
+    tree: &'a Hierarchy,
+    body: &'a BodyJoints,
+    source: &'a Bvh,
+    scale: f64,
+}
+
+impl Run<'_> {
+    /// The source's pose in a frame.
+    fn source(&self, frame: usize, pose: &mut Pose) {
+        let row = self.source.motion.row(frame);
+        self.tree
+            .pose(row.as_slice().unwrap_or(&row.to_vec()), pose);
+    }
+
+    /// The rig's pose by the source's, with some of its joints turned further; the shift of its
+    /// carrier, in the world.
+    fn pose(&self, source: &Pose, turns: &[(usize, DMat3)], pose: &mut Pose) -> DVec3 {
+        let rig = &self.rig.tree;
+        pose.rotations.clear();
+        pose.places.clear();
+        for (j, parent) in rig.parents.iter().enumerate() {
+            let above = parent.map_or(DMat3::IDENTITY, |p| pose.rotations[p]);
+            let wanted = match self.transfer.rotation(j, source) {
+                Some(rotation) => {
+                    let own = turns.iter().filter(|(joint, _)| *joint == j);
+                    own.fold(rotation, |r, (_, turn)| *turn * r)
+                }
+                None => above * self.transfer.rest_local(j),
+            };
+            let place = match parent {
+                Some(p) => pose.places[*p] + above * rig.offsets[j],
+                None => rig.offsets[j],
+            };
+            let possible = above * self.rig.possible(j, above.transpose() * wanted);
+            pose.rotations.push(possible);
+            pose.places.push(place);
+        }
+        let shift = match self.rig.carrier {
+            Some(_) => self.scale * hips(self.body, source) - hips(&self.rig.body, pose),
+            None => DVec3::ZERO,
+        };
+        pose.places.iter_mut().for_each(|place| *place += shift);
+        shift
+    }
+
+    /// What plants each foot.
+    fn plant(&self, [source_leg, leg]: [f64; 2], rate: f64) -> Vec<Planted> {
+        let unit = match LEGS.contains(&source_leg) {
+            true => 1.0,
+            false => source_leg / LEG,
+        };
+        let ankles = [0, 1].map(|side| self.body.legs[side].joints[2]);
+        let frames = map_chunks(self.source.motion.nrows(), CHUNK, |range| {
+            let (mut source, mut pose) = (Pose::default(), Pose::default());
+            let mut of_frame = |frame: usize| {
+                self.source(frame, &mut source);
+                self.pose(&source, &[], &mut pose);
+                let missing = self.missing(frame);
+                [0, 1].map(|side| {
+                    let joints = self.rig.body.legs[side].joints;
+                    let [hip, knee, ankle] = joints.map(|j| pose.places[j]);
+                    LegFrame {
+                        bones: TwoBones { hip, knee, ankle },
+                        thigh: pose.rotations[joints[0]],
+                        source: match self.tree.lacks_place(ankles[side], &missing) {
+                            true => DVec3::NAN,
+                            false => source.places[ankles[side]],
+                        },
+                    }
+                })
+            };
+            range.map(&mut of_frame).collect::<Vec<_>>()
+        });
+        let side = |side: usize| {
+            let of_side: Vec<LegFrame> = frames.iter().flatten().map(|f| f[side]).collect();
+            plant(&of_side, rate, [self.scale, leg, unit])
+        };
+        vec![side(0), side(1)]
+    }
+
+    /// What the source's joints lack in a frame.
+    fn missing(&self, frame: usize) -> Vec<Missing> {
+        let row = self.source.motion.row(frame);
+        self.tree.missing(row.as_slice().unwrap_or(&row.to_vec()))
+    }
+
+    /// The channels of all frames, and how many values are missing.
+    fn motion(&self, planted: &[Planted]) -> (Array2<f64>, usize) {
+        let rig = &self.rig.tree;
+        let frames = self.source.motion.nrows();
+        let mut motion = Array2::zeros((frames, Bvh::channels(&self.rig.bvh.joints)));
+        let needed: Vec<Vec<usize>> = (0..rig.len())
+            .map(|j| self.transfer.needed(j, [self.tree, rig]))
+            .collect();
+        let hips = [0, 1].map(|side: usize| self.body.legs[side].joints[0]);
+        let (mut near, mut missing) = (vec![[0.0; 3]; rig.len()], 0);
+        for first in (0..frames).step_by(BLOCK) {
+            // Rotations in parallel; then angles, each beside those of the frame before.
+            let poses = map_chunks(BLOCK.min(frames - first), CHUNK, |range| {
+                let (mut source, mut pose) = (Pose::default(), Pose::default());
+                let mut of_frame = |frame: usize| {
+                    self.source(frame, &mut source);
+                    let shift = self.pose(&source, &self.turns(planted, frame), &mut pose);
+                    (self.rig.locals(&pose), self.rig.carried(&pose, shift))
+                };
+                range.map(|n| of_frame(first + n)).collect::<Vec<_>>()
+            });
+            for (n, (locals, place)) in poses.into_iter().flatten().enumerate() {
+                let lacks = self.missing(first + n);
+                let lost = hips.iter().any(|&hip| self.tree.lacks_place(hip, &lacks));
+                let mut row = motion.row_mut(first + n);
+                for (j, local) in locals.iter().enumerate() {
+                    let is_missing = needed[j].iter().any(|s| lacks[*s].rotation);
+                    let values = self.rig.values(j, local, place, &mut near[j]);
+                    let (channels, at) = rig.channels(j);
+                    for (c, value) in values.into_iter().enumerate() {
+                        let is_lost = match channels[c].is_angle() {
+                            true => is_missing,
+                            false => self.rig.carrier == Some(j) && lost,
+                        };
+                        missing += usize::from(is_lost);
+                        row[at + c] = if is_lost { f64::NAN } else { value };
+                    }
+                }
+            }
+        }
+        (motion, missing)
+    }
+
+    /// What turns the legs in a frame.
+    fn turns(&self, planted: &[Planted], frame: usize) -> Vec<(usize, DMat3)> {
+        let legs = planted.iter().zip(&self.rig.body.legs);
+        let of_leg = |(planted, leg): (&Planted, &shape::Limb)| {
+            let [upper, lower] = planted.turns[frame]?;
+            Some([(leg.joints[0], upper), (leg.joints[1], lower)])
+        };
+        legs.filter_map(of_leg).flatten().collect()
+    }
+}
+
+/// The middle of the hips.
+fn hips(body: &BodyJoints, pose: &Pose) -> DVec3 {
+    let [left, right] = [0, 1].map(|side: usize| pose.places[body.legs[side].joints[0]]);
+    (left + right) / 2.0
+}
+
+impl Retargeter {
+    /// The rotation channels of a joint, then the axes that it lacks.
+    fn order(&self, joint: usize) -> ([Axis; 3], usize) {
+        let (channels, _) = self.tree.channels(joint);
+        let own = channels.iter().filter_map(|channel| match channel {
+            Channel::Rotate(axis) => Some(*axis),
+            _ => None,
+        });
+        let mut axes: Vec<Axis> = own.collect();
+        let count = axes.len();
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            if !axes.contains(&axis) {
+                axes.push(axis);
+            }
+        }
+        ([axes[0], axes[1], axes[2]], count)
+    }
+
+    /// A joint's rotation in its parent's frame, ours, as nearly as its channels can turn it.
+    fn possible(&self, joint: usize, local: DMat3) -> DMat3 {
+        let (order, count) = self.order(joint);
+        if count == 3 {
+            return local;
+        }
+        let turn = self.up.rotation();
+        let angles = decompose(&(turn.transpose() * local * turn), order, [0.0; 3]);
+        let own = order.into_iter().zip(angles).take(count);
+        let possible = own.fold(DMat3::IDENTITY, |r, (axis, angle)| r * axis.rotation(angle));
+        turn * possible * turn.transpose()
+    }
+
+    /// The joints' rotations in their parents' frames, in the file's axes.
+    fn locals(&self, pose: &Pose) -> Vec<DMat3> {
+        let turn = self.up.rotation();
+        let local = |(j, parent): (usize, &Option<usize>)| {
+            let above = parent.map_or(DMat3::IDENTITY, |p| pose.rotations[p]);
+            turn.transpose() * (above.transpose() * pose.rotations[j]) * turn
+        };
+        self.tree.parents.iter().enumerate().map(local).collect()
+    }
+
+    /// The position of the carrier in its parent's frame, in the file's axes, where the body is
+    /// shifted in the world.
+    fn carried(&self, pose: &Pose, shift: DVec3) -> DVec3 {
+        let Some(carrier) = self.carrier else {
+            return DVec3::ZERO;
+        };
+        let above = self.tree.parents[carrier].map(|p| pose.rotations[p]);
+        let own = above.map_or(shift, |above| above.transpose() * shift);
+        self.up.rotation().transpose() * (self.tree.offsets[carrier] + own)
+    }
+
+    /// The channels of a joint; angles stay near those of the frame before, which they replace.
+    fn values(&self, joint: usize, local: &DMat3, carried: DVec3, near: &mut [f64; 3]) -> Vec<f64> {
+        let (order, _) = self.order(joint);
+        *near = decompose(local, order, *near);
+        let offset = match self.carrier == Some(joint) {
+            true => carried,
+            false => self.up.rotation().transpose() * self.tree.offsets[joint],
+        };
+        let mut angles = near.iter();
+        let value = |channel: &Channel| match channel {
+            Channel::Rotate(_) => angles.next().copied().unwrap_or(0.0),
+            Channel::Translate(axis) => offset[axis.index()],
+            Channel::Length => 0.0,
+        };
+        self.tree.channels(joint).0.iter().map(value).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;
