@@ -65,6 +65,7 @@ pub fn cmu_map() -> NameMap {
         name: "cmu".into(),
         joints: CMU_STARTS.map(own).into(),
         trunk: [("Head", "head")].map(own).into(),
+        ..NameMap::default()
     }
 }
 
