@@ -21,6 +21,7 @@ use crate::prior::rotations::RotationPrior;
 use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
 use glam::DMat3;
+use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 /// The number of names that a message lists.
@@ -91,6 +92,7 @@ pub struct TakeSkeleton {
     skeleton: SkeletonKind,
     map: Option<NameMap>,
     prior: Option<RotationPrior>,
+    sd: Option<Array2<f64>>,
 }
 
 enum SkeletonKind {
@@ -101,7 +103,8 @@ enum SkeletonKind {
 
 impl JointArgs {
     /// The skeleton for a take: the one that is given, else measured from the table; its points are
-    /// then named as the joints. `order` is that of the rotation channels of a new skeleton.
+    /// then named as the joints. `sd` are the points' deviations (frames, points; cm); `order` is
+    /// that of the rotation channels of a new skeleton.
     ///
     /// # Errors
     /// Those of [`name_map`], [`estimate_skeleton`] and [`named_skeleton`]; [`Error::Io`] and
@@ -110,6 +113,7 @@ impl JointArgs {
         &self,
         given: Option<SkeletonFile>,
         poses: &mut Poses,
+        mut sd: Option<Array2<f64>>,
         order: [Axis; 3],
     ) -> Result<TakeSkeleton> {
         let known = joints::cmu_names();
@@ -127,11 +131,11 @@ impl JointArgs {
             if let Some(map) = &map {
                 rename(poses, map, &given);
             }
-            let skeleton = SkeletonKind::Given(given);
             return Ok(TakeSkeleton {
-                skeleton,
+                skeleton: SkeletonKind::Given(given),
                 map: None,
                 prior,
+                sd,
             });
         }
         let naming = PointNaming::of(&poses.points, poses.xyz.view(), &known);
@@ -144,6 +148,7 @@ impl JointArgs {
             Some(map) => {
                 let named = named_skeleton(poses, map, order)?;
                 *poses = named.poses;
+                sd = sd.map(|sd| with_middles(&sd, &named.middles));
                 SkeletonKind::Named(Box::new(named.template))
             }
         };
@@ -151,6 +156,7 @@ impl JointArgs {
             skeleton,
             map,
             prior,
+            sd,
         })
     }
 }
@@ -166,7 +172,8 @@ impl TakeSkeleton {
             SkeletonKind::Measured(skeleton) => SkeletonFit::new(skeleton),
             SkeletonKind::Named(template) => SkeletonFit::with_joints(template),
         };
-        fit.map(self.map.as_ref()).prior(self.prior.as_ref())
+        let sd = self.sd.as_ref().map(|sd| sd.view());
+        fit.map(self.map.as_ref()).prior(self.prior.as_ref()).sd(sd)
     }
 
     /// The hierarchy, where it is one of joints, not of bones.
@@ -178,6 +185,18 @@ impl TakeSkeleton {
             _ => None,
         }
     }
+}
+
+/// Deviations (frames, points) with those of points in the middle of others, which are as sure as
+/// the least sure of these.
+fn with_middles(sd: &Array2<f64>, middles: &[Vec<usize>]) -> Array2<f64> {
+    let (frames, points) = sd.dim();
+    Array2::from_shape_fn((frames, points + middles.len()), |(t, p)| {
+        match p.checked_sub(points) {
+            None => sd[[t, p]],
+            Some(n) => middles[n].iter().fold(f64::NAN, |z, &c| z.max(sd[[t, c]])),
+        }
+    })
 }
 
 /// Names the points of a table as the joints of a skeleton that stand for the same of CMU's.
@@ -226,6 +245,13 @@ pub fn fit<'a>(
     let mean = quality.map_or(fitted.sequence.mean, |quality| quality.mean);
     let lines = fit_messages(&fitted.sequence, mean, &fitted.points);
     lines.iter().for_each(|line| messages::info(line));
+    if let Some((name, frame, turn)) = fitted.largest_turn() {
+        messages::info(&format!(
+            "the largest turn of a bone in a frame: {:.0} degrees ({name} in row {})",
+            turn.to_degrees(),
+            frame + 1
+        ));
+    }
     let verdict = match quality {
         Some(quality) => judged(&quality, table, force)?,
         None => Outcome::Done,

@@ -7,10 +7,10 @@ use super::input::{check_single_stdin, or_stdin, read_table};
 use super::streams::write_bytes;
 use crate::io::NewTake;
 use crate::pose::Poses;
-use crate::pose::one_take;
 use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use clap::Args;
+use ndarray::Array2;
 use std::path::PathBuf;
 
 /// The flags of commands that write one take to a file.
@@ -41,6 +41,8 @@ pub struct OneTakeArgs {
 pub struct OneTake {
     /// Its frames, in centimeters, y up.
     pub poses: Poses,
+    /// Standard deviations of the points (frames, points), cm, where the table has them.
+    pub sd: Option<Array2<f64>>,
     /// The table's name in messages.
     pub table: String,
 }
@@ -51,16 +53,16 @@ impl OneTakeArgs {
         self.common.apply()?;
         let files = or_stdin(&self.files);
         check_single_stdin(files.iter().chain(other))?;
-        let table = read_table(&self.input(), false, false)?;
-        Ok(OneTake {
-            poses: one_take(table.poses, self.take.as_deref(), &table.name)?,
-            table: table.name,
-        })
+        let table = read_table(&self.input(), false, true)?;
+        let name = table.name.clone();
+        let (poses, sd) = table.one_take(self.take.as_deref())?;
+        let table = name;
+        Ok(OneTake { poses, sd, table })
     }
 
     /// What a new file of a `format` such as `TRC` says of the take.
     pub fn new_take(&self, one: OneTake, units: Units, format: &str) -> Result<NewTake> {
-        let OneTake { poses, table } = one;
+        let OneTake { poses, table, .. } = one;
         let rate = match self.input().rate(&poses)? {
             Some(rate) => rate,
             None if poses.frames() == 1 => 1.0,

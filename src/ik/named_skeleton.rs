@@ -20,8 +20,10 @@ use ndarray::{Array2, concatenate};
 /// A skeleton from the points of a take.
 #[derive(Debug, Clone)]
 pub struct NamedSkeleton {
-    /// The take, with points in the middle of others that the skeleton goes by.
+    /// The take, with points in the middle of others that the skeleton goes by, at its end.
     pub poses: Poses,
+    /// Of each such point, the columns of the others.
+    pub middles: Vec<Vec<usize>>,
     /// The skeleton.
     pub template: BvhTemplate,
 }
@@ -52,6 +54,7 @@ pub fn named_skeleton(poses: &Poses, map: &NameMap, order: [Axis; 3]) -> Result<
         notes: Vec::new(),
     };
     Ok(NamedSkeleton {
+        middles: builder.middles.iter().map(|m| m.1.clone()).collect(),
         poses: builder.with_middles(),
         template: BvhTemplate::new(bvh, DMat3::IDENTITY)?,
     })

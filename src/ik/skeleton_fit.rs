@@ -234,6 +234,17 @@ impl FittedTake<'_> {
         self.sequence.values.view()
     }
 
+    /// The joint that turns most from one frame to the next, the second of them, and by how much,
+    /// radians; `None` of a single frame.
+    pub fn largest_turn(&self) -> Option<(&str, usize, f64)> {
+        let (bone, frame, turn) = self.sequence.largest_step?;
+        let name = match &self.target {
+            Target::Skeleton(skeleton) => Some(skeleton.bones()[bone].name.as_str()),
+            Target::Template(template) | Target::Joints(template) => template.joint_of(bone),
+        };
+        Some((name?, frame, turn))
+    }
+
     /// How well the skeleton fits `poses`, the take that it was fitted to; `None` where the take
     /// shows none of its joints.
     pub fn quality(&self, poses: &Poses) -> Option<FitQuality> {

@@ -9,7 +9,8 @@ use super::table_reader::RowReader;
 use super::table_writer::{TableFormat, TableWriter};
 use crate::Result;
 use crate::pose::Poses;
-use ndarray::Array2;
+use crate::pose::one_take::{one_take, take_rows};
+use ndarray::{Array2, Axis};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -30,6 +31,21 @@ pub struct Table {
 }
 
 impl Table {
+    /// The poses of the take `wanted`, or of all of a table with one take, and their standard
+    /// deviations.
+    ///
+    /// # Errors
+    /// [`Error::Data`](crate::Error::Data): several takes, of which none is wanted, or no such
+    /// take.
+    pub fn one_take(self, wanted: Option<&str>) -> Result<(Poses, Option<Array2<f64>>)> {
+        let rows = take_rows(&self.poses, wanted, &self.name)?;
+        let sd = match (rows, self.sd) {
+            (Some(rows), Some(sd)) => Some(sd.select(Axis(0), &rows)),
+            (_, sd) => sd,
+        };
+        Ok((one_take(self.poses, wanted, &self.name)?, sd))
+    }
+
     /// Reads a table, CSV or NPY by its content; gzip and zstd are decompressed.
     ///
     /// ```

@@ -12,9 +12,30 @@ const LISTED: usize = 8;
 /// The frames of the take `wanted`, or all frames of a table with one take.
 ///
 /// # Errors
+/// Those of [`take_rows`].
+pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
+    let Some(rows) = take_rows(&poses, wanted, name)? else {
+        return Ok(poses);
+    };
+    let of = |list: &[Arc<str>]| rows.iter().map(|&i| list[i].clone()).collect();
+    Ok(Poses {
+        xyz: poses.xyz.select(Axis(0), &rows),
+        time: (poses.time.as_ref()).map(|t| rows.iter().map(|&i| t[i]).collect()),
+        take: poses.take.as_deref().map(of),
+        points: poses.points,
+    })
+}
+
+/// The rows of the take `wanted`; `None`: all, of a table with one take.
+///
+/// # Errors
 /// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it
 /// lists the takes of the table called `name`.
-pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
+pub(crate) fn take_rows(
+    poses: &Poses,
+    wanted: Option<&str>,
+    name: &str,
+) -> Result<Option<Vec<usize>>> {
     let mut names: Vec<Arc<str>> = Vec::new();
     if let Some(takes) = &poses.take {
         let mut listed = HashSet::new();
@@ -41,7 +62,7 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
         text
     };
     match (wanted, &poses.take) {
-        (None, _) if names.len() <= 1 => Ok(poses),
+        (None, _) if names.len() <= 1 => Ok(None),
         (None, _) => {
             let what = format!(
                 "has several takes ({}); choose one with the option `take`",
@@ -50,18 +71,8 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
             Err(Error::data(Place::file(name), what))
         }
         (Some(wanted), Some(takes)) if names.iter().any(|n| **n == *wanted) => {
-            let rows: Vec<usize> = (0..poses.frames())
-                .filter(|&i| *takes[i] == *wanted)
-                .collect();
-            Ok(Poses {
-                xyz: poses.xyz.select(Axis(0), &rows),
-                time: poses
-                    .time
-                    .as_ref()
-                    .map(|t| rows.iter().map(|&i| t[i]).collect()),
-                take: Some(rows.iter().map(|&i| takes[i].clone()).collect()),
-                points: poses.points,
-            })
+            let is_wanted = |&i: &usize| *takes[i] == *wanted;
+            Ok(Some((0..poses.frames()).filter(is_wanted).collect()))
         }
         (Some(wanted), _) => {
             let what = match names.is_empty() {

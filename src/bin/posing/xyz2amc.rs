@@ -8,7 +8,7 @@ use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::io::{Amc, Asf, SkeletonFile};
-use posing::pose::one_take::{first_frame_number, one_take};
+use posing::pose::one_take::first_frame_number;
 use posing::pose::rotation::Axis;
 use posing::pose::units::LengthUnit;
 use std::path::PathBuf;
@@ -70,18 +70,19 @@ pub fn work(args: &Args) -> Result<Outcome> {
     check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
-    let table = read_table(&input, false, false)?;
-    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
-    name_bone_ends(&mut poses, &table.name, args.force, false)?;
+    let table = read_table(&input, false, true)?;
+    let name = table.name.clone();
+    let (mut poses, sd) = table.one_take(args.take.as_deref())?;
+    name_bone_ends(&mut poses, &name, args.force, false)?;
     let rate = input.rate(&poses)?;
-    report_time_jumps(&poses, &table.name, "an AMC file");
+    report_time_jumps(&poses, &name, "an AMC file");
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
     let given = Some(SkeletonFile::Asf(asf.clone()));
     let skeleton = args
         .joints_of
-        .skeleton(given, &mut poses, [Axis::Z, Axis::Y, Axis::X])?;
+        .skeleton(given, &mut poses, sd, [Axis::Z, Axis::Y, Axis::X])?;
     let fit_of = skeleton.fit().limits(args.limits);
-    let (fitted, outcome) = fit(&fit_of, &poses, &table.name, &no_joint, args.force)?;
+    let (fitted, outcome) = fit(&fit_of, &poses, &name, &no_joint, args.force)?;
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
     Ok(outcome)

@@ -100,15 +100,16 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .map(|p| skeleton_file(args, p))
         .transpose()?;
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
-    let table = read_table(&input, false, false)?;
-    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let table = read_table(&input, false, true)?;
+    let name = table.name.clone();
+    let (mut poses, sd) = table.one_take(args.take.as_deref())?;
     // A single frame has no rate of its own: it keeps that of the file it goes back to.
     let of_file = |file: &SkeletonFile| match file {
         SkeletonFile::Bvh(template) if poses.frames() == 1 => template.rate(),
         _ => None,
     };
     let Some(rate) = (input.rate(&poses)?).or_else(|| given.as_ref().and_then(of_file)) else {
-        let what = format!("{}: has no frame rate; give it with --fps", table.name);
+        let what = format!("{}: has no frame rate; give it with --fps", name);
         return Err(Error::usage(what));
     };
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
@@ -119,13 +120,13 @@ pub fn work(args: &Args) -> Result<Outcome> {
             file.display()
         ));
     }
-    name_bone_ends(&mut poses, &table.name, args.force, is_bvh)?;
-    report_time_jumps(&poses, &table.name, "a BVH");
+    name_bone_ends(&mut poses, &name, args.force, is_bvh)?;
+    report_time_jumps(&poses, &name, "a BVH");
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
-    let skeleton = args.joints_of.skeleton(given, &mut poses, order)?;
+    let skeleton = args.joints_of.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a joint of the skeleton";
     let fit_of = skeleton.fit().limits(args.limits);
-    let (fitted, outcome) = fit(&fit_of, &poses, &table.name, no_joint, args.force)?;
+    let (fitted, outcome) = fit(&fit_of, &poses, &name, no_joint, args.force)?;
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;

@@ -49,7 +49,7 @@ pub fn work(args: &Args) -> Result<()> {
 
 /// The original with the points of the poses.
 fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
-    let OneTake { poses, table } = one;
+    let OneTake { poses, table, .. } = one;
     let original = C3d::read(open(original)?, true)?;
     let said = |n: &String| messages::info(&format!("{}: {n}", original.take.name));
     original.take.notes.iter().for_each(said);

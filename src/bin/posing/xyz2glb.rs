@@ -51,14 +51,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .as_deref()
         .map(|p| read_skeleton(p, unit, rotation));
     let given = given.transpose()?;
-    let table = one.table.clone();
+    let (table, sd) = (one.table.clone(), one.sd.clone());
     let NewTake {
         mut poses, rate, ..
     } = args.take.new_take(one, Units::CM_Y, "GLB")?;
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
     name_bone_ends(&mut poses, &table, args.force, is_bvh)?;
     let order = [Axis::Z, Axis::Y, Axis::X];
-    let skeleton = args.joints.skeleton(given, &mut poses, order)?;
+    let skeleton = args.joints.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a bone of the skeleton";
     let (fitted, outcome) = fit(&skeleton.fit(), &poses, &table, no_joint, args.force)?;
     let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();

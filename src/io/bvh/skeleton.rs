@@ -345,6 +345,15 @@ impl BvhTemplate {
         &self.joints
     }
 
+    /// The joint that turns as a bone of the skeleton.
+    pub(crate) fn joint_of(&self, bone: usize) -> Option<&str> {
+        let bones = self.skeleton.skeleton.bones();
+        let mut up = std::iter::successors(Some(bone), |&b| bones[b].parent);
+        let origins = &self.skeleton.origins[..self.joints.len()];
+        let joint = |b: usize| origins.iter().find(|o| o.1 == b);
+        up.find_map(joint).map(|(name, _)| name.as_str())
+    }
+
     /// The names of the joints.
     pub(crate) fn joint_names(&self) -> Vec<String> {
         self.joints.iter().map(|j| j.name.clone()).collect()
