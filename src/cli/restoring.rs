@@ -88,10 +88,10 @@ pub struct RestoringArgs {
     #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
     bones: Option<BonePoints>,
     /// Which points of the table are which of the model's: a shipped map (anatomical,
-    /// bandai-namco, biped, cmu-bvh, hik, kinect, lafan, makehuman, mixamo, motive, neuron,
-    /// openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a TOML file of lines such
-    /// as lhumerus = "LeftForeArm", the model's point first (default: the names themselves,
-    /// else the shipped map that fits best)
+    /// bandai-namco, biped, cmu-bvh, coco, h36m, halpe, hik, kinect, lafan, makehuman, mediapipe,
+    /// mixamo, motive, neuron, openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a
+    /// TOML file of lines such as lhumerus = "LeftForeArm", the model's point first (default: the
+    /// names themselves, else the shipped map that fits best)
     #[arg(
         long,
         value_name = "NAME|FILE.toml",

@@ -80,8 +80,9 @@ pub(crate) struct FrameSolver<'a> {
     precision: Vec<f64>,
     /// One over the variance of the other columns; 0 of the root's.
     held: Vec<f64>,
-    /// The joints that are rigid with the root.
-    is_rigid: Vec<bool>,
+    /// The weight of each joint at the start: the less the prior lets it move against the root, the
+    /// more.
+    start_weights: Vec<f64>,
 }
 
 impl<'a> FrameSolver<'a> {
@@ -119,7 +120,7 @@ impl<'a> FrameSolver<'a> {
             mean,
             precision: Vec::new(),
             held: Vec::new(),
-            is_rigid: Vec::new(),
+            start_weights: Vec::new(),
         };
         for &n in &with_prior {
             let (bone, first) = (prior.bones[n], solver.columns.len());
@@ -133,7 +134,8 @@ impl<'a> FrameSolver<'a> {
         solver.push_turns(root);
         solver.held.resize(solver.columns.len(), 0.0);
         solver.push_slides(root, &moves_a_joint);
-        solver.set_moving(root);
+        solver.set_moving();
+        solver.set_start_weights(prior);
         Ok(solver)
     }
 
@@ -178,20 +180,36 @@ impl<'a> FrameSolver<'a> {
         }
     }
 
-    /// Finds which columns move each joint, and which joints none but the root's move.
-    fn set_moving(&mut self, root: usize) {
+    /// Finds which columns move each joint.
+    fn set_moving(&mut self) {
         let bones = self.skeleton.bones();
         for &joint in self.joints {
             let above: Vec<usize> =
                 std::iter::successors(Some(joint), |&b| bones[b].parent).collect();
             let moves = |c: &usize| above.contains(&self.columns[*c].bone());
-            let moving: Vec<usize> = (0..self.columns.len()).filter(moves).collect();
-            let with_prior = self.with_prior.iter().any(|(b, ..)| {
-                above.contains(b) && *b != joint
-                    || *b == joint && bones[joint].offset != DVec3::ZERO
-            });
-            self.is_rigid.push(!with_prior && above.contains(&root));
-            self.moving.push(moving);
+            self.moving
+                .push((0..self.columns.len()).filter(moves).collect());
+        }
+    }
+
+    /// Weighs the joints by how far the prior lets them move against the root.
+    fn set_start_weights(&mut self, prior: &JointPrior) {
+        let mut posture = Posture::default();
+        self.posture(&self.mean, &mut posture);
+        let bones = self.skeleton.bones();
+        for &joint in self.joints {
+            let mut above = std::iter::successors(Some(joint), |&b| bones[b].parent);
+            let mut variance = START_SD * START_SD;
+            for bone in above.by_ref() {
+                if let Some(n) = prior.bones.iter().position(|b| *b == bone) {
+                    let trace: f64 = (0..3)
+                        .map(|c| prior.covariance[[3 * n + c, 3 * n + c]])
+                        .sum();
+                    let lever = (posture.ends[joint] - posture.starts[bone]).length_squared();
+                    variance += lever * trace / 3.0;
+                }
+            }
+            self.start_weights.push(1.0 / variance);
         }
     }
 
@@ -223,7 +241,7 @@ impl<'a> FrameSolver<'a> {
     }
 
     /// The start of a frame that knows nothing of others: rotations at their means, the body where
-    /// its points are, above all those that are rigid with the root.
+    /// its points are, above all those that hardly move against the root.
     pub(crate) fn start(&self, root: usize, targets: &[f64]) -> FrameState {
         let mut state = self.mean.clone();
         let mut posture = Posture::default();
@@ -232,12 +250,9 @@ impl<'a> FrameSolver<'a> {
             .joints
             .iter()
             .zip(targets.chunks_exact(3))
-            .zip(&self.is_rigid))
+            .zip(&self.start_weights))
         .filter(|((_, y), _)| y.iter().all(|v| v.is_finite()))
-        .map(|((&joint, y), rigid)| {
-            let weight = if *rigid { 1.0 } else { NOT_RIGID };
-            (posture.ends[joint], DVec3::from_slice(y), weight)
-        });
+        .map(|((&joint, y), weight)| (posture.ends[joint], DVec3::from_slice(y), *weight));
         let pairs: Vec<(DVec3, DVec3, f64)> = pairs.collect();
         let Some(fit) = fit_similarity(pairs.iter().copied(), TransformKind::Rigid) else {
             return state;

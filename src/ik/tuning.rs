@@ -69,8 +69,8 @@ pub(crate) mod frame_solver {
     pub(crate) const LEAST_PRECISION: f64 = 1e-3;
     /// Standard deviation of a bone that slides below the root, cm.
     pub(crate) const SLIDE_SD: f64 = 2.0;
-    /// The weight of a point at the start that is not rigid with the root.
-    pub(crate) const NOT_RIGID: f64 = 1e-3;
+    /// Standard deviation of a point at the start that is rigid with the root, cm.
+    pub(crate) const START_SD: f64 = 0.3;
     /// Rounds in which the angles nearest to a mean rotation are found.
     pub(crate) const ANGLE_ROUNDS: usize = 20;
 }

@@ -15,12 +15,14 @@ use std::path::PathBuf;
 
 /// Convert a pose table to an AMC take
 ///
-/// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom
-/// by inverse kinematics. A point is the end of the bone of the same name. Bones without a point
-/// stay at zero. Standard error reports the mean and largest distance between points and joints.
-/// Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
-/// fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25% or 10
-/// cm is an error.
+/// Finds the values of the skeleton's degrees of freedom that are most probable given the points:
+/// what these leave open, such as the twist of a limb, is as it mostly is in people. A point is the
+/// end of the bone of the same name, or as --map says. Bones without a point stay at zero. Points
+/// with a standard deviation (NAME.sd, as denoise --status writes it) weigh less. Standard error
+/// reports the mean and largest distance between points and joints, and the largest turn of a bone
+/// in a frame. Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels
+/// and fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25%
+/// or 10 cm is an error.
 #[derive(Parser)]
 #[command(
     name = "xyz2amc",

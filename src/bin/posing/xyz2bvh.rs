@@ -18,14 +18,19 @@ use std::path::{Path, PathBuf};
 
 /// Convert a pose table to a BVH file
 ///
-/// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse
-/// kinematics. A point is the end of the bone of the same name, or its start where names and
-/// lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone
-/// NAME and rotates it; the last bone of a chain ends in an End Site. Bones without a point keep
-/// their rest pose. Standard error reports the mean and largest distance between points and joints.
-/// Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
-/// fingers) is over 5% of the leg or over 2 cm, or most of its joints have no points; over 25% or
-/// 10 cm is an error.
+/// Finds the rotations that are most probable given the points: what these leave open, such as the
+/// twist of a limb, is as it mostly is in people. Without --skeleton the bones are measured from
+/// the table. Of CMU's names a point is the end of the bone of the same name, or its start where
+/// names and lengths say so, as in the tables of bvh2xyz; joint NAME of the file is the start of
+/// bone NAME and rotates it. Of other names that a map knows (SMPL, OpenPose, HALPE, COCO,
+/// Human3.6M, MediaPipe, Mixamo and others) the joints stand at the points, and the rest pose is a
+/// T-pose. The last bone of a chain ends in an End Site. Bones without a point keep their rest
+/// pose. Points with a standard deviation (NAME.sd, as denoise --status writes it) weigh less.
+///
+/// Standard error reports the mean and largest distance between points and joints, and the largest
+/// turn of a bone in a frame. Exit code 3: the mean over the points that drive the skeleton (not
+/// eyes, ears, heels and fingers) is over 5% of the leg or over 2 cm, or most of its joints have no
+/// points; over 25% or 10 cm is an error.
 ///
 /// Position channels of a BVH skeleton take the place of its OFFSETs, also below the root: where
 /// they hold one value in that file, that is the bone; where they vary, they are solved for.
@@ -36,6 +41,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\
         \n  posing xyz2bvh -o walk.bvh walk.csv\
         \n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\
+        \n  posing xyz2bvh --map mediapipe -o walk.bvh keypoints.csv\
         \n  posing csv2xyz --up z take.csv | posing xyz2bvh --skeleton rig.bvh -o take.bvh\
         \n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]

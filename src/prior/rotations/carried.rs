@@ -150,9 +150,13 @@ impl MeanPose {
         let in_mean = middle(&|e| self.ends[e]) - self.ends[start];
         // A segment of several bones lies along its chord, and turns as its last bone does.
         let bend = shortest_arc(self.rotations[bone] * at_rest, in_mean)?;
+        let swing = shortest_arc(direction, at_rest)?;
+        // How a rig's neck leans at rest is where its maker put the joints, not how the head is
+        // held.
+        let is_lean = is_trunk(bone) && direction.angle_between(at_rest) < LEAN.to_radians();
         Some(Orientation {
             bone,
-            turn: shortest_arc(direction, at_rest)? * turn,
+            turn: if is_lean { turn } else { swing * turn },
             global: bend * self.rotations[bone],
             is_own: true,
         })
@@ -282,8 +286,12 @@ impl<'a> Joints<'a> {
         let (at, count) = self.row(bone);
         // The joints of the row above this one stand for the first bones already.
         let known = path(above);
-        let is_new = |b: &usize| is_free(*b) && !known.contains(b);
-        let chain: Vec<usize> = path(last).into_iter().filter(is_new).collect();
+        let mut chain = path(last);
+        chain.retain(|b| !known.contains(b));
+        // A hip joint is rigid with the root: what stands for more than that turns below it.
+        if chain.iter().any(|b| is_free(*b)) {
+            chain.retain(|b| is_free(*b));
+        }
         let share = chain.len().div_ceil(count - at);
         let bones: Vec<usize> = chain.iter().copied().take(share).collect();
         let ends = match bones.len() == chain.len() {
@@ -399,6 +407,19 @@ fn path(bone: usize) -> Vec<usize> {
     let mut path: Vec<usize> = up.collect();
     path.reverse();
     path
+}
+
+/// Whether a bone of CMU's is one of the back, the neck or the head.
+fn is_trunk(bone: usize) -> bool {
+    let trunk = [
+        "lowerback",
+        "upperback",
+        "thorax",
+        "lowerneck",
+        "upperneck",
+        "head",
+    ];
+    trunk.contains(&CMU[bone])
 }
 
 /// The end of a bone of CMU's in the rest pose, cm from the root.
