@@ -447,3 +447,93 @@ fn axes(x: DVec3, up: DVec3) -> Option<DMat3> {
     let y = (up - x * up.dot(x)).try_normalize()?;
     Some(DMat3::from_cols(x, y, x.cross(y))).filter(|axes| axes.is_finite())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ik::SkeletonFit;
+
+    const ORDER: [Axis; 3] = [Axis::Z, Axis::Y, Axis::X];
+
+    /// CMU's rest pose, turned and moved from frame to frame, under the names of a map.
+    fn take(map: &NameMap, frames: usize) -> Poses {
+        let own = CMU.iter().filter_map(|c| Some((c, map.joints.get(*c)?)));
+        let first = |names: &String| names.split('|').next().unwrap_or_default().to_string();
+        let known: Vec<(usize, String)> = own
+            .map(|(c, name)| (CMU.iter().position(|o| o == c).unwrap(), first(name)))
+            .collect();
+        let xyz = Array2::from_shape_fn((frames, 3 * known.len()), |(t, c)| {
+            let at = DVec3::from_array(CMU_REST[known[c / 3].0]);
+            (DMat3::from_rotation_y(0.3 * t as f64) * at + DVec3::Y * 90.0)[c % 3]
+        });
+        let points = known.into_iter().map(|k| k.1).collect();
+        Poses {
+            xyz,
+            points,
+            ..Poses::default()
+        }
+    }
+
+    #[test]
+    fn bodies_of_all_maps_rest_in_a_t_pose_with_ends() {
+        for map in NameMap::shipped() {
+            let poses = take(map, 8);
+            let named = named_skeleton(&poses, map, ORDER).unwrap();
+            let joints = named.template.joints();
+            let place = |name: &str| {
+                let mut at = joints.iter().position(|j| j.name == name);
+                let mut sum = DVec3::ZERO;
+                while let Some(j) = at {
+                    sum += joints[j].offset;
+                    at = joints[j].parent;
+                }
+                sum
+            };
+            let name = |cmu: &str| {
+                let column = map.columns(&poses.points)[cmu];
+                poses.points[column].clone()
+            };
+            let along = |a: &str, b: &str| (place(&name(b)) - place(&name(a))).normalize();
+            for (side, out) in [("l", DVec3::X), ("r", DVec3::NEG_X)] {
+                let of = |bone: &str| format!("{side}{bone}");
+                let arm = along(&of("clavicle"), &of("humerus"));
+                let leg = along(&of("hipjoint"), &of("tibia"));
+                assert!(arm.dot(out) > 0.999 && leg.y < -0.999, "{}", map.name);
+            }
+            for (i, joint) in joints.iter().enumerate() {
+                let is_last = joints.iter().all(|j| j.parent != Some(i));
+                assert_eq!(joint.ends.len(), usize::from(is_last), "{}", joint.name);
+                assert!(joint.ends.iter().all(|e| e.offset.length() >= LEAST_END));
+            }
+            let fit = SkeletonFit::with_joints(&named.template).map(Some(map));
+            let fit = fit.fit(&named.poses).unwrap().sequence;
+            assert!(fit.mean <= 2.0, "{}: {}", map.name, fit.mean);
+        }
+    }
+
+    #[test]
+    fn what_a_skeleton_cannot_do_without_is_said() {
+        let map = NameMap::find("mediapipe").unwrap();
+        let mut poses = take(map, 3);
+        let wrist = poses.points.iter().position(|p| p == "left_wrist").unwrap();
+        poses.points[wrist] = "something".into();
+        let error = named_skeleton(&poses, map, ORDER).unwrap_err().to_string();
+        assert!(error.contains("left_wrist"), "{error}");
+        let mut empty = take(map, 3);
+        empty.xyz.fill(f64::NAN);
+        let error = named_skeleton(&empty, map, ORDER).unwrap_err().to_string();
+        assert!(error.contains("leg"), "{error}");
+        // A part that no frame shows has the length of people's.
+        let mut armless = take(map, 3);
+        let elbow = armless
+            .points
+            .iter()
+            .position(|p| p == "left_elbow")
+            .unwrap();
+        (0..3).for_each(|c| armless.xyz.column_mut(3 * elbow + c).fill(f64::NAN));
+        let named = named_skeleton(&armless, map, ORDER).unwrap();
+        let joints = named.template.joints();
+        let elbow = joints.iter().find(|j| j.name == "left_elbow").unwrap();
+        assert!(elbow.offset.length() > 20.0 && elbow.offset.length() < 40.0);
+    }
+}

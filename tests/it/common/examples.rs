@@ -99,6 +99,12 @@ set -e
 posing xyz2bvh -o walk.bvh truth.csv
 cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh; cp walk.bvh hero.bvh
 mkdir motions; cp walk.bvh motions/
+mkdir -p cmu/07 cmu/09; cp 07.asf 07_01.amc cmu/07; cp 09.asf 09_06.amc cmu/09
+posing rotations-train -q -o rotations.npz cmu/*/
+sed -E '1 s/\\<l(hipjoint|femur|tibia|foot|clavicle|humerus|radius)/left_\\1/g
+  1 s/\\<r(hipjoint|femur|tibia|foot|clavicle|humerus|radius)/right_\\1/g
+  1 s/hipjoint/hip/g; 1 s/femur/knee/g; 1 s/tibia/ankle/g; 1 s/foot/foot_index/g
+  1 s/clavicle/shoulder/g; 1 s/humerus/elbow/g; 1 s/radius/wrist/g' truth.csv > keypoints.csv
 ";
 
 /// Runs a script where the commands are on the PATH.
