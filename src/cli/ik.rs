@@ -128,12 +128,10 @@ impl JointArgs {
         });
         let prior = prior.transpose()?;
         if let Some(given) = given {
-            if let Some(map) = &map {
-                rename(poses, map, &given);
-            }
+            let map = map.filter(|map| !renamed(poses, map, &given));
             return Ok(TakeSkeleton {
                 skeleton: SkeletonKind::Given(given),
-                map: None,
+                map,
                 prior,
                 sd,
             });
@@ -199,22 +197,25 @@ fn with_middles(sd: &Array2<f64>, middles: &[Vec<usize>]) -> Array2<f64> {
     })
 }
 
-/// Names the points of a table as the joints of a skeleton that stand for the same of CMU's.
-fn rename(poses: &mut Poses, map: &NameMap, skeleton: &SkeletonFile) {
+/// Names the points of a table as the joints of a skeleton that stand for the same of CMU's; not
+/// where the map names the joints themselves, half of them or more.
+fn renamed(poses: &mut Poses, map: &NameMap, skeleton: &SkeletonFile) -> bool {
     let theirs = map.model_names(&poses.points);
-    poses.points = match skeleton {
-        SkeletonFile::Asf(_) => theirs,
-        SkeletonFile::Bvh(template) => {
-            let joints = template.joint_names();
-            let own = NameMap::fitting(&joints).map(|map| map.model_names(&joints));
-            let own = own.unwrap_or_else(|| joints.clone());
-            let joint = |name: &String| own.iter().position(|n| n == name);
-            let renamed = theirs.iter().zip(&poses.points);
-            let renamed =
-                renamed.map(|(cmu, name)| joint(cmu).map_or(name, |j| &joints[j]).clone());
-            renamed.collect()
-        }
+    let SkeletonFile::Bvh(template) = skeleton else {
+        poses.points = theirs;
+        return true;
     };
+    let joints = template.joint_names();
+    if 2 * map.columns(&joints).len() >= map.joints.len() {
+        return false;
+    }
+    let own = NameMap::fitting(&joints).map(|map| map.model_names(&joints));
+    let own = own.unwrap_or_else(|| joints.clone());
+    let joint = |name: &String| own.iter().position(|n| n == name);
+    let names = theirs.iter().zip(&poses.points);
+    let names = names.map(|(cmu, name)| joint(cmu).map_or(name, |j| &joints[j]).clone());
+    poses.points = names.collect();
+    true
 }
 
 /// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a
@@ -327,7 +328,7 @@ fn fit_messages(fit: &SequenceFit, mean: f64, names: &[String]) -> Vec<String> {
     }
     if fit.incomplete > 0 {
         lines.push(format!(
-            "{} had missing points; joints without points keep their last pose",
+            "{} had missing points; joints without points go on from the frame before to the one after",
             frames(fit.incomplete)
         ));
     }

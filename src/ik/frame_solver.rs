@@ -12,6 +12,7 @@
 //! is a minimum near the start.
 
 use super::tuning::frame_solver::*;
+use super::tuning::sequence::LEAST_SD;
 use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg;
 use crate::numeric::small_linalg::{add, backward, dot, factorize, forward};
@@ -25,6 +26,9 @@ use crate::prior::rotations::JointPrior;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
+
+/// The weight of a point that says no deviation, 1/cm².
+const MEASURED: f64 = 1.0 / (LEAST_SD * LEAST_SD);
 
 const SCHEDULE: Damping = Damping {
     start: DAMPING,
@@ -299,7 +303,7 @@ impl<'a> FrameSolver<'a> {
     /// Improves a frame from a start: `targets` (3 a joint; NaN is missing), `weights` one a joint,
     /// 1/cm².
     ///
-    /// The prior pulls the joints off sure points by some hundredths of a centimeter. Two last
+    /// The prior pulls the joints off measured points by some hundredths of a centimeter. Last
     /// steps in which these weigh more by far put them there.
     pub(crate) fn solve(
         &self,
@@ -309,8 +313,7 @@ impl<'a> FrameSolver<'a> {
         scratch: &mut Scratch,
     ) -> FrameFit {
         let fit = self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch);
-        let sure = weights.iter().copied().fold(0.0, f64::max);
-        let heavier = |w: &f64| if *w == sure { w * SURE } else { *w };
+        let heavier = |w: &f64| if *w >= MEASURED { w * SURE } else { *w };
         let heavier: Vec<f64> = weights.iter().map(heavier).collect();
         let end = (LAST_STEPS, LAST_TOLERANCE);
         let last = self.descend(targets, &heavier, fit.state, end, scratch);
@@ -350,6 +353,34 @@ impl<'a> FrameSolver<'a> {
     /// Whether each value of a state is an angle that is read there.
     pub(crate) fn angle_values(&self) -> &[bool] {
         &self.is_angle
+    }
+
+    /// The bones with a prior, and of each the points by which its rotation is seen.
+    pub(crate) fn seen_by(&self) -> impl Iterator<Item = (usize, Vec<usize>)> + '_ {
+        let bones = self.skeleton.bones();
+        let has_lever = move |t: &usize, bone: usize| {
+            self.joints[*t] != bone || bones[bone].offset != DVec3::ZERO
+        };
+        self.with_prior.iter().map(move |&(bone, first, _)| {
+            let moves = |t: &usize| self.moving[*t].contains(&first) && has_lever(t, bone);
+            (bone, (0..self.joints.len()).filter(moves).collect())
+        })
+    }
+
+    /// Gives a bone the rotation at a share of the way from one state to another.
+    pub(crate) fn set_between(
+        &self,
+        bone: usize,
+        (from, to): (&FrameState, &FrameState),
+        share: f64,
+        state: &mut FrameState,
+    ) {
+        let (a, b) = (from.rotations[bone], to.rotations[bone]);
+        let turn = rotation_vector(&(b * a.transpose())) * share;
+        state.rotations[bone] = from_rotation_vector(turn) * a;
+        for i in self.skeleton.dofs_of(bone).filter(|i| self.is_angle[*i]) {
+            state.values[i] = from.values[i] + share * (to.values[i] - from.values[i]);
+        }
     }
 
     /// The state at a share of the way from one to another.

@@ -102,7 +102,8 @@ pub(crate) fn fit_sequence(
     let stride = targets
         .rate
         .map_or(1, |rate| ((rate / KEY_RATE) as usize).max(1));
-    let fits = fitter.fit(stride, watch);
+    let mut fits = fitter.fit(stride, watch);
+    fitter.bridge_unseen(&mut fits);
     let mut out = SequenceFit {
         values: fitter.values(&fits),
         incomplete: fitter.frames.incomplete,
@@ -221,7 +222,7 @@ impl TakeFitter<'_> {
         let mut key_fits =
             self.in_blocks(keys.len(), watch, |n, scratch| of_mean(keys[n], scratch));
         for direction in [Direction::Forward, Direction::Backward] {
-            self.from_neighbors(&keys, &mut key_fits, direction);
+            self.retry_from_neighbors(&keys, &mut key_fits, direction);
         }
         if stride == 1 {
             return key_fits;
@@ -270,7 +271,12 @@ impl TakeFitter<'_> {
     }
 
     /// Every key frame from its neighbor's rotations too.
-    fn from_neighbors(&self, keys: &[usize], fits: &mut [Option<FrameFit>], direction: Direction) {
+    fn retry_from_neighbors(
+        &self,
+        keys: &[usize],
+        fits: &mut [Option<FrameFit>],
+        direction: Direction,
+    ) {
         let neighbor = |n: usize| match direction {
             Direction::Forward => n.checked_sub(1),
             Direction::Backward => Some(n + 1).filter(|n| *n < keys.len()),
@@ -308,6 +314,38 @@ impl TakeFitter<'_> {
             .zip(self.solver.angle_values());
         rotations.all(|(a, b)| angle_between(a, b) <= NEAR)
             && values.all(|((a, b), is_angle)| !is_angle || (a - b).abs() <= NEAR)
+    }
+
+    /// Carries bones over the frames in which no point shows how they turn: from the frame before
+    /// to the one after, held at the ends of the take. By itself a frame has them at the mean.
+    fn bridge_unseen(&self, fits: &mut [Option<FrameFit>]) {
+        let is_there =
+            |t: usize, p: usize| (0..3).all(|c| self.frames.xyz[[t, 3 * p + c]].is_finite());
+        for (bone, points) in self.solver.seen_by() {
+            let is_seen: Vec<bool> = (0..fits.len())
+                .map(|t| fits[t].is_some() && points.iter().any(|p| is_there(t, *p)))
+                .collect();
+            let seen: Vec<usize> = (0..fits.len()).filter(|t| is_seen[*t]).collect();
+            for t in (0..fits.len()).filter(|t| !is_seen[*t]) {
+                let next = seen.partition_point(|s| *s < t);
+                let after = seen.get(next).copied();
+                let Some(before) = next.checked_sub(1).map(|n| seen[n]).or(after) else {
+                    break;
+                };
+                let after = after.unwrap_or(before);
+                let share = match after > before {
+                    true => (t - before) as f64 / (after - before) as f64,
+                    false => 0.0,
+                };
+                let (Some(from), Some(to)) = (fits[before].clone(), fits[after].clone()) else {
+                    continue;
+                };
+                if let Some(fit) = &mut fits[t] {
+                    let ends = (&from.state, &to.state);
+                    self.solver.set_between(bone, ends, share, &mut fit.state);
+                }
+            }
+        }
     }
 
     /// The values of the take; angles follow the frame before.
@@ -379,6 +417,9 @@ impl TakeFitter<'_> {
                     rest: &rest,
                     rest_weight: 0.0,
                 };
+                let weights = self.frames.weights.row(t);
+                let weights = weights.iter().flat_map(|w| [*w * LEAST_SD * LEAST_SD; 3]);
+                solver.set_weights(&weights.collect::<Vec<f64>>());
                 solver.solve(&self.frames.xyz.row(t).to_vec(), &fixed, &held, &mut q);
                 q
             };
@@ -517,6 +558,32 @@ mod tests {
         assert_eq!(fit.values.row(0), fit.values.row(1));
         let none = fitted(turning(3) * f64::NAN, None, None);
         assert!(none.mean.is_nan() && none.values.iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn a_limb_without_points_goes_on_from_before_to_after() {
+        let whole = fitted(turning(30), None, None);
+        let mut xyz = turning(30);
+        // The left forearm and hand.
+        xyz.slice_mut(ndarray::s![10..16, 51..57]).fill(f64::NAN);
+        let fit = fitted(xyz, None, None);
+        assert_eq!(fit.incomplete, 6);
+        let apart = (&fit.values - &whole.values).mapv(f64::abs);
+        let most = apart.iter().fold(0.0, |z: f64, v| z.max(*v));
+        assert!(most <= 0.25, "{most}");
+    }
+
+    #[test]
+    fn points_that_all_are_unsure_leave_room_for_the_prior() {
+        let mut xyz = turning(12);
+        xyz[[5, 3 * 17 + 1]] += 6.0;
+        let sd = Array2::from_elem((12, 23), 3.0);
+        let elbow = |fit: &SequenceFit| fit.by_target[17].0;
+        let (unsure, sure) = (
+            fitted(xyz.clone(), Some(sd.view()), None),
+            fitted(xyz, None, None),
+        );
+        assert!(elbow(&unsure) > elbow(&sure) + 1.0);
     }
 
     #[test]

@@ -148,9 +148,9 @@ impl Retargeter {
         Ok(Retargeted {
             bvh: Bvh {
                 joints: self.bvh.joints.clone(),
-                frame_time: match source.frame_time > 0.0 {
-                    true => source.frame_time,
-                    false => 1.0 / rate,
+                frame_time: match source.rate() {
+                    Some(_) => source.frame_time,
+                    None => 1.0 / rate,
                 },
                 motion,
                 notes: Vec::new(),
