@@ -59,7 +59,7 @@ impl<'a> SkeletonFit<'a> {
     }
 
     /// The same for a table whose points are the joints of `template` by their names.
-    pub(crate) fn with_joints(template: &'a BvhTemplate) -> SkeletonFit<'a> {
+    pub fn with_joints(template: &'a BvhTemplate) -> SkeletonFit<'a> {
         SkeletonFit::of(Target::Joints(template))
     }
 

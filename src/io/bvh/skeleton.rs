@@ -355,7 +355,8 @@ impl BvhTemplate {
     }
 
     /// The names of the joints.
-    pub(crate) fn joint_names(&self) -> Vec<String> {
+    #[must_use]
+    pub fn joint_names(&self) -> Vec<String> {
         self.joints.iter().map(|j| j.name.clone()).collect()
     }
 
