@@ -134,7 +134,10 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
         name: name(p),
         parent: skinning.parents[p],
         at: meters(skinning.places[p]),
+        ..Bone::default()
     };
+    let mut bones: Vec<Bone> = (0..template.parts()).map(bone).collect();
+    Bone::point_along(&mut bones);
     let offsets = |shape: &[DVec3]| shape.iter().map(|v| meters(*v)).collect();
     let corrections = skinning.shapes.iter().enumerate().map(|(k, s)| Shape {
         name: format!("correction{}", k + 1),
@@ -159,7 +162,7 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
         faces: (template.surface().iter())
             .map(|f| f.map(|v| v as u32))
             .collect(),
-        bones: (0..template.parts()).map(bone).collect(),
+        bones,
         weights: skinning.weights.clone(),
         shapes: corrections
             .chain((0..PEOPLE.min(body.shape.len())).map(person))

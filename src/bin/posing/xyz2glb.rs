@@ -1,4 +1,4 @@
-//! Turns a pose table into a skeleton that viewers play.
+//! Turns a pose table into a simple body that viewers play.
 
 use clap::Parser;
 use posing::Result;
@@ -12,11 +12,13 @@ use posing::pose::rotation::Axis;
 use posing::pose::units::Units;
 use std::path::PathBuf;
 
-/// Convert a pose table to binary glTF: a skeleton that viewers play
+/// Convert a pose table to binary glTF: a body that viewers play
 ///
 /// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a
-/// simple mesh, an octahedron per bone, so that viewers and browsers show it. Lengths are meters, y
-/// points up. For a body with skin, see body-synth; for FBX, see posing-formats(7).
+/// simple skinned body, so that viewers and browsers show a person. Widths go by the length of the
+/// legs; a skeleton whose names no map knows has a tube around each bone. Bones lie along their own
+/// y axis, as Blender draws them. Lengths are meters, y points up. For a body of a person's shape,
+/// see body-synth; for FBX, see posing-formats(7).
 #[derive(Parser)]
 #[command(
     name = "xyz2glb",

@@ -22,10 +22,11 @@ pub struct Animation {
 }
 
 impl Animation {
-    /// An animation from the rotation and the place (meters) of each bone in the world at each key,
-    /// both (T, B). Morph targets are left at 0.
+    /// An animation from the rotation since the rest pose and the place (meters) of each bone in
+    /// the world at each key, both (T, B). Morph targets are left at 0.
     ///
-    /// Relative to its parent p, bone b has the rotation R_pᵀ R_b and the place R_pᵀ (x_b - x_p).
+    /// With the axes A of the rest pose and G = R A, bone b has the rotation G_pᵀ G_b and the place
+    /// G_pᵀ (x_b - x_p), relative to its parent p.
     ///
     /// # Panics
     /// A key has fewer rotations or places than there are bones, or a bone names a parent that is
@@ -37,12 +38,14 @@ impl Animation {
         rotations: &[Vec<DMat3>],
         places: &[Vec<DVec3>],
     ) -> Animation {
+        let axes: Vec<DMat3> = bones.iter().map(Bone::axes).collect();
+        let turned = |b: usize, key: usize| rotations[key][b] * axes[b];
         let parent_of = |b: usize, key: usize| match bones[b].parent {
-            Some(p) => (rotations[key][p].transpose(), places[key][p]),
+            Some(p) => (turned(p, key).transpose(), places[key][p]),
             None => (DMat3::IDENTITY, DVec3::ZERO),
         };
         let rotation = |b: usize, key: usize| {
-            let relative = parent_of(b, key).0 * rotations[key][b];
+            let relative = parent_of(b, key).0 * turned(b, key);
             DQuat::from_mat3(&relative).normalize().as_quat().to_array()
         };
         let place = |b: usize, key: usize| {

@@ -49,7 +49,10 @@ fn skeleton(bones: &[Bone]) -> Checked {
             u16::MAX
         ));
     }
-    finite(bones.iter().flat_map(|b| &b.at))?;
+    finite(bones.iter().flat_map(|b| b.at.iter().chain(&b.rotation)))?;
+    if bones.iter().any(|b| b.rotation == [0.0; 4]) {
+        return Err("a quaternion is 0".into());
+    }
     for bone in bones {
         let mut parent = bone.parent;
         for _ in 0..count {

@@ -7,12 +7,13 @@
 use super::buffer::{Buffer, container};
 use super::{Animation, SkinnedMesh, normals};
 use crate::{Error, Place, Result};
-use glam::DQuat;
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf_json::animation::{Channel, Interpolation, Property, Sampler, Target};
 use gltf_json::buffer::Target as View;
 use gltf_json::extras::RawValue;
 use gltf_json::material::{PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor};
 use gltf_json::mesh::{Mode, MorphTarget, Primitive, Semantic};
+use gltf_json::scene::UnitQuaternion;
 use gltf_json::validation::{Checked::Valid, USize64};
 use gltf_json::{Accessor, Index, Material, Mesh, Node, Root, Scene, Skin};
 
@@ -71,10 +72,16 @@ fn skeleton(mesh: &SkinnedMesh, root: &mut Root) {
         (!children.is_empty()).then_some(children)
     };
     for (b, bone) in mesh.bones.iter().enumerate() {
-        let origin = bone.parent.map_or([0.0; 3], |p| mesh.bones[p].at);
+        let above = bone.parent.map(|p| &mesh.bones[p]);
+        let (back, origin) = above.map_or((DMat3::IDENTITY, DVec3::ZERO), |p| {
+            (p.axes().transpose(), p.place())
+        });
+        let rotation = DQuat::from_mat3(&(back * bone.axes())).normalize();
+        let translation = back * (bone.place() - origin);
         root.push(Node {
             name: Some(bone.name.clone()),
-            translation: Some([0, 1, 2].map(|a| bone.at[a] - origin[a])),
+            rotation: Some(UnitQuaternion(rotation.as_quat().to_array())),
+            translation: Some(translation.as_vec3().to_array()),
             children: children(Some(b)),
             ..Node::default()
         });
@@ -174,13 +181,12 @@ fn targets(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Option<V
     (!targets.is_empty()).then_some(targets)
 }
 
-/// The skin: its bones, and how each is brought from its rest place to the origin.
+/// The skin: its bones, and how each is brought from its rest place and axes to the origin's.
 fn skin(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Index<Skin> {
     let inverse = mesh.bones.iter().map(|bone| {
-        let [x, y, z] = bone.at.map(|v| -v);
-        [
-            1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0,
-        ]
+        let back = DQuat::from_mat3(&bone.axes().transpose());
+        let inverse = DMat4::from_rotation_translation(back, back * -bone.place());
+        inverse.as_mat4().to_cols_array()
     });
     let inverse = buffer.floats(root, inverse, None, false);
     root.push(Skin {

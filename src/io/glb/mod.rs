@@ -5,18 +5,21 @@
 //! up, and a body faces +z. Equal meshes give equal bytes. Only what is written here is supported:
 //! nothing is read.
 //!
-//! In the rest pose the axes of all bones are the world's. So a vertex x of bone b moves to
-//! R_b (x - q_b) + p_b, with q_b the bone's place in the rest pose, p_b its place in the animation
-//! and R_b
-//! its rotation in the world; `Animation::from_world` turns these into the rotations and
-//! translations relative to the parent that the file holds.
+//! A vertex x of bone b moves to R_b (x - q_b) + p_b, with q_b the bone's place in the rest pose,
+//! p_b its place in the animation and R_b its rotation in the world since the rest pose. With A_b
+//! the bone's axes in the rest pose, its node stands at p_b and is turned by R_b A_b;
+//! `Animation::from_world` turns these into the rotations and translations relative to the parent
+//! that the file holds.
 
 mod animation;
 mod buffer;
 mod check;
 mod document;
+mod mannequin;
 mod normals;
+mod rest_axes;
 mod skeleton;
+mod tube;
 mod unit_weights;
 
 use super::output::write_file;
@@ -34,7 +37,7 @@ pub use animation::Animation;
 ///     name: "flag".into(),
 ///     vertices: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
 ///     faces: vec![[0, 1, 2]],
-///     bones: vec![Bone { name: "pole".into(), parent: None, at: [0.0; 3] }],
+///     bones: vec![Bone { name: "pole".into(), ..Bone::default() }],
 ///     weights: vec![[(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 3],
 ///     animations: vec![Animation {
 ///         name: "wave".into(),
@@ -67,7 +70,7 @@ pub struct SkinnedMesh {
 }
 
 /// A bone of the skeleton.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Bone {
     /// The name that animation software shows.
     pub name: String,
@@ -75,6 +78,20 @@ pub struct Bone {
     pub parent: Option<usize>,
     /// The place of its joint in the rest pose, meters.
     pub at: [f32; 3],
+    /// The rotation of its axes in the rest pose, from the world's, as a quaternion x, y, z, w.
+    pub rotation: [f32; 4],
+}
+
+/// A bone at the origin with the axes of the world.
+impl Default for Bone {
+    fn default() -> Bone {
+        Bone {
+            name: String::new(),
+            parent: None,
+            at: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+        }
+    }
 }
 
 /// A morph target: weight times offset is added to each vertex, before the bones move it.

@@ -1,25 +1,22 @@
-//! A skeleton in motion as a mesh that viewers show: an octahedron per bone, as animation software
-//! draws bones.
+//! A skeleton in motion as a skinned body that viewers show and animation software takes.
 
+use super::mannequin::{Joint, push_body};
+use super::rest_axes::TOGETHER;
 use super::{Animation, Bone, SkinnedMesh};
-use crate::io::bvh::{BvhPoints, BvhTemplate, Joint};
+use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use ndarray::ArrayView2;
 
-/// Where along a bone its octahedron is thickest, and how thick that is, as shares of its length.
-const THICKEST: f64 = 0.15;
-const THICKNESS: f64 = 0.09;
-/// Bones shorter than this, cm, have no octahedron.
+/// Chains that end in a bone shorter than this, cm, have no NAME_end.
 const SHORTEST: f64 = 0.5;
 
-/// A skeleton as glTF has it: nodes that stand and turn in the world, and the straight pieces
-/// between them.
+/// A skeleton as glTF has it: nodes that stand and turn in the world, and the joints between which
+/// the body lies.
 struct Nodes {
     bones: Vec<Bone>,
-    /// By piece: the node that it turns with, and where it starts and ends in the rest pose, cm.
-    pieces: Vec<(usize, DVec3, DVec3)>,
+    joints: Vec<Joint>,
     /// By node: the bone that it turns with.
     turning: Vec<usize>,
     /// By node: the bone at whose start it stands, or else at whose end.
@@ -45,6 +42,7 @@ impl SkinnedMesh {
             name: bone.name.clone(),
             parent: bone.parent,
             at: meters(rest.starts[b]),
+            ..Bone::default()
         });
         let count = skeleton.bones().len();
         let last = chain_ends(skeleton, &rest);
@@ -52,13 +50,20 @@ impl SkinnedMesh {
             name: format!("{}_end", skeleton.bones()[b].name),
             parent: Some(b),
             at: meters(rest.ends[b]),
+            ..Bone::default()
         });
         // An end turns as its bone does.
         let starts = (0..count).map(|b| (b, true));
         let nodes = Nodes {
             bones: own.chain(ends).collect(),
-            pieces: (0..count)
-                .map(|b| (b, rest.starts[b], rest.ends[b]))
+            joints: (skeleton.bones().iter().enumerate())
+                .map(|(b, bone)| Joint {
+                    name: bone.name.clone(),
+                    parent: bone.parent,
+                    at: rest.ends[b],
+                    bone: b as u16,
+                    carrier: b as u16,
+                })
                 .collect(),
             turning: (0..count).chain(last.iter().copied()).collect(),
             at: starts.chain(last.iter().map(|&b| (b, false))).collect(),
@@ -83,12 +88,10 @@ impl SkinnedMesh {
         let joints = template.joints();
         let points = template.skeleton.points(BvhPoints::Origins);
         // End Sites follow the joints, in their order.
-        let of_joint = |(j, joint): (usize, &Joint)| vec![Some(j); joint.ends.len()];
-        let parents = (joints.iter().map(|j| j.parent))
-            .chain(joints.iter().enumerate().flat_map(of_joint))
-            .collect::<Vec<Option<usize>>>();
+        let ends = joints.iter().enumerate();
+        let ends = ends.flat_map(|(j, joint)| vec![Some(j); joint.ends.len()]);
+        let parents: Vec<Option<usize>> = joints.iter().map(|j| j.parent).chain(ends).collect();
         let at = |n: usize| rest.ends[points[n].1];
-        let pieces = parents.iter().enumerate();
         let turns_with = |n: usize| match parents[n] {
             Some(parent) if n >= joints.len() => points[parent].1,
             _ => points[n].1,
@@ -99,10 +102,17 @@ impl SkinnedMesh {
                     name: name.clone(),
                     parent: *parent,
                     at: meters(at(n)),
+                    ..Bone::default()
                 })
                 .collect(),
-            pieces: pieces
-                .filter_map(|(n, parent)| Some(((*parent)?, at((*parent)?), at(n))))
+            joints: (points.iter().zip(&parents).enumerate())
+                .map(|(n, ((name, _), parent))| Joint {
+                    name: name.clone(),
+                    parent: *parent,
+                    at: at(n),
+                    bone: parent.unwrap_or(n) as u16,
+                    carrier: n as u16,
+                })
                 .collect(),
             turning: (0..points.len()).map(turns_with).collect(),
             at: points.iter().map(|(_, bone)| (*bone, false)).collect(),
@@ -112,9 +122,9 @@ impl SkinnedMesh {
 }
 
 impl Nodes {
-    /// The mesh of the pieces, with the motion of the nodes.
+    /// The body, with the motion of the nodes.
     fn animated(
-        self,
+        mut self,
         name: &str,
         skeleton: &Skeleton,
         values: ArrayView2<'_, f64>,
@@ -125,13 +135,12 @@ impl Nodes {
             name: name.to_string(),
             ..SkinnedMesh::default()
         };
-        for (bone, start, end) in self.pieces {
-            push_octahedron(&mut mesh, bone as u16, start, end);
-        }
+        push_body(&mut mesh, &self.joints);
+        Bone::point_along(&mut self.bones);
         let postures: Vec<Posture> = (values.rows().into_iter())
             .map(|row| skeleton.posture(&row.to_vec()))
             .collect();
-        // The axes of all bones are the world's in the rest pose.
+        // Since the rest pose.
         let turned = |p: &Posture| {
             let all = self.turning.iter();
             all.map(|&b| p.rotations[b] * rest.rotations[b].transpose())
@@ -144,8 +153,16 @@ impl Nodes {
             };
             self.at.iter().map(place).collect()
         };
-        let rotations: Vec<Vec<_>> = postures.iter().map(turned).collect();
-        let places: Vec<Vec<_>> = postures.iter().map(places).collect();
+        let mut rotations: Vec<Vec<DMat3>> = postures.iter().map(turned).collect();
+        let mut places: Vec<Vec<DVec3>> = postures.iter().map(places).collect();
+        if let Some(end) = end_of_root(&self.bones) {
+            let along = end.place() - self.bones[0].place();
+            for (rotations, places) in rotations.iter_mut().zip(&mut places) {
+                places.push(places[0] + rotations[0] * along);
+                rotations.push(rotations[0]);
+            }
+            self.bones.push(end);
+        }
         let first = times.first().copied().unwrap_or(0.0);
         let times = times.iter().map(|t| (t - first) as f32).collect();
         mesh.animations = vec![Animation::from_world(
@@ -168,26 +185,25 @@ fn chain_ends(skeleton: &Skeleton, rest: &Posture) -> Vec<usize> {
     (0..bones.len()).filter(is_last).filter(is_long).collect()
 }
 
-fn push_octahedron(mesh: &mut SkinnedMesh, bone: u16, start: DVec3, end: DVec3) {
-    let length = (end - start).length();
-    if length < SHORTEST {
-        return;
+/// An end for a root all of whose children stand where it does: importers would draw it a meter
+/// long. It is as far away as the nearest bone that is not there.
+fn end_of_root(bones: &[Bone]) -> Option<Bone> {
+    let root = bones.first()?;
+    let away = |b: &Bone| Some((b.place() - root.place()).length()).filter(|d| *d > TOGETHER);
+    if bones
+        .iter()
+        .any(|b| b.parent == Some(0) && away(b).is_some())
+    {
+        return None;
     }
-    let along = (end - start) / length;
-    let side = along.any_orthonormal_vector();
-    let across = along.cross(side);
-    let middle = start + THICKEST * (end - start);
-    let corners = [side, across, -side, -across].map(|d| middle + THICKNESS * length * d);
-    let first = mesh.vertices.len() as u32;
-    let all = [start, end].into_iter().chain(corners);
-    mesh.vertices.extend(all.map(meters));
-    for i in 0..4 {
-        let (a, b) = (first + 2 + i, first + 2 + (i + 1) % 4);
-        mesh.faces.push([first, b, a]);
-        mesh.faces.push([first + 1, a, b]);
-    }
-    mesh.weights
-        .extend([[(bone, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 6]);
+    let length = bones.iter().filter_map(away).reduce(f64::min)?;
+    let at = root.place() + length * root.axes().y_axis;
+    Some(Bone {
+        name: format!("{}_end", root.name),
+        parent: Some(0),
+        at: at.as_vec3().to_array(),
+        rotation: root.rotation,
+    })
 }
 
 fn meters(v: DVec3) -> [f32; 3] {
@@ -199,7 +215,7 @@ mod tests {
     use super::*;
     use crate::pose::rotation::Axis;
     use crate::pose::{Channel, Dof};
-    use glam::{DMat3, DQuat, Quat, Vec3};
+    use glam::{DQuat, Quat, Vec3};
     use ndarray::array;
 
     /// Two bones of 40 and 30 cm that turn.
@@ -221,37 +237,49 @@ mod tests {
         .unwrap()
     }
 
+    /// The rotation and the place, meters, of each node in the world at a key.
+    fn world(mesh: &SkinnedMesh, key: usize) -> Vec<(DQuat, DVec3)> {
+        let animation = &mesh.animations[0];
+        let mut world: Vec<(DQuat, DVec3)> = Vec::new();
+        for (b, bone) in mesh.bones.iter().enumerate() {
+            let own = Quat::from_array(animation.rotations[b][key]).as_dquat();
+            let at = Vec3::from_array(animation.translations[b][key]).as_dvec3();
+            let above = bone
+                .parent
+                .map_or((DQuat::IDENTITY, DVec3::ZERO), |p| world[p]);
+            world.push((above.0 * own, above.1 + above.0 * at));
+        }
+        world
+    }
+
     #[test]
-    fn vertices_follow_the_bones() {
+    fn nodes_follow_the_bones() {
         let skeleton = arm();
         let values = array![[0.0, 0.0, 0.0, 0.0], [50.0, 0.4, -0.7, 1.1]];
         let times = [3.0, 3.5];
         let mesh = SkinnedMesh::of_skeleton("arm", &skeleton, values.view(), &times);
         assert!(mesh.to_glb().unwrap().starts_with(b"glTF"));
-        assert_eq!((mesh.vertices.len(), mesh.faces.len()), (12, 16));
         assert_eq!(mesh.animations[0].times, [0.0, 0.5]);
-        // The tip of each bone is where kinematics has it.
+        let names: Vec<&str> = mesh.bones.iter().map(|b| b.name.as_str()).collect();
+        assert_eq!(names, ["root", "upper", "lower", "lower_end", "root_end"]);
         let posture = skeleton.posture(&values.row(1).to_vec());
-        let animation = &mesh.animations[0];
-        let mut world: Vec<(DQuat, DVec3)> = Vec::new();
-        for (b, bone) in mesh.bones.iter().enumerate() {
-            let own = Quat::from_array(animation.rotations[b][1]).as_dquat();
-            let at = Vec3::from_array(animation.translations[b][1]).as_dvec3();
-            world.push(match bone.parent {
-                None => (own, at),
-                Some(p) => (world[p].0 * own, world[p].1 + world[p].0 * at),
-            });
+        let rest = skeleton.posture(&values.row(0).to_vec());
+        let world = world(&mesh, 1);
+        for b in 0..3 {
+            assert!((world[b].1 * 100.0 - posture.starts[b]).length() < 1e-3);
+            // The bone turns as kinematics has it, and lies along its node's y axis.
+            let turned = posture.rotations[b] * rest.rotations[b].transpose();
+            let now = DMat3::from_quat(world[b].0);
+            assert!(now.abs_diff_eq(turned * mesh.bones[b].axes(), 1e-6), "{b}");
+            let along = (posture.ends[b] - posture.starts[b]).normalize_or(now.y_axis);
+            assert!((now.y_axis - along).length() < 1e-5, "{b}");
         }
-        for (vertex, weight) in mesh.vertices.iter().zip(&mesh.weights).skip(1).step_by(6) {
-            let b = weight[0].0 as usize;
-            let rest = Vec3::from_array(*vertex).as_dvec3()
-                - Vec3::from_array(mesh.bones[b].at).as_dvec3();
-            let now = world[b].1 + world[b].0 * rest;
-            assert!((now * 100.0 - posture.ends[b]).length() < 1e-3, "{b}");
-        }
-        // The end of the chain is a bone of its own.
-        assert_eq!(mesh.bones[3].name, "lower_end");
         assert!((world[3].1 * 100.0 - posture.ends[2]).length() < 1e-3);
+        // The root, whose child stands where it does, has an end of its own.
+        let end = posture.starts[0] + posture.rotations[0] * DVec3::Y * 40.0;
+        assert!((world[4].1 * 100.0 - end).length() < 1e-3);
+        // Two tubes.
+        assert_eq!(mesh.vertices.len() - mesh.faces.len() / 2, 4);
     }
 
     #[test]
@@ -278,18 +306,13 @@ mod tests {
         let mesh = SkinnedMesh::of_template("t", &template, values.view(), &[0.0]);
         let names: Vec<&str> = mesh.bones.iter().map(|b| b.name.as_str()).collect();
         assert_eq!(names, ["a", "b", "c", "b_end"]);
-        let animation = &mesh.animations[0];
-        let mut world: Vec<(DQuat, DVec3)> = Vec::new();
-        for (b, bone) in mesh.bones.iter().enumerate() {
-            let own = Quat::from_array(animation.rotations[b][0]).as_dquat();
-            let at = Vec3::from_array(animation.translations[b][0]).as_dvec3();
-            let above = bone
-                .parent
-                .map_or((DQuat::IDENTITY, DVec3::ZERO), |p| world[p]);
-            world.push((above.0 * own, above.1 + above.0 * at));
+        for (b, (_, at)) in world(&mesh, 0).into_iter().enumerate() {
             let want = DVec3::from_array([0, 1, 2].map(|c| poses.xyz[[0, 3 * b + c]]));
-            assert!((world[b].1 * 100.0 - want).length() < 1e-3, "{}", bone.name);
+            assert!((at * 100.0 - want).length() < 1e-3, "{}", names[b]);
         }
-        assert_eq!(mesh.faces.len(), 3 * 8);
+        let y_of = |b: usize| mesh.bones[b].axes().y_axis;
+        assert!((y_of(0) - DVec3::Y).length() < 1e-6 && (y_of(1) - DVec3::Z).length() < 1e-6);
+        // A tube for each of the three bones.
+        assert_eq!(mesh.vertices.len() - mesh.faces.len() / 2, 6);
     }
 }

@@ -82,11 +82,14 @@ impl Reader {
     /// Where a node stands in the world at a key.
     fn node(&self, node: usize, key: usize) -> DAffine3 {
         let nodes = self.json["nodes"].as_array().unwrap();
-        let rest = nodes[node]["translation"].as_array();
-        let rest: Option<Vec<f64>> = rest.map(|t| t.iter().map(|v| v.as_f64().unwrap()).collect());
-        let translation = self.keyed(node, "translation", key, 3).or(rest);
+        let rest = |path: &str| -> Option<Vec<f64>> {
+            let numbers = nodes[node][path].as_array()?;
+            Some(numbers.iter().map(|v| v.as_f64().unwrap()).collect())
+        };
+        let translation = self.keyed(node, "translation", key, 3);
+        let translation = translation.or(rest("translation"));
         let translation = translation.map_or(DVec3::ZERO, |t| DVec3::from_slice(&t));
-        let rotation = self.keyed(node, "rotation", key, 4);
+        let rotation = self.keyed(node, "rotation", key, 4).or(rest("rotation"));
         let rotation = rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_slice(&q));
         let local = DAffine3::from_rotation_translation(rotation, translation);
         let holds = |n: &Value| {
@@ -156,18 +159,19 @@ fn sample() -> SkinnedMesh {
             .map(|v| (0.1 * wave3(v + k)).as_vec3().to_array())
             .collect(),
     };
-    let bone = |name: &str, parent, at: [f32; 3]| Bone {
+    let bone = |name: &str, parent, at: [f32; 3], turned: usize| Bone {
         name: name.into(),
         parent,
         at,
+        rotation: Quat::from_scaled_axis(wave3(turned).as_vec3()).to_array(),
     };
     SkinnedMesh {
         name: "sample".into(),
         faces: (0..18).map(|f| [f, f + 1, f + 2]).collect(),
         bones: vec![
-            bone("arm", Some(2), [0.1, 0.7, 0.0]),
-            bone("hand", Some(0), [0.3, 0.9, -0.2]),
-            bone("hips", None, [0.0, 0.5, 0.1]),
+            bone("arm", Some(2), [0.1, 0.7, 0.0], 3),
+            bone("hand", Some(0), [0.3, 0.9, -0.2], 5),
+            bone("hips", None, [0.0, 0.5, 0.1], 8),
         ],
         weights: (0..20)
             .map(|v| [(2, 0.5), (v % 2, 0.25), (0, 0.0), (7, 0.0)])
@@ -377,6 +381,10 @@ fn what_is_no_mesh_is_refused() {
             "follows bone 1 twice",
         ),
         (refused(|m| m.bones[2].parent = Some(1)), "form a circle"),
+        (
+            refused(|m| m.bones[1].rotation = [0.0; 4]),
+            "a quaternion is 0",
+        ),
         (
             refused(|m| m.bones[2].parent = Some(9)),
             "there is no bone 9",
