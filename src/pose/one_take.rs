@@ -12,7 +12,8 @@ const LISTED: usize = 8;
 /// The frames of the take `wanted`, or all frames of a table with one take.
 ///
 /// # Errors
-/// Those of [`take_rows`].
+/// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it
+/// lists the takes of the table called `name`.
 pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
     let Some(rows) = take_rows(&poses, wanted, name)? else {
         return Ok(poses);
@@ -26,11 +27,7 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
     })
 }
 
-/// The rows of the take `wanted`; `None`: all, of a table with one take.
-///
-/// # Errors
-/// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it
-/// lists the takes of the table called `name`.
+/// The rows of the take `wanted`; `None`: all, of a table with one take. Fails as [`one_take`] does.
 pub(crate) fn take_rows(
     poses: &Poses,
     wanted: Option<&str>,
