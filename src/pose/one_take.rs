@@ -27,7 +27,8 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
     })
 }
 
-/// The rows of the take `wanted`; `None`: all, of a table with one take. Fails as [`one_take`] does.
+/// The rows of the take `wanted`; `None`: all, of a table with one take. Fails as [`one_take`]
+/// does.
 pub(crate) fn take_rows(
     poses: &Poses,
     wanted: Option<&str>,
