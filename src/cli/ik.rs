@@ -328,7 +328,8 @@ fn fit_messages(fit: &SequenceFit, mean: f64, names: &[String]) -> Vec<String> {
     }
     if fit.incomplete > 0 {
         lines.push(format!(
-            "{} had missing points; joints without points go on from the frame before to the one after",
+            "{} had missing points; joints without them go from the frame before to the one \
+             after",
             frames(fit.incomplete)
         ));
     }

@@ -55,7 +55,11 @@ pub struct Args {
     skeleton: Option<PathBuf>,
     /// BVH file whose missing values (the word nan) are filled from the table, which has its
     /// joints, as bvh2xyz writes them, and its frames; every other byte of it stays
-    #[arg(long, value_name = "ORIGINAL.bvh", conflicts_with_all = ["skeleton", "order", "limits", "map", "rotations"])]
+    #[arg(
+        long,
+        value_name = "ORIGINAL.bvh",
+        conflicts_with_all = ["skeleton", "order", "limits", "map", "rotations"]
+    )]
     into: Option<PathBuf>,
     #[command(flatten)]
     joints_of: JointArgs,
