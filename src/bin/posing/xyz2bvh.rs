@@ -42,7 +42,7 @@ use std::path::{Path, PathBuf};
         \n  posing xyz2bvh -o walk.bvh walk.csv\
         \n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\
         \n  posing xyz2bvh --map mediapipe -o walk.bvh keypoints.csv\
-        \n  posing csv2xyz --units cm --up y take.csv | posing xyz2bvh --skeleton rig.bvh -o take.bvh\
+        \n  posing csv2xyz --units cm --up y a.csv | posing xyz2bvh --skeleton rig.bvh -o a.bvh\
         \n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]
 pub struct Args {

@@ -98,7 +98,7 @@ pub const BVH: &str = "
 set -e
 posing xyz2bvh -o walk.bvh truth.csv
 cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh; cp walk.bvh hero.bvh; cp walk.bvh rig.bvh
-sed '1 s/\\.\\([xyz]\\)/_\\1/g' truth.csv > take.csv
+sed '1 s/\\.\\([xyz]\\)/_\\1/g' truth.csv > a.csv
 mkdir motions; cp walk.bvh motions/
 mkdir -p cmu/07 cmu/09; cp 07.asf 07_01.amc cmu/07; cp 09.asf 09_06.amc cmu/09
 posing rotations-train -q -o rotations.npz cmu/*/
