@@ -91,14 +91,15 @@ pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool,
             "the whole body jumps {n} times: taken as cuts, nothing is joined across"
         )),
     }
-    match counts.takes_alone {
+    match counts.takes_unknown {
         0 => {}
         1 => messages::info(
-            "the model knows no poses like most of the take's: restored from its own frames alone",
+            "the model knows no poses like most of the take's: restored from its own frames, with what \
+             the model's add in simulated gaps",
         ),
         n => messages::info(&format!(
             "the model knows no poses like most of those of {n} takes: restored from their own \
-             frames alone"
+             frames, with what the model's add in simulated gaps"
         )),
     }
     if counts.novel > 0 {

@@ -85,11 +85,10 @@ impl Method for Complete {
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = TakeResult::captured(take.xyz);
         let noise = typical_noise(captured.view(), take.runs).max(sd.unwrap_or(0.0));
-        // A take unlike all that the model knows is restored alone.
-        out.take_alone = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
-        let known = adapted.as_ref().filter(|_| !out.take_alone);
+        out.is_unknown = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
         let filled = fill_gaps(
-            known,
+            adapted.as_ref(),
+            !out.is_unknown,
             &take.with_xyz(captured.view()),
             &gaps,
             self.max_gap,

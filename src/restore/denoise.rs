@@ -87,12 +87,12 @@ impl Method for Denoise {
         let expected = known.map(|adapted| ModelEstimates::new(adapted, &smoothed, take, done));
         // 4. The smoothed points, drawn there by as much as they are noisy.
         let mut out = TakeResult::captured(take.xyz);
-        out.take_alone = adapted.is_some() && known.is_none();
+        out.is_unknown = adapted.is_some() && known.is_none();
         out.noise = smoothed.noise.mean();
         out.exchanged = exchanged.iter().map(|e| e.frames.len()).sum();
         put_denoised(&mut out, captured, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.
-        self.fill(&mut out, captured, take, &outliers, known);
+        self.fill(&mut out, captured, take, &outliers, adapted.as_ref());
         out.vacate(&emptied);
         // 6. The bones of the limbs, of one length each.
         let bones = mapping.map_or(Vec::new(), PointMapping::limb_bones);
@@ -229,7 +229,7 @@ impl Denoise {
         captured: ArrayView2<'_, f64>,
         take: &Take<'_>,
         outliers: &Outliers,
-        known: Option<&AdaptedPrior<'_>>,
+        adapted: Option<&AdaptedPrior<'_>>,
     ) {
         let seen = outliers.removed_from(out.xyz.view());
         let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
@@ -243,7 +243,8 @@ impl Denoise {
             sd: Some(sd.view()),
             ..take.with_xyz(seen.view())
         };
-        let filled = fill_gaps(known, &seen, &gaps, self.max_gap, &|_| ());
+        let is_known = !out.is_unknown;
+        let filled = fill_gaps(adapted, is_known, &seen, &gaps, self.max_gap, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(out, captured, gap, filled.as_ref(), !is_filled(gap));
         }

@@ -20,8 +20,9 @@ pub struct RestorationCounts {
     pub too_little: usize,
     /// Frames whose restored pose has a novelty above 0.
     pub novel: usize,
-    /// Takes restored without the model, as it knows no poses like most of theirs.
-    pub takes_alone: usize,
+    /// Takes of which the model knows no poses like most: smoothed without it, and filled with it as
+    /// far as it fills simulated gaps.
+    pub takes_unknown: usize,
     /// Jumps of a whole body, across which nothing was restored.
     pub cuts: usize,
     /// Missing points that were filled.
@@ -44,7 +45,7 @@ impl RestorationCounts {
         self.frames += other.frames;
         self.too_little += other.too_little;
         self.novel += other.novel;
-        self.takes_alone += other.takes_alone;
+        self.takes_unknown += other.takes_unknown;
         self.cuts += other.cuts;
         self.filled += other.filled;
         self.exchanged += other.exchanged;
@@ -130,7 +131,7 @@ impl<'t> Restoration<'t> {
         self.counts.add(&RestorationCounts {
             frames: count,
             too_little: restored.too_little,
-            takes_alone: usize::from(restored.take_alone),
+            takes_unknown: usize::from(restored.is_unknown),
             exchanged: restored.exchanged,
             novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
             noise: restored.noise * count as f64,

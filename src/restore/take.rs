@@ -239,8 +239,8 @@ pub(crate) struct TakeResult {
     pub xyz: Array2<f64>,
     /// (frames x J).
     pub states: Vec<PointState>,
-    /// Whether the model knows so little of the take that it was restored without.
-    pub take_alone: bool,
+    /// Whether the model knows no poses like most of the take's.
+    pub is_unknown: bool,
     /// Frames with too little seen to restore them.
     pub too_little: usize,
     /// How often two points bore each other's names, and were put back.

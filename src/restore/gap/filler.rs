@@ -25,6 +25,8 @@ pub(crate) struct GapFiller<'a, 't> {
     /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does
     /// not know are NaN.
     others: Option<ArrayView2<'a, f64>>,
+    /// Whether these are unlike the take's.
+    in_doubt: bool,
     limits: MotionLimits,
     known: Known,
 }
@@ -35,11 +37,13 @@ impl<'a, 't> GapFiller<'a, 't> {
         take: &'a Take<'t>,
         gaps: &'a [Gap],
         others: Option<ArrayView2<'a, f64>>,
+        in_doubt: bool,
     ) -> GapFiller<'a, 't> {
         GapFiller {
             take,
             gaps,
             others,
+            in_doubt,
             limits: MotionLimits::measure(take, gaps),
             known: Known::new(take),
         }
@@ -180,11 +184,12 @@ impl<'a, 't> GapFiller<'a, 't> {
     /// Fills the gaps of one group by what other points say. `None` where too little is known.
     ///
     /// A model knows its own points. Where a table has more, these may say more than the model
-    /// does, or all may stand elsewhere on the body: then the gaps are also learned from the take
-    /// alone, and the two weighed by their errors in simulated gaps.
+    /// does, or all may stand elsewhere on the body, and where its poses are unlike the take's they
+    /// may say nothing: then the gaps are also learned from the take alone, and the two weighed by
+    /// their errors in simulated gaps.
     fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
         let first = self.regress_on(group, self.others, self.take.names)?;
-        if !first.leave_out {
+        if !first.leave_out && !(self.in_doubt && self.others.is_some()) {
             return Some(first.gaps);
         }
         // Nor is a pelvis by these names the best frame of reference.
@@ -193,10 +198,16 @@ impl<'a, 't> GapFiller<'a, 't> {
         };
         let both = first.gaps.into_iter().zip(alone.gaps);
         let errors = first.errors.iter().zip(&alone.errors);
-        let mixed = both.zip(errors).map(|((first, alone), (e, f))| {
-            let share = f * f / (MODEL_DOUBT * e * e + f * f);
-            first.mixed_with(&alone, if share.is_nan() { UNTRIED_SHARE } else { share })
-        });
+        let mixed = both
+            .zip(errors)
+            .zip(group)
+            .map(|(((first, alone), (e, f)), gap)| {
+                let share = f * f / (MODEL_DOUBT * e * e + f * f);
+                let share = if share.is_nan() { UNTRIED_SHARE } else { share };
+                let all = [first.clone().mixed_with(&alone, share), alone, first];
+                let allows = |f: &&FilledGap| self.limits.allow(self.take.xyz, &self.gaps[*gap], f);
+                all.iter().find(allows).unwrap_or(&all[0]).clone()
+            });
         Some(mixed.collect())
     }
 
@@ -413,7 +424,8 @@ mod tests {
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| {});
+        let (filled, _) =
+            GapFiller::new(&take, &gaps, None, false).fill(&vec![None; gaps.len()], &|_| {});
         for (gap, filled) in gaps.iter().zip(&filled) {
             // At the ends of the take nothing is known on one side.
             if gap.before.is_none() || gap.after.is_none() {
@@ -425,7 +437,7 @@ mod tests {
                 assert!(off.abs() <= 0.05, "{off} at {:?}", gap.frames);
             }
         }
-        let filler = GapFiller::new(&take, &gaps, None);
+        let filler = GapFiller::new(&take, &gaps, None, false);
         gaps.iter().for_each(|gap| {
             filler.by_path(gap);
         });
@@ -468,7 +480,8 @@ mod tests {
             sd: None,
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
-        let (filled, _) = GapFiller::new(&take, &gaps, None).fill(&vec![None; gaps.len()], &|_| ());
+        let (filled, _) =
+            GapFiller::new(&take, &gaps, None, false).fill(&vec![None; gaps.len()], &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             let filled = filled.as_ref().expect("a gap stays");
             for (i, t) in gap.frames.clone().enumerate() {

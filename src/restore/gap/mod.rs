@@ -129,10 +129,13 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
-/// Fills the gaps of a take: by the frames around them, else by the model. Those in which no body
-/// can be placed are bridged up to `longest` seconds; `None`: one.
+/// Fills the gaps of a take: by the frames around them, else by the model. Where the model does not
+/// know the take (`is_known`) its poses have the weight that they earn in simulated gaps, and no
+/// frame is filled by it alone. Gaps in which no body can be placed are bridged up to `longest`
+/// seconds; `None`: one.
 pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
+    is_known: bool,
     take: &Take<'_>,
     gaps: &[Gap],
     longest: Option<f64>,
@@ -141,8 +144,9 @@ pub(crate) fn fill_gaps(
     let poses = adapted.and_then(AdaptedPrior::training_poses);
     let others = poses.as_ref().map(|p| p.view());
     let bridged = whole_body::bridge(take, gaps, longest);
-    let (mut filled, implausible) = GapFiller::new(take, gaps, others).fill(&bridged, done);
-    if let Some(adapted) = adapted {
+    let filler = GapFiller::new(take, gaps, others, !is_known);
+    let (mut filled, implausible) = filler.fill(&bridged, done);
+    if let Some(adapted) = adapted.filter(|_| is_known) {
         let seen = whole_body::with_bridged(take.xyz, gaps, &bridged);
         let take = take.with_xyz(seen.view());
         model_fill::fill(adapted, &take, gaps, &mut filled, implausible, done);

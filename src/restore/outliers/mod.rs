@@ -79,7 +79,7 @@ impl Outliers {
         let rest = take.with_xyz(smoothed.mean.view());
         let mut gaps = find_gaps(rest.xyz, rest.runs);
         gaps.retain(|gap| self.is_in(gap));
-        let filled = fill_gaps(adapted, &rest, &gaps, None, &|_| ());
+        let filled = fill_gaps(adapted, true, &rest, &gaps, None, &|_| ());
         let mut is_any = false;
         for (gap, filled) in gaps.iter().zip(&filled) {
             let Some(filled) = filled else { continue };
