@@ -79,7 +79,7 @@ pub struct RestoringArgs {
     pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
-    /// regression, pchip, model) for each point; unlike for each frame (novelty of its pose in
+    /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its pose in
     /// nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,

@@ -15,7 +15,6 @@ mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 mod tuning;
-mod two_bone;
 
 pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::solve_missing_channels;

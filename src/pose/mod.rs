@@ -2,6 +2,7 @@
 
 pub(crate) mod body;
 pub(crate) mod bone_points;
+pub(crate) mod foot_contacts;
 pub(crate) mod joint_angles;
 pub mod joints;
 pub mod kinematics;
@@ -18,6 +19,7 @@ pub(crate) mod status;
 pub(crate) mod stray;
 pub(crate) mod transform;
 pub(crate) mod trimming;
+pub(crate) mod two_bone;
 pub mod units;
 
 pub use body::Body;

@@ -33,10 +33,13 @@ pub enum FillMethod {
     Interpolation,
     /// By the model, frame by frame.
     Model,
+    /// Held where a foot stands.
+    Contact,
 }
 
 names!(FillMethod {
     Regression = "regression",
     Interpolation = "pchip",
     Model = "model",
+    Contact = "contact",
 });

@@ -9,6 +9,7 @@ const SEEN = 0, MOVED = 1, FILLED = 2;
 const LOOKS = [
   ["middle", [], "measured"], ["changed", [], "changed"], ["inferred", [7, 3], "inferred"],
   ["inferred", [7, 3], "filled by regression"], ["f5", [2, 3], "filled by PCHIP"], ["left", [9, 3, 2, 3], "filled by the model"],
+  ["right", [12, 2], "held where a foot stands"],
 ];
 const ROOM = 8;
 /** Of very many figures only so many stand behind the curves. */

@@ -1,7 +1,7 @@
 
 // The body of `player(root, scene)`, of poses: how points were filled, how sure that is, and where the gaps are.
 
-const METHODS = ["", "regression", "pchip", "model"];
+const METHODS = ["", "regression", "pchip", "model", "contact"];
 const INFERRED = 2;
 /** Steps of a standard deviation in a centimeter. */
 const SD_STEPS = 1000;
@@ -49,7 +49,7 @@ function findGaps(figure) {
 
 /** How most of a gap was filled, and the root mean square of its deviations: as `complete --report` has it. */
 function gapOf(figure, point, first, end) {
-  const { status, method, sd } = figures[figure], counts = [0, 0, 0, 0];
+  const { status, method, sd } = figures[figure], counts = METHODS.map(() => 0);
   let filled = 0, squares = 0, stated = 0;
   for (let i = first * points + point; i < end * points; i += points) {
     if (status[i] === INFERRED) filled++;

@@ -5,10 +5,10 @@
 //! scale. The legs reach it by two-bone inverse kinematics; what was added fades before and after.
 
 use super::tuning::feet::*;
-use crate::ik::two_bone::TwoBones;
-use crate::numeric::statistics::{median, quantile};
+use crate::numeric::statistics::median;
+use crate::pose::foot_contacts::{ContactLimits, contacts, fade};
+use crate::pose::two_bone::TwoBones;
 use glam::{DMat3, DVec3};
-use std::ops::Range;
 
 /// A leg in one frame: the rig's, and the source's ankle.
 #[derive(Debug, Clone, Copy)]
@@ -31,35 +31,20 @@ pub(super) struct Planted {
     pub slide: f64,
 }
 
-/// The frames in which an ankle is in contact, at `rate` frames a second; `unit`: what counts as a
-/// centimeter.
-pub(super) fn contacts(ankle: &[DVec3], rate: f64, unit: f64) -> Vec<Range<usize>> {
-    let heights = ankle.iter().map(|a| a.y).filter(|y| y.is_finite());
-    let Some(lowest) = quantile(heights.collect(), LOWEST).filter(|_| ankle.len() > 1) else {
-        return Vec::new();
-    };
-    let last = ankle.len() - 1;
-    let is_planted = |t: usize| {
-        let (before, after) = (t.saturating_sub(1), (t + 1).min(last));
-        let speed = ankle[after].distance(ankle[before]) * rate / (after - before) as f64;
-        speed < SPEED * unit && ankle[t].y - lowest < HEIGHT * unit
-    };
-    let mut found: Vec<Range<usize>> = Vec::new();
-    for t in (0..=last).filter(|&t| is_planted(t)) {
-        match found.last_mut().filter(|range| range.end == t) {
-            Some(range) => range.end += 1,
-            None => found.push(t..t + 1),
-        }
+/// What a contact is, `unit` being what counts as a centimeter.
+fn limits(unit: f64) -> ContactLimits {
+    ContactLimits {
+        speed: SPEED * unit,
+        height: HEIGHT * unit,
+        seconds: LEAST,
     }
-    found.retain(|range| range.len() as f64 >= LEAST * rate - 1e-6);
-    found
 }
 
 /// Plants a foot; `scale` is the rig's length of a unit of the source, `leg` the rig's leg, and
 /// `unit` what counts as a centimeter of the source.
 pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]) -> Planted {
     let source: Vec<DVec3> = frames.iter().map(|f| f.source).collect();
-    let contacts = contacts(&source, rate, unit);
+    let contacts = contacts(&source, rate, &limits(unit));
     let mut offsets = vec![DVec3::ZERO; frames.len()];
     let mut weights = vec![0.0; frames.len()];
     for contact in &contacts {
@@ -71,7 +56,12 @@ pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]
             weights[t] = 1.0;
         }
     }
-    fade(&contacts, rate, &mut offsets, &mut weights);
+    fade(
+        &contacts,
+        (FADE * rate).round() as usize,
+        &mut offsets,
+        &mut weights,
+    );
     let hinge: DVec3 = frames
         .iter()
         .map(|f| f.thigh.transpose() * f.bones.bend())
@@ -103,34 +93,6 @@ pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]
 fn middle(frames: &[LegFrame], point: impl Fn(&LegFrame) -> DVec3) -> DVec3 {
     let one = |c: usize| median(frames.iter().map(|f| point(f)[c]).collect()).unwrap_or(0.0);
     DVec3::new(one(0), one(1), one(2))
-}
-
-/// Lets the offsets at the ends of contacts fade by a cosine, to nothing at the next contact at the
-/// latest.
-fn fade(contacts: &[Range<usize>], rate: f64, offsets: &mut [DVec3], weights: &mut [f64]) {
-    let longest = (FADE * rate).round() as usize;
-    let cosine = |n: usize, of: usize| {
-        let share = n as f64 / (of + 1) as f64;
-        0.5 + 0.5 * (std::f64::consts::PI * share).cos()
-    };
-    for (i, contact) in contacts.iter().enumerate() {
-        let before = match i.checked_sub(1) {
-            Some(i) => contact.start - contacts[i].end,
-            None => contact.start,
-        };
-        let after = match contacts.get(i + 1) {
-            Some(next) => next.start - contact.end,
-            None => offsets.len() - contact.end,
-        };
-        let [first, last] = [offsets[contact.start], offsets[contact.end - 1]];
-        let (before, after) = (before.min(longest), after.min(longest));
-        let mut add = |t: usize, offset: DVec3, weight: f64| {
-            offsets[t] += weight * offset;
-            weights[t] = f64::max(weights[t], weight);
-        };
-        (1..=before).for_each(|n| add(contact.start - n, first, cosine(n, before)));
-        (1..=after).for_each(|n| add(contact.end - 1 + n, last, cosine(n, after)));
-    }
 }
 
 #[cfg(test)]
@@ -166,25 +128,6 @@ mod tests {
     }
 
     #[test]
-    fn slow_and_low_ankles_are_in_contact() {
-        let found = contacts(&track(), 100.0, 1.0);
-        assert_eq!(found.len(), 2);
-        assert!(found[0].start == 0 && (39..=41).contains(&found[0].end));
-        assert!((59..=61).contains(&found[1].start) && found[1].end == 100);
-        // In another unit the limits are others.
-        let inches: Vec<DVec3> = track().iter().map(|a| *a / 2.54).collect();
-        assert_eq!(contacts(&inches, 100.0, 1.0 / 2.54), found);
-        let mut cut = track();
-        cut[20] = DVec3::NAN;
-        let cut = contacts(&cut, 100.0, 1.0);
-        assert_eq!((cut[0].clone(), cut[1].start), (0..19, 22));
-        assert!(contacts(&track()[..5], 100.0, 1.0).is_empty());
-        assert!(contacts(&[], 100.0, 1.0).is_empty());
-        assert!(contacts(&[DVec3::ZERO], 100.0, 1.0).is_empty());
-        assert!(contacts(&[DVec3::NAN; 30], 100.0, 1.0).is_empty());
-    }
-
-    #[test]
     fn a_planted_foot_has_the_sources_roll_and_fades_out() {
         let wobble = |t: usize| DVec3::new((t as f64 * 0.3).sin(), 0.0, (t as f64 * 0.2).cos());
         let frames = legs(wobble);
@@ -198,7 +141,7 @@ mod tests {
                 None => ankle,
             }
         };
-        for contact in contacts(&track(), 100.0, 1.0) {
+        for contact in contacts(&track(), 100.0, &limits(1.0)) {
             let first = ankle(contact.start) - 0.9 * frames[contact.start].source;
             for t in contact {
                 assert!((ankle(t) - 0.9 * frames[t].source - first).length() <= 1e-9);

@@ -19,10 +19,10 @@ mod tuning;
 
 pub use segments::cmu_map;
 
-use super::two_bone::TwoBones;
 use crate::io::Bvh;
 use crate::numeric::parallel::map_chunks;
 use crate::pose::rotation::{Axis, decompose};
+use crate::pose::two_bone::TwoBones;
 use crate::pose::{Channel, NameMap, UpAxis};
 use crate::{Error, Result};
 use feet::{LegFrame, Planted, plant};

@@ -8,8 +8,6 @@ pub(super) mod feet {
     pub(in super::super) const SPEED: f64 = 40.0;
     /// And lower than this over the lowest of its take, cm, likewise.
     pub(in super::super) const HEIGHT: f64 = 6.0;
-    /// The lowest: this share of its heights lies below.
-    pub(in super::super) const LOWEST: f64 = 0.03;
     /// And for as long as this, seconds.
     pub(in super::super) const LEAST: f64 = 0.1;
     /// Over this time, seconds, what holds a foot fades before and after a contact.

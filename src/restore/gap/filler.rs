@@ -295,6 +295,7 @@ impl<'a, 't> GapFiller<'a, 't> {
                 xyz,
                 variance,
                 method,
+                contacts: Vec::new(),
             });
         }
         Some(Regressed {

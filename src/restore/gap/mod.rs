@@ -16,11 +16,13 @@
 //! 4. Where nothing can be learned, `path` interpolates each point over time, if its path is smooth
 //!    enough.
 //! 5. What is left the model fills frame by frame (`model_fill`).
-//! 6. `rigid_distances` holds what was filled to the distances that are rigid in this take.
+//! 6. `rigid_distances` holds what was filled to the distances that are rigid in this take, and
+//!    `contacts` a foot where it stands.
 //!
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's
-//! training poses share. The constants of all steps stand in `tuning`.
+//! training poses share, and by its feet. The constants of all steps stand in `tuning`.
 
+mod contacts;
 mod ends;
 mod estimates;
 mod filler;
@@ -77,9 +79,19 @@ pub(crate) struct FilledGap {
     pub variance: Vec<f64>,
     /// How it was filled.
     pub method: FillMethod,
+    /// Frames, counted from its first, in which a foot is held where it stands.
+    pub contacts: Vec<Range<usize>>,
 }
 
 impl FilledGap {
+    /// How one of its frames was filled, counted from its first.
+    fn method_in(&self, frame: usize) -> FillMethod {
+        match self.contacts.iter().any(|c| c.contains(&frame)) {
+            true => FillMethod::Contact,
+            false => self.method,
+        }
+    }
+
     /// This estimate of a gap with the weight `share`, and another one.
     fn mixed_with(mut self, other: &FilledGap, share: f64) -> FilledGap {
         let apart = (&self.xyz - &other.xyz).mapv(|v| v * v).sum_axis(Axis(1)) / 3.0;
@@ -152,6 +164,7 @@ pub(crate) fn fill_gaps(
         model_fill::fill(adapted, &take, gaps, &mut filled, implausible, done);
     }
     rigid_distances::hold(take, gaps, &mut filled);
+    contacts::hold(take, gaps, &mut filled);
     if let Some(sd) = take.sd {
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             let noise = noise_beside(sd, gap);
@@ -196,7 +209,7 @@ pub(crate) fn put_filled(
         out.states[t * points + p] = PointState {
             status,
             sd: filled.map_or(f64::NAN, |f| f.variance[k].sqrt()),
-            method: filled.map(|f| f.method),
+            method: filled.map(|f| f.method_in(k)),
         };
         let Some(filled) = filled else { continue };
         for axis in 0..3 {

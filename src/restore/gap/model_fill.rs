@@ -158,6 +158,7 @@ impl ModelFill<'_> {
             xyz,
             variance: variance.iter().map(|v| v + noise * noise).collect(),
             method: FillMethod::Model,
+            contacts: Vec::new(),
         };
         let plain = filled(with_noise(measured), 0.0);
         if self.limits.allow(self.seen, gap, &plain) {

@@ -123,6 +123,7 @@ mod tests {
                 xyz: path,
                 variance: vec![0.0; 10],
                 method: FillMethod::Regression,
+                contacts: Vec::new(),
             };
             limits.allow(xyz.view(), &gap, &filled)
         };

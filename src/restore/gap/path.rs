@@ -111,6 +111,7 @@ impl<'a> Track<'a> {
             variance: variance.collect(),
             xyz: self.interpolated(&gap.frames)?,
             method: FillMethod::Interpolation,
+            contacts: Vec::new(),
         })
     }
 

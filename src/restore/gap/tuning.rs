@@ -222,6 +222,42 @@ pub(crate) mod weights {
     pub(crate) const LEAST_FACTOR: f64 = 1e-6;
 }
 
+/// Feet that stand. Prototype: whole legs missing in 12 CMU takes, .3, .6 and 1 s; the trial and
+/// its figures stand in README.
+pub(crate) mod contacts {
+    /// Briefer gaps, seconds, are better filled without.
+    pub(crate) const BRIEFEST: f64 = 0.15;
+    /// A foot is planted at the end of a gap if over so many seconds there it is slower than this,
+    /// cm/s, and so low over the ground, cm.
+    pub(crate) const END_SECONDS: f64 = 0.05;
+    pub(crate) const END_SPEED: f64 = 30.0;
+    pub(crate) const LOW: f64 = 5.0;
+    /// Planted at both ends, no further apart than this, cm, with a path that leaves the line
+    /// between by no more than this, cm, it stands all through the gap.
+    pub(crate) const SAME_PLACE: f64 = 3.0;
+    pub(crate) const STRAYS: f64 = 15.0;
+    /// Else it stands from a planted end on while its path is so near, cm, and so slow, cm/s.
+    pub(crate) const NEAR: f64 = 8.0;
+    pub(crate) const SLOW: f64 = 70.0;
+    /// Or while the other foot swings, faster than this, cm/s, and than this over the root's speed,
+    /// of which so much is usual, and its path is so near, cm.
+    pub(crate) const SWING: f64 = 90.0;
+    pub(crate) const SWING_MORE: f64 = 30.0;
+    pub(crate) const ROOT_SPEED: f64 = 40.0;
+    pub(crate) const NEAR_IN_SWING: f64 = 30.0;
+    /// Between: it stands where its path is slower than this, cm/s, and low, for so many seconds.
+    pub(crate) const INSIDE_SPEED: f64 = 39.0;
+    pub(crate) const INSIDE_SECONDS: f64 = 0.08;
+    /// Seconds over which what holds it fades.
+    pub(crate) const FADE: f64 = 0.1;
+    /// A leg is stretched to this share of its length at most, if it is not already.
+    pub(crate) const REACH: f64 = 0.9995;
+    /// The weight of forward against the bend of a knee, cm, for a foot moved by so much, cm:
+    /// knees bend forward.
+    pub(crate) const FORWARD: f64 = 2.0;
+    pub(crate) const MOVED: f64 = 5.0;
+}
+
 /// What a body can follow.
 pub(crate) mod motion_limits {
     /// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s,

@@ -142,6 +142,7 @@ impl Bridges {
             variance: variance.collect(),
             xyz,
             method: FillMethod::Interpolation,
+            contacts: Vec::new(),
         })
     }
 }

@@ -5,9 +5,11 @@
 //! `H + x e + h p`, e the unit vector to the goal, `x = (a² + d² - b²) / 2d`, `h² = a² - x²`, and p
 //! the unit vector across e on whose side the knee bends.
 
-use super::tuning::bones::NO_LENGTH;
-use crate::pose::rotation::shortest_arc;
+use super::rotation::shortest_arc;
 use glam::{DMat3, DVec3};
+
+/// Shorter than this, cm, a bone has no direction.
+const NO_LENGTH: f64 = 1e-9;
 
 /// Where the three joints of a limb stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
