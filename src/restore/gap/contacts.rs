@@ -275,7 +275,8 @@ impl Path<'_> {
         let (first, last) = (frames.start + fades, frames.end - fades);
         let stays = |t: &usize, place: DVec3| {
             let away = self.at[*t].distance(place);
-            away < NEAR && self.speed(*t) < SLOW || self.swings[*t] && away < NEAR_IN_SWING
+            away < NEAR && self.is_low(*t) && self.speed(*t) < SLOW
+                || self.swings[*t] && away < NEAR_IN_SWING
         };
         let mut from = before.map_or(frames.start, |place| {
             let mut all = frames.start..last;
@@ -328,7 +329,11 @@ impl Path<'_> {
             return false;
         };
         let speed = self.at[end].distance(self.at[far]) * self.rate / count as f64;
-        speed < END_SPEED && self.at[end].y - self.ground < LOW
+        speed < END_SPEED && self.is_low(end)
+    }
+
+    fn is_low(&self, t: usize) -> bool {
+        self.at[t].y - self.ground < LOW
     }
 
     fn speed(&self, t: usize) -> f64 {
