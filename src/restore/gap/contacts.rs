@@ -20,18 +20,46 @@ use std::ops::Range;
 
 /// Holds the feet of filled gaps where they stand, in tables of CMU's names.
 pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
-    let [left, right] = [&CMU[1..5], &CMU[5..9]].map(|names| Leg::find(take.names, names));
-    for (leg, other) in [(&left, &right), (&right, &left)] {
+    let legs = [&CMU[1..5], &CMU[5..9]].map(|names| Leg::find(take.names, names));
+    let root = take.names.iter().position(|n| *n == CMU[0]);
+    for (leg, other) in [(&legs[0], &legs[1]), (&legs[1], &legs[0])] {
         let Some(leg) = leg else { continue };
-        let root = take.names.iter().position(|n| *n == CMU[0]);
+        let completed = |point| completed(take, gaps, filled, point);
         let swings = match (other, root) {
             (Some(other), Some(root)) => {
-                let tracks = [other.ankle, root].map(|p| completed(take, gaps, filled, p));
-                swings(&tracks, take.rate)
+                swings(&completed(other.ankle), &completed(root), take.rate)
             }
             _ => vec![false; take.xyz.nrows()],
         };
-        leg.hold(take, gaps, filled, other.as_ref(), &swings);
+        let held = [Some(leg.ankle), leg.toes].map(|point| match point {
+            Some(point) => held_of(point, gaps, filled, &completed(point), &swings, take.rate),
+            None => Vec::new(),
+        });
+        if held.iter().all(Vec::is_empty) {
+            continue;
+        }
+        let paths = LegPaths {
+            limb: [leg.hip, leg.knee, leg.ankle].map(completed),
+            toes: leg.toes.map(completed),
+            other_hip: other.as_ref().map(|other| completed(other.hip)),
+            is_left: leg.is_left,
+        };
+        let by = held.each_ref().map(|held| by_frame(held, take.xyz.nrows()));
+        for t in 0..take.xyz.nrows() {
+            let knee_is_seen = point_at(take.xyz, t, leg.knee).is_finite();
+            let moved = paths.moved(t, [by[0][t], by[1][t]], !knee_is_seen);
+            let points = [Some(leg.knee), Some(leg.ankle), leg.toes];
+            for (point, place) in points.into_iter().zip(moved) {
+                if let (Some(point), Some(place)) = (point, place) {
+                    put(gaps, filled, point, t, place);
+                }
+            }
+        }
+        for held in held.into_iter().flatten() {
+            if let Some(filled) = &mut filled[held.gap] {
+                filled.contacts = held.contacts;
+            }
+        }
     }
 }
 
@@ -42,44 +70,6 @@ struct Leg {
     ankle: usize,
     toes: Option<usize>,
     is_left: bool,
-}
-
-/// What is added to the path of a point in its gap.
-struct Held {
-    /// In which frames of the take.
-    frames: Range<usize>,
-    offsets: Vec<DVec3>,
-    contacts: Vec<Range<usize>>,
-    /// Which gap it is.
-    gap: usize,
-}
-
-/// The place of a point in every frame, filled where a gap of it is.
-fn completed(
-    take: &Take<'_>,
-    gaps: &[Gap],
-    filled: &[Option<FilledGap>],
-    point: usize,
-) -> Vec<DVec3> {
-    let mut track: Vec<DVec3> = (0..take.xyz.nrows())
-        .map(|t| point_at(take.xyz, t, point))
-        .collect();
-    for (gap, filled) in gaps.iter().zip(filled).filter(|(g, _)| g.point == point) {
-        let Some(filled) = filled else { continue };
-        for (k, t) in gap.frames.clone().enumerate() {
-            track[t] = point_at(filled.xyz.view(), k, 0);
-        }
-    }
-    track
-}
-
-/// The frames in which a foot swings, by its ankle and the root.
-fn swings([ankle, root]: &[Vec<DVec3>; 2], rate: f64) -> Vec<bool> {
-    let is_swinging = |t: usize| {
-        let usual = speed(root, t, rate).max(ROOT_SPEED);
-        speed(ankle, t, rate) > SWING.max(SWING_MORE + usual)
-    };
-    (0..ankle.len()).map(is_swinging).collect()
 }
 
 impl Leg {
@@ -93,104 +83,82 @@ impl Leg {
             is_left: of[0] == CMU[1],
         })
     }
+}
 
-    /// Holds the foot in the gaps of its ankle and toes.
-    fn hold(
-        &self,
-        take: &Take<'_>,
-        gaps: &[Gap],
-        filled: &mut [Option<FilledGap>],
-        other: Option<&Leg>,
-        swings: &[bool],
-    ) {
-        let briefest = (BRIEFEST * take.rate).ceil() as usize;
-        let of = |filled: &[Option<FilledGap>], p| completed(take, gaps, filled, p);
-        let held_of = |filled: &[Option<FilledGap>], point: usize| {
-            let path = of(filled, point);
-            let Some(ground) = ground(&path) else {
-                return Vec::new();
-            };
-            let of_point = |(k, gap): (usize, &Gap)| {
-                let is_held = gap.point == point && gap.frames.len() >= briefest;
-                filled[k].as_ref().filter(|_| is_held)?;
-                Path {
-                    at: &path,
-                    ground,
-                    rate: take.rate,
-                    swings,
-                }
-                .held(k, gap)
-            };
-            gaps.iter().enumerate().filter_map(of_point).collect()
-        };
-        let ankle = held_of(filled, self.ankle);
-        let toes = self.toes.map_or(Vec::new(), |p| held_of(filled, p));
-        if ankle.is_empty() && toes.is_empty() {
-            return;
-        }
-        let frames = take.xyz.nrows();
-        let (ankle_by_frame, toes_by_frame) = (by_frame(&ankle, frames), by_frame(&toes, frames));
-        let hips = other.map(|other| of(filled, other.hip));
-        let joints = [self.hip, self.knee, self.ankle].map(|p| of(filled, p));
-        let toe_path = self.toes.map(|p| of(filled, p));
-        let mut put = |point: usize, t: usize, at: DVec3| {
-            let mut all = gaps.iter().zip(filled.iter_mut());
-            let is_here = |(gap, _): &(&Gap, _)| gap.point == point && gap.frames.contains(&t);
-            if let Some((gap, Some(filled))) = all.find(is_here) {
-                let row = &mut filled.xyz.row_mut(t - gap.frames.start);
-                row.assign(&ArrayView1::from(&at.to_array()));
-            }
-        };
-        let is_missing = |p: usize, t: usize| !point_at(take.xyz, t, p).is_finite();
-        for t in 0..frames {
-            let (by, toes_by) = (ankle_by_frame[t], toes_by_frame[t]);
-            if by == DVec3::ZERO && toes_by == DVec3::ZERO {
-                continue;
-            }
-            let [hip, knee, ankle] = [0, 1, 2].map(|k: usize| joints[k][t]);
-            let limb = TwoBones { hip, knee, ankle };
-            let mut stands = ankle;
-            if by != DVec3::ZERO {
-                let forward = hips.as_ref().map(|h| self.forward(&limb, h[t]));
-                match is_missing(self.knee, t) {
-                    true => {
-                        let Some((knee, ankle)) = bent(&limb, by, forward) else {
-                            continue;
-                        };
-                        put(self.knee, t, knee);
-                        stands = ankle;
-                    }
-                    // The shin keeps its length on a knee that is seen.
-                    false => stands = at_length(knee, ankle, ankle + by),
-                }
-                put(self.ankle, t, stands);
-            }
-            if let (Some(point), Some(path)) = (self.toes, &toe_path)
-                && is_missing(point, t)
-            {
-                put(
-                    point,
-                    t,
-                    stands
-                        + (at_length(ankle, path[t], path[t] + toes_by + ankle - stands) - ankle),
-                );
-            }
-        }
-        for held in ankle.into_iter().chain(toes) {
-            if let Some(filled) = &mut filled[held.gap] {
-                filled.contacts = held.contacts;
-            }
+/// What is added to the path of a point in its gap.
+struct Held {
+    /// The frames of the gap.
+    frames: Range<usize>,
+    offsets: Vec<DVec3>,
+    /// Where it stands, counted from the first of them.
+    contacts: Vec<Range<usize>>,
+    /// Which gap it is.
+    gap: usize,
+}
+
+/// The place of a point in every frame, filled where a gap of it is.
+fn completed(
+    take: &Take<'_>,
+    gaps: &[Gap],
+    filled: &[Option<FilledGap>],
+    point: usize,
+) -> Vec<DVec3> {
+    let seen = |t| point_at(take.xyz, t, point);
+    let mut track: Vec<DVec3> = (0..take.xyz.nrows()).map(seen).collect();
+    for (gap, filled) in gaps.iter().zip(filled).filter(|(g, _)| g.point == point) {
+        let Some(filled) = filled else { continue };
+        for (k, t) in gap.frames.clone().enumerate() {
+            track[t] = point_at(filled.xyz.view(), k, 0);
         }
     }
+    track
+}
 
-    /// The way that the body faces, across the leg.
-    fn forward(&self, limb: &TwoBones, other_hip: DVec3) -> DVec3 {
-        let across = match self.is_left {
-            true => other_hip - limb.hip,
-            false => limb.hip - other_hip,
-        };
-        across.cross(limb.ankle - limb.hip).normalize_or_zero()
+/// Puts a point of a frame into its gap, if it has one there.
+fn put(gaps: &[Gap], filled: &mut [Option<FilledGap>], point: usize, t: usize, place: DVec3) {
+    let mut all = gaps.iter().zip(filled);
+    let is_here = |(gap, _): &(&Gap, _)| gap.point == point && gap.frames.contains(&t);
+    if let Some((gap, Some(filled))) = all.find(is_here) {
+        let place = place.to_array();
+        let mut row = filled.xyz.row_mut(t - gap.frames.start);
+        row.assign(&ArrayView1::from(&place));
     }
+}
+
+/// The frames in which a foot swings, by its ankle and the root.
+fn swings(ankle: &[DVec3], root: &[DVec3], rate: f64) -> Vec<bool> {
+    let is_swinging = |t: usize| {
+        let usual = speed(root, t, rate).max(ROOT_SPEED);
+        speed(ankle, t, rate) > SWING.max(SWING_MORE + usual)
+    };
+    (0..ankle.len()).map(is_swinging).collect()
+}
+
+/// What holds a point in its gaps, its completed path being `at`.
+fn held_of(
+    point: usize,
+    gaps: &[Gap],
+    filled: &[Option<FilledGap>],
+    at: &[DVec3],
+    swings: &[bool],
+    rate: f64,
+) -> Vec<Held> {
+    let Some(ground) = ground(at) else {
+        return Vec::new();
+    };
+    let path = Path {
+        at,
+        ground,
+        rate,
+        swings,
+    };
+    let briefest = (BRIEFEST * rate).ceil() as usize;
+    let of = |(k, gap): (usize, &Gap)| {
+        let is_long = gap.point == point && gap.frames.len() >= briefest;
+        filled[k].as_ref().filter(|_| is_long)?;
+        path.held(k, gap)
+    };
+    gaps.iter().enumerate().filter_map(of).collect()
 }
 
 /// What is added to a point in every frame of a take.
@@ -202,15 +170,59 @@ fn by_frame(held: &[Held], frames: usize) -> Vec<DVec3> {
     out
 }
 
+/// The completed paths of a leg's points.
+struct LegPaths {
+    /// Hip, knee and ankle.
+    limb: [Vec<DVec3>; 3],
+    toes: Option<Vec<DVec3>>,
+    other_hip: Option<Vec<DVec3>>,
+    is_left: bool,
+}
+
+impl LegPaths {
+    /// Where knee, ankle and toes go in a frame if so much is added to ankle and toes; `None` where
+    /// they stay. A knee that is seen stays, and the shin keeps its length on it.
+    fn moved(&self, t: usize, [by, toes_by]: [DVec3; 2], knee_bends: bool) -> [Option<DVec3>; 3] {
+        let [hip, knee, ankle] = [0, 1, 2].map(|k: usize| self.limb[k][t]);
+        let (new_knee, new_ankle) = match by == DVec3::ZERO {
+            true => (None, None),
+            false if knee_bends => {
+                let limb = TwoBones { hip, knee, ankle };
+                let forward = self.forward(t, &limb);
+                bent(&limb, by, forward).map_or((None, None), |(k, a)| (Some(k), Some(a)))
+            }
+            false => (None, Some(at_length(knee, ankle, ankle + by))),
+        };
+        let stands = new_ankle.unwrap_or(ankle);
+        let is_moved = toes_by != DVec3::ZERO || new_ankle.is_some();
+        let toes = self.toes.as_ref().filter(|_| is_moved).map(|path| {
+            // The foot keeps its length.
+            let to = path[t] + toes_by + ankle - stands;
+            stands + at_length(ankle, path[t], to) - ankle
+        });
+        [new_knee, new_ankle, toes].map(|place| place.filter(|p| p.is_finite()))
+    }
+
+    /// The way that the body faces, across the leg.
+    fn forward(&self, t: usize, limb: &TwoBones) -> DVec3 {
+        let across = match &self.other_hip {
+            Some(other) if self.is_left => other[t] - limb.hip,
+            Some(other) => limb.hip - other[t],
+            None => DVec3::ZERO,
+        };
+        across.cross(limb.ankle - limb.hip).normalize_or_zero()
+    }
+}
+
 /// `to`, moved along the line from `from` to be as far away from it as `point` is.
 fn at_length(from: DVec3, point: DVec3, to: DVec3) -> DVec3 {
     from + (to - from).normalize_or((point - from).normalize_or_zero()) * point.distance(from)
 }
 
-/// Knee and ankle of a leg whose ankle is moved.
-fn bent(limb: &TwoBones, by: DVec3, forward: Option<DVec3>) -> Option<(DVec3, DVec3)> {
+/// Knee and ankle of a leg whose ankle is moved; `forward` is where knees bend to.
+fn bent(limb: &TwoBones, by: DVec3, forward: DVec3) -> Option<(DVec3, DVec3)> {
     let moved = (by.length() / MOVED).min(1.0);
-    let pole = limb.bend() + FORWARD * moved * forward.unwrap_or_default();
+    let pole = limb.bend() + FORWARD * moved * forward;
     let reached = limb.reach(limb.ankle + by, pole, REACH)?;
     let knee = limb.hip + reached.upper * (limb.knee - limb.hip);
     (knee.is_finite() && reached.ankle.is_finite()).then_some((knee, reached.ankle))
@@ -344,5 +356,128 @@ impl Path<'_> {
     fn middle(&self, frames: Range<usize>) -> DVec3 {
         let of = |c: usize| median(self.at[frames.clone()].iter().map(|p| p[c]).collect());
         DVec3::from_array([0, 1, 2].map(|c| of(c).unwrap_or(0.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::FillMethod;
+    use ndarray::{Array2, s};
+
+    const FRAMES: usize = 200;
+
+    /// The left leg of a body that steps forward once, at 100 frames a second: hip, knee, ankle and
+    /// toes, with a knee that bends.
+    fn take() -> Array2<f64> {
+        let mut xyz = Array2::zeros((FRAMES, 12));
+        for t in 0..FRAMES {
+            let swing = ((t as f64 - 120.0) / 30.0).clamp(0.0, 1.0);
+            let lift = 12.0 * (std::f64::consts::PI * swing).sin();
+            let ankle = DVec3::new(10.0, 8.0 + lift, 60.0 * swing);
+            let hip = DVec3::new(10.0, 80.0, 0.3 * t as f64);
+            let half = (ankle - hip) / 2.0;
+            let side = half.cross(DVec3::X).normalize() * -1.0;
+            let knee = hip + half + side * (1764.0 - half.length_squared()).max(1.0).sqrt();
+            let toes = ankle + DVec3::new(0.0, -5.0, 14.0);
+            for (k, p) in [hip, knee, ankle, toes].into_iter().enumerate() {
+                let mut place = xyz.slice_mut(s![t, 3 * k..3 * k + 3]);
+                place.assign(&ArrayView1::from(&p.to_array()));
+            }
+        }
+        xyz
+    }
+
+    /// A take, and what becomes of a gap of knee, ankle and toes in it whose fill floats.
+    fn held(
+        frames: Range<usize>,
+        floats: impl Fn(usize) -> DVec3,
+    ) -> (Array2<f64>, Vec<FilledGap>) {
+        let truth = take();
+        let mut seen = truth.clone();
+        seen.slice_mut(s![frames.clone(), 3..]).fill(f64::NAN);
+        let gap = |point| Gap {
+            point,
+            frames: frames.clone(),
+            before: Some(frames.start - 1),
+            after: Some(frames.end),
+        };
+        let gaps: Vec<Gap> = (1..4).map(gap).collect();
+        let fill = |gap: &Gap| {
+            let columns = s![frames.clone(), 3 * gap.point..3 * gap.point + 3];
+            let mut xyz = truth.slice(columns).to_owned();
+            for (k, mut row) in xyz.outer_iter_mut().enumerate() {
+                row += &ArrayView1::from(&floats(k).to_array());
+            }
+            Some(FilledGap {
+                variance: vec![1.0; xyz.nrows()],
+                xyz,
+                method: FillMethod::Regression,
+                contacts: Vec::new(),
+            })
+        };
+        let mut filled: Vec<Option<FilledGap>> = gaps.iter().map(fill).collect();
+        let names = [1, 2, 3, 4].map(|k: usize| CMU[k].to_string());
+        let run = 0..FRAMES;
+        let take = Take {
+            names: &names,
+            xyz: seen.view(),
+            runs: std::slice::from_ref(&run),
+            rate: 100.0,
+            sd: None,
+        };
+        hold(&take, &gaps, &mut filled);
+        (truth, filled.into_iter().flatten().collect())
+    }
+
+    #[test]
+    fn a_foot_that_stands_at_both_ends_stands_between() {
+        let gap = 40..80;
+        let wave = |k: usize| 3.0 * (k as f64 / 39.0 * std::f64::consts::PI).sin();
+        let (truth, filled) = held(gap.clone(), |k| DVec3::new(wave(k), 0.0, -wave(k)));
+        for (point, filled) in [(2, &filled[1]), (3, &filled[2])] {
+            assert_eq!(filled.contacts, [0..40]);
+            assert_eq!(filled.method_in(7), FillMethod::Contact);
+            for (k, t) in gap.clone().enumerate() {
+                let off = point_at(filled.xyz.view(), k, 0) - point_at(truth.view(), t, point);
+                assert!(off.length() < 1e-6, "{point} {t}: {off}");
+            }
+        }
+        // The thigh is as long as it was filled.
+        for (k, t) in gap.enumerate() {
+            let knee = point_at(filled[0].xyz.view(), k, 0);
+            let float = DVec3::new(wave(k), 0.0, -wave(k));
+            let was = point_at(truth.view(), t, 1) + float;
+            let hip = point_at(truth.view(), t, 0);
+            assert!((knee.distance(hip) - was.distance(hip)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_foot_that_steps_stands_until_it_leaves() {
+        let (truth, filled) = held(100..160, |k| DVec3::X * (k.min(59 - k) as f64 / 10.0));
+        let ankle = &filled[1];
+        assert!(ankle.contacts.len() == 2, "{:?}", ankle.contacts);
+        assert!((15..=26).contains(&ankle.contacts[0].end));
+        assert!((45..=56).contains(&ankle.contacts[1].start) && ankle.contacts[1].end == 60);
+        assert_eq!(ankle.method_in(35), FillMethod::Regression);
+        let at = |k: usize| point_at(ankle.xyz.view(), k, 0);
+        let truth = |k: usize| point_at(truth.view(), 100 + k, 2);
+        assert!(at(14).distance(truth(14)) < 1e-6);
+        // Nothing jumps.
+        for k in 1..60 {
+            let own = truth(k).distance(truth(k - 1));
+            assert!(at(k).distance(at(k - 1)) < own + 0.6, "{k}");
+        }
+    }
+
+    #[test]
+    fn brief_gaps_and_feet_in_the_air_are_left_alone() {
+        let float = |_: usize| DVec3::X;
+        assert!(held(40..50, float).1.iter().all(|f| f.contacts.is_empty()));
+        let (truth, filled) = held(124..144, float);
+        assert!(filled[1].contacts.is_empty());
+        let off = point_at(filled[1].xyz.view(), 10, 0) - point_at(truth.view(), 134, 2);
+        assert_eq!(off, DVec3::X);
     }
 }
