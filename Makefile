@@ -42,10 +42,10 @@ build: needs
 needs:
 	@sh .ci/needs
 
-# Trains the built-in model on every fourth frame of the CMU takes.
+# Trains the built-in model on every fourth frame of the CMU takes, and the prior of rotations.
 model: build
 	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
-	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz
+	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz src/prior/rotations.npz
 
 # Measures the paper's Tables 1 to 4: target/tables/tables.html, and a report of every run. Finished results are kept.
 tables: build

@@ -71,7 +71,13 @@ impl CleanSettings {
         let mut filled = lacking - left;
         match (unheld, keeps) {
             (0, _) => {}
-            (n, true) => findings.push(format!("missing: {n} values of the file are still nan")),
+            (n, true) => {
+                let are = match self.held_is_missing {
+                    true => "stay held, or nan",
+                    false => "are still nan",
+                };
+                findings.push(format!("missing: {n} values of the file {are}"));
+            }
             (n, false) => {
                 filled = filled.saturating_sub(n);
                 let what = "do not fit into the file's integers: they stay as they were";

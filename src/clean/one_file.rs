@@ -262,7 +262,7 @@ impl CleanSettings {
                 let xyz = file.positions_of(cleaned.motion.view())?;
                 return Ok(CleanedTake {
                     points: Restoration::followed(table, xyz),
-                    rotations: Some(CleanedFile::new(file, cleaned)),
+                    rotations: Some(CleanedFile::new(file, cleaned, self.method.max_sd)),
                 });
             }
             (true, None) => return Ok(of_points(Restoration::unchanged(table))),

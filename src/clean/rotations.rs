@@ -9,7 +9,8 @@ use std::ops::Range;
 
 /// Joints that a line names.
 const LISTED: usize = 4;
-/// Gaps filled less surely than this are findings: the error over gaps like them (rms, radians).
+/// Gaps of rotations filled less surely than this are findings: the error over gaps like them
+/// (rms, radians).
 const UNSURE: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// Gaps without any like them elsewhere are findings where they are longer, seconds.
 const LONG: f64 = 0.3;
@@ -19,6 +20,9 @@ pub(crate) struct CleanedFile {
     pub cleaned: CleanedRotations,
     joints: Vec<String>,
     rate: f64,
+    /// Gaps of places filled less surely than this are findings: the error over gaps like them
+    /// (rms, cm).
+    max_sd: f64,
 }
 
 /// The rotations of a file in its record.
@@ -92,11 +96,12 @@ fn ends(frames: &Range<usize>) -> [usize; 2] {
 
 impl CleanedFile {
     /// What became of the rotations of a file.
-    pub(crate) fn new(file: &MotionFile, cleaned: CleanedRotations) -> CleanedFile {
+    pub(crate) fn new(file: &MotionFile, cleaned: CleanedRotations, max_sd: f64) -> CleanedFile {
         CleanedFile {
             cleaned,
             joints: file.channels().into_iter().map(|j| j.joint).collect(),
             rate: file.rate().unwrap_or(1.0),
+            max_sd,
         }
     }
 
@@ -185,15 +190,12 @@ impl CleanedFile {
         track: &'a CleanedTrack,
     ) -> impl Iterator<Item = &'a (Range<usize>, f64)> + use<'a> {
         let long = LONG * self.rate;
+        let most = if track.is_place { self.max_sd } else { UNSURE };
         let is_unsure = move |(frames, error): &&(Range<usize>, f64)| match error.is_nan() {
             true => frames.len() as f64 > long,
-            false => *error > UNSURE,
+            false => *error > most,
         };
-        track
-            .gaps
-            .iter()
-            .filter(is_unsure)
-            .filter(|_| !track.is_place)
+        track.gaps.iter().filter(is_unsure)
     }
 
     /// What somebody should look at.
@@ -202,16 +204,17 @@ impl CleanedFile {
         for track in &self.cleaned.tracks {
             all.extend(self.unsure(track).map(|(frames, error)| {
                 let [first, last] = [frames.start, frames.end - 1];
-                let by = match error.is_nan() {
-                    true => "nothing to compare with".to_string(),
-                    false => format!("gaps like it are {:.0} degrees off", error.to_degrees()),
+                let by = match (error.is_nan(), track.is_place) {
+                    (true, _) => "nothing to compare with".to_string(),
+                    (_, true) => format!("gaps like it are {error:.1} cm off"),
+                    _ => format!("gaps like it are {:.0} degrees off", error.to_degrees()),
                 };
                 format!("{} in frames {first} to {last} ({by})", self.name(track))
             }));
         }
         let line = format!(
             "unsure: {} filled: {}",
-            count(all.len(), "rotation gap"),
+            count(all.len(), "gap"),
             listed(&all)
         );
         (!all.is_empty()).then_some(line).into_iter().collect()
@@ -252,7 +255,7 @@ impl CleanedFile {
         }
         let gaps: usize = tracks.iter().map(|t| t.gaps.len()).sum();
         if gaps > 0 {
-            out.push(format!("rotations: {} filled", count(gaps, "gap")));
+            out.push(format!("channels: {} filled", count(gaps, "gap")));
         }
         out
     }

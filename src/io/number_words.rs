@@ -31,7 +31,7 @@ impl Decimals {
     }
 
     /// A value as a number, with the digits of the `word` whose place it takes, or those that most
-    /// have.
+    /// have; the word itself where it says the same.
     pub(super) fn text(&self, value: f64, word: &[u8]) -> String {
         // Whole numbers only where there are no others.
         let usual = match self.counts.iter().position(|c| *c > 0) {
@@ -44,7 +44,14 @@ impl Decimals {
         let decimals = usual
             .max(Decimals::of(word).unwrap_or(0))
             .max(LEAST_DECIMALS);
-        format!("{value:.decimals$}")
+        let text = format!("{value:.decimals$}");
+        let number = |text: &str| text.parse::<f64>().ok();
+        let word = std::str::from_utf8(word).unwrap_or_default();
+        match number(&text) {
+            Some(v) if number(word) == Some(v) => word.to_string(),
+            Some(0.0) => text.trim_start_matches('-').to_string(),
+            _ => text,
+        }
     }
 }
 
@@ -61,6 +68,11 @@ mod tests {
         }
         assert_eq!(decimals.text(-1.5, b"nan"), "-1.5000");
         assert_eq!(decimals.text(-1.5, b"0.123456"), "-1.500000");
+        assert_eq!(decimals.text(-1e-9, b"1.25"), "0.0000");
+        for same in ["1e0", "+1", "1.0", "-0.00"] {
+            let value = same.parse::<f64>().unwrap() - 1e-9;
+            assert_eq!(decimals.text(value, same.as_bytes()), same);
+        }
         let mut whole = Decimals::default();
         whole.count(b"12");
         assert_eq!(whole.text(7.0, b"12"), "7.00");

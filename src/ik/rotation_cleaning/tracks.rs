@@ -119,12 +119,22 @@ impl Track<DQuat> {
     }
 
     /// Writes the new rotations as angles, on the file's branch where they moved little, else on
-    /// that of the frame before. Of a frame of which some angles are known, the others change.
+    /// that of the frame before, or after where none before is known. Of a frame of which some
+    /// angles are known, the others change.
     pub(super) fn write(&self, motion: &mut Array2<f64>) {
-        for t in (0..self.values.len()).filter(|t| self.is_new[*t]) {
+        let is_whole = |t: &usize| {
+            self.channels
+                .iter()
+                .all(|(c, _)| motion[[*t, *c]].is_finite())
+        };
+        let frames = 0..self.values.len();
+        let first = frames.clone().find(is_whole).unwrap_or(0);
+        let forth = (first..frames.end).map(|t| (t, t.checked_sub(1)));
+        let all = forth.chain((0..first).rev().map(|t| (t, Some(t + 1))));
+        for (t, beside) in all.filter(|(t, _)| self.is_new[*t]) {
             let own: Vec<f64> = self.channels.iter().map(|(c, _)| motion[[t, *c]]).collect();
             let before: Vec<f64> = (self.channels.iter())
-                .map(|(c, _)| if t > 0 { motion[[t - 1, *c]] } else { f64::NAN })
+                .map(|(c, _)| beside.map_or(f64::NAN, |t| motion[[t, *c]]))
                 .collect();
             let is_near = |angles: &[f64]| {
                 let was = rotation_of(&self.channels, angles);
@@ -286,6 +296,12 @@ mod tests {
         let mut written = gappy.clone();
         rotations[0].write(&mut written);
         assert!((&written - &truth).iter().all(|d| d.abs() < 1e-9));
+        // At the start, on that of the frames after.
+        gappy.slice_mut(ndarray::s![..3, ..]).fill(f64::NAN);
+        let (mut rotations, _) = tracks(&joints, gappy.view());
+        rotations[0].is_new.fill(true);
+        rotations[0].write(&mut gappy);
+        assert!((&gappy - &truth).iter().all(|d| d.abs() < 0.05));
         // A joint that is never there is no track.
         assert!(
             tracks(&joints, Array2::from_elem((3, 3), f64::NAN).view())
