@@ -42,6 +42,7 @@ mod prior_train;
 mod prose;
 mod readme;
 mod retarget;
+mod rotations;
 mod same_bytes;
 mod score;
 mod streams;

@@ -61,17 +61,31 @@ fn threads_do_not_change_a_byte() {
     .unwrap();
     let gappy = "corrupt --gaps 4 --length 0.2 --points 3 --seed 2 t.csv";
     fs::write(at("gappy.csv"), output(dir.path(), gappy)).unwrap();
+    let little = "corrupt --dense 0.5 --seed 2 t.csv";
+    fs::write(at("little.csv"), output(dir.path(), little)).unwrap();
+    let noisy = output(dir.path(), "xyz2bvh -q little.csv");
+    fs::write(at("noisy.bvh"), noisy).unwrap();
     let train = "ksvd-train -q -n 60 --iterations 3 --seed 5 -o m.npz --threads";
     let mut first: Option<Vec<Vec<u8>>> = None;
     for threads in ["1", "2", "7"] {
         output(dir.path(), &format!("{train} {threads} t.csv"));
         let mut all = vec![fs::read(at("m.npz")).unwrap()];
+        // Exit code 3: somebody should look at it.
+        let cleaned = Command::new(crate::common::bin().join("clean"))
+            .args(["-q", "--again", "-o", "clean.bvh", "--threads", threads])
+            .arg("noisy.bvh")
+            .current_dir(dir.path())
+            .output()
+            .unwrap();
+        assert!(matches!(cleaned.status.code(), Some(0 | 3)), "{cleaned:?}");
+        all.push(fs::read(at("clean.bvh")).unwrap());
         for line in [
             "cluster -k 12 --seed 5 --threads",
             "denoise -m m.npz --threads",
             "denoise --per-frame --threads",
             "complete -m m.npz --status --threads",
             "complete --per-frame --threads",
+            "xyz2bvh -q --threads",
         ] {
             let file = match line.split(' ').next() {
                 Some("denoise") => "noisy.csv",
