@@ -155,24 +155,32 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
     pairs.into_iter().map(finding).collect()
 }
 
-/// The pairs of `far` that may change places after frame `t`: all, or of many those whose places
-/// cross. Where a goes to b's place and b to a's, what both miss is less than their own steps /
-/// [`SWAPPED`], and so than 2 / 3 of a's step.
+/// The pairs of `far` that may change places after frame `t`. Where a goes to b's place and b to
+/// a's, what both miss is less than their own steps / [`SWAPPED`], and so than 2 / 3 of a's step.
 fn may_swap(take: &Take<'_>, t: usize, far: &[usize]) -> Vec<(usize, usize)> {
-    if far.len() <= FEW {
-        let pairs = |(i, &a): (usize, &usize)| far[i + 1..].iter().map(move |&b| (a, b));
-        return far.iter().enumerate().flat_map(pairs).collect();
-    }
     let places = |p: usize| Some((take.at(t, p)?, take.at(t + 1, p)?));
-    let both = |a: DVec3, b: DVec3| [a.x, a.y, a.z, b.x, b.y, b.z];
     let steps: Vec<(DVec3, DVec3)> = far.iter().filter_map(|&p| places(p)).collect();
+    let square = |(now, next): &(DVec3, DVec3)| {
+        let miss = 2.0 / 3.0 * (*next - *now).length();
+        miss * miss * (1.0 + 1e-9)
+    };
+    let mut out = Vec::new();
+    if far.len() <= FEW {
+        for (i, step) in steps.iter().enumerate() {
+            let most = square(step);
+            let misses = |other: &(DVec3, DVec3)| {
+                step.1.distance_squared(other.0) + step.0.distance_squared(other.1)
+            };
+            let later = (i + 1..steps.len()).filter(|&k| misses(&steps[k]) <= most);
+            out.extend(later.map(|k| (far[i], far[k])));
+        }
+        return out;
+    }
+    let both = |a: DVec3, b: DVec3| [a.x, a.y, a.z, b.x, b.y, b.z];
     let ends: Vec<[f64; 6]> = steps.iter().map(|(now, next)| both(*next, *now)).collect();
     let tree: ImmutableKdTree<f64, 6> = ImmutableKdTree::new_from_slice(&ends);
-    let mut out = Vec::new();
-    for (i, (now, next)) in steps.iter().enumerate() {
-        let miss = 2.0 / 3.0 * (*next - *now).length();
-        let square = miss * miss * (1.0 + 1e-9);
-        let near = tree.within_unsorted::<SquaredEuclidean>(&both(*now, *next), square);
+    for (i, step) in steps.iter().enumerate() {
+        let near = tree.within_unsorted::<SquaredEuclidean>(&both(step.0, step.1), square(step));
         let later = near.iter().map(|n| n.item as usize).filter(|&k| k > i);
         out.extend(later.map(|k| (far[i], far[k])));
     }

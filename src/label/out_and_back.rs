@@ -9,7 +9,7 @@
 use super::distances::{Distance, log_likelihood};
 use super::tuning::out_and_back::*;
 use crate::numeric::parallel;
-use crate::numeric::statistics::{median, quantile};
+use crate::numeric::statistics::{median_of, quantile};
 use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
@@ -194,9 +194,14 @@ fn nearby(k: usize, steps: usize) -> impl Iterator<Item = usize> {
 
 /// The median of the steps near step `k` along each axis.
 fn usual_step(steps: &[DVec3], k: usize) -> DVec3 {
+    // On the stack: there are many.
     let along = |axis: usize| {
-        let others = nearby(k, steps.len()).map(|i| steps[i][axis]).collect();
-        median(others).unwrap_or(0.0)
+        let (mut others, mut count) = ([0.0; 2 * NEARBY], 0);
+        for (other, i) in others.iter_mut().zip(nearby(k, steps.len())) {
+            *other = steps[i][axis];
+            count += 1;
+        }
+        median_of(&mut others[..count]).unwrap_or(0.0)
     };
     DVec3::from_array([0, 1, 2].map(along))
 }

@@ -8,6 +8,11 @@ pub(crate) const DRAWS: usize = 1000;
 /// The middle of the sorted values, of an even number the upper of both in the middle; `None` for
 /// none.
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    median_of(&mut values)
+}
+
+/// The [`median`] of values whose order may change.
+pub(crate) fn median_of(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -165,10 +165,14 @@ struct Path {
 impl Path {
     fn spikes(&self) -> Vec<bool> {
         let mut spikes = vec![false; self.places.len()];
-        for _ in 0..TIMES {
-            spikes = (0..spikes.len())
-                .map(|t| self.is_spike(t, &spikes))
-                .collect();
+        for time in 0..TIMES {
+            // Far from spikes nothing is another than without.
+            let is_near = |t: usize| {
+                let to = (t + self.reach + 1).min(spikes.len());
+                spikes[t.saturating_sub(self.reach)..to].contains(&true)
+            };
+            let is_spike = |t| (time == 0 || is_near(t)) && self.is_spike(t, &spikes);
+            spikes = (0..spikes.len()).map(is_spike).collect();
         }
         for _ in 0..ROUNDS {
             if !self.add_worst(&mut spikes) {
