@@ -1,8 +1,10 @@
 //! Files of a command that makes one file of each: several, or those of folders.
 
+use super::input::TakeNames;
+use super::messages;
 use crate::io::motion_folder::{MotionFolder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
-use std::collections::HashMap;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// A file and its result.
@@ -16,11 +18,12 @@ pub struct BatchJob {
 
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of
 /// one file `output` itself, else below `output` under the file's name with the ending
-/// `extension`; the files of a folder keep their places within it. `kept` are files that no result
-/// may replace.
+/// `extension`; the files of a folder keep their places within it. Results that would be one are
+/// named apart as takes are ([`TakeNames`]), which is said. `kept` are files that no result may
+/// replace.
 ///
 /// # Errors
-/// [`Error::Usage`]: a result would replace a file or another result, or several files have no
+/// [`Error::Usage`]: a result would replace a file, a file is given twice, or several files have no
 /// folder for theirs. [`Error::Data`]: there are no files. [`Error::Io`]: a folder cannot be read.
 pub fn batch(
     inputs: &[PathBuf],
@@ -32,7 +35,7 @@ pub fn batch(
     let is_one = inputs.len() == 1 && !inputs[0].is_dir();
     let ends_in_slash = |path: &Path| path.as_os_str().to_string_lossy().ends_with(['/', '\\']);
     let folder = output.filter(|path| !is_one || path.is_dir() || ends_in_slash(path));
-    let jobs = match (is_one, folder) {
+    let mut jobs = match (is_one, folder) {
         (true, None) => vec![BatchJob {
             input: inputs[0].clone(),
             output: output.map(Path::to_path_buf),
@@ -43,6 +46,7 @@ pub fn batch(
             return Err(Error::usage(what));
         }
     };
+    make_distinct(&mut jobs)?;
     check(&jobs, kept)?;
     Ok(jobs)
 }
@@ -88,32 +92,56 @@ fn in_folder(
     Ok(jobs)
 }
 
-/// Fails where a result would replace a file that is read or another result.
-fn check(jobs: &[BatchJob], kept: &[&Path]) -> Result<()> {
-    let canonical = |path: &Path| path.canonicalize().unwrap_or(path.to_path_buf());
-    let read = jobs.iter().map(|job| job.input.as_path());
-    let read: Vec<PathBuf> = read.chain(kept.iter().copied()).map(canonical).collect();
-    let mut results: HashMap<&Path, &Path> = HashMap::new();
-    for job in jobs {
-        let Some(output) = job.output.as_deref().filter(|path| !is_special(path)) else {
+/// Gives each file a result of its own: takes of one name come from several folders, or in several
+/// formats.
+fn make_distinct(jobs: &mut [BatchJob]) -> Result<()> {
+    let (mut names, mut given) = (TakeNames::default(), HashSet::new());
+    for BatchJob { input, output } in jobs {
+        let Some(output) = output.as_mut().filter(|path| !is_special(path)) else {
             continue;
         };
-        if read.contains(&canonical(output)) {
-            return Err(Error::usage(format!(
-                "{}: is read and would be replaced; give another place with -o",
-                output.display()
-            )));
+        if !given.insert((output.clone(), canonical(input))) {
+            let what = format!("{}: is given twice", input.display());
+            return Err(Error::usage(what));
         }
-        if let Some(other) = results.insert(output, &job.input) {
-            return Err(Error::usage(format!(
-                "{} and {} would both become {}",
-                other.display(),
-                job.input.display(),
-                output.display()
-            )));
+        let own = output.with_extension("").to_string_lossy().into_owned();
+        let name = names.distinct(own.clone());
+        let marks = &name[own.len()..];
+        if marks.is_empty() {
+            continue;
         }
+        let mut name = output.file_stem().unwrap_or_default().to_os_string();
+        name.push(marks);
+        let extension = output.extension().unwrap_or_default();
+        let other = output.with_file_name(name).with_added_extension(extension);
+        messages::info(&format!(
+            "{}: becomes {}, as another file becomes {}",
+            input.display(),
+            other.display(),
+            output.display()
+        ));
+        *output = other;
     }
     Ok(())
+}
+
+/// Fails where a result would replace a file that is read.
+fn check(jobs: &[BatchJob], kept: &[&Path]) -> Result<()> {
+    let read = jobs.iter().map(|job| job.input.as_path());
+    let read: HashSet<PathBuf> = read.chain(kept.iter().copied()).map(canonical).collect();
+    let mut outputs = jobs.iter().filter_map(|job| job.output.as_deref());
+    match outputs.find(|path| !is_special(path) && read.contains(&canonical(path))) {
+        None => Ok(()),
+        Some(output) => Err(Error::usage(format!(
+            "{}: is read and would be replaced; give another place with -o",
+            output.display()
+        ))),
+    }
+}
+
+/// The path without links, where it exists.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or(path.to_path_buf())
 }
 
 #[cfg(test)]
@@ -161,6 +189,17 @@ mod tests {
                 "{inputs:?} {output}"
             );
         }
+        // Takes of one name, from other folders and in another format.
+        for name in ["in/deep/a.bvh", "in/deep/a.amc", "in/a'.bvh"] {
+            fs::write(at(name), "x")?;
+        }
+        let same = of(
+            &["in/a.bvh", "in/deep/a.bvh", "in/a'.bvh", "in/deep/a.amc"],
+            "out",
+            &[],
+        );
+        let names = ["out/a.bvh", "out/a'.bvh", "out/a''.bvh", "out/a'''.bvh"];
+        assert_eq!(outputs(same.unwrap()), names.map(&at));
         fs::create_dir(at("empty"))?;
         assert!(of(&["empty"], "out", &[]).is_err());
         assert!(batch(&[at("in")], None, &["bvh"], "bvh", &[]).is_err());

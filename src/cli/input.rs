@@ -210,7 +210,11 @@ impl TakeNames {
     /// The name of the next file: [`take_name`], with a `'` for each file before that has it; after
     /// more than eight, with their number.
     pub fn next(&mut self, file: &Path) -> Arc<str> {
-        let own = take_name(file);
+        self.distinct(take_name(file))
+    }
+
+    /// The same for a name.
+    pub(super) fn distinct(&mut self, own: String) -> Arc<str> {
         let before = self.before.entry(own.clone()).or_default();
         loop {
             let name: Arc<str> = match *before {

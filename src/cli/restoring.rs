@@ -79,8 +79,8 @@ pub struct RestoringArgs {
     pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
-    /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its pose in
-    /// nats; 0: like the training poses)
+    /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its
+    /// pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
     /// Where points stand on the bones they are named after: starts, as the joints of BVH files,

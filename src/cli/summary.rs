@@ -94,8 +94,8 @@ pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool,
     match counts.takes_unknown {
         0 => {}
         1 => messages::info(
-            "the model knows no poses like most of the take's: restored from its own frames, with what \
-             the model's add in simulated gaps",
+            "the model knows no poses like most of the take's: restored from its own frames, with \
+             what the model's add in simulated gaps",
         ),
         n => messages::info(&format!(
             "the model knows no poses like most of those of {n} takes: restored from their own \

@@ -16,12 +16,10 @@ use super::tuning::sequence::LEAST_SD;
 use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg;
 use crate::numeric::small_linalg::{add, backward, dot, factorize, forward};
+use crate::pose::Skeleton;
 use crate::pose::kinematics::{DofMotion, Posture};
-use crate::pose::rotation::{
-    Axis, from_rotation_vector, rotation_vector, rotation_vector_jacobian,
-};
+use crate::pose::rotation::{from_rotation_vector, rotation_vector, rotation_vector_jacobian};
 use crate::pose::similarity::{TransformKind, fit_similarity};
-use crate::pose::{Channel, Skeleton};
 use crate::prior::rotations::JointPrior;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
@@ -101,9 +99,8 @@ impl<'a> FrameSolver<'a> {
         root: usize,
         prior: &JointPrior,
     ) -> Result<FrameSolver<'a>> {
-        let is_ball: Vec<bool> = (0..skeleton.bones().len())
-            .map(|b| ball_axes(skeleton, b).is_some())
-            .collect();
+        let bones = skeleton.bones().iter();
+        let is_ball: Vec<bool> = bones.map(|bone| bone.ball_axes().is_some()).collect();
         let moves_a_joint = moving_bones(skeleton, joints);
         let with_prior: Vec<usize> = (0..prior.bones.len())
             .filter(|n| moves_a_joint[prior.bones[*n]])
@@ -631,19 +628,6 @@ fn moving_bones(skeleton: &Skeleton, joints: &[usize]) -> Vec<bool> {
     moving
 }
 
-/// The axes of a bone's three angles, the first named turning first; `None` where there are others
-/// than three that differ.
-pub(crate) fn ball_axes(skeleton: &Skeleton, bone: usize) -> Option<[Axis; 3]> {
-    let axis = |channel: Channel| match channel {
-        Channel::Rotate(axis) => Some(axis),
-        _ => None,
-    };
-    let dofs = skeleton.bones()[bone].dofs.iter();
-    let axes: Vec<Axis> = dofs.filter_map(|d| axis(d.channel)).collect();
-    let axes: [Axis; 3] = axes.try_into().ok()?;
-    (axes[0] != axes[1] && axes[1] != axes[2] && axes[0] != axes[2]).then_some(axes)
-}
-
 /// The state in which the bones with a prior, by their number there, are at its mean, the others at
 /// rest.
 fn mean_state(
@@ -725,7 +709,8 @@ fn pseudo_inverse(columns: &[DVec3]) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::{Bone, Dof};
+    use crate::pose::rotation::Axis;
+    use crate::pose::{Bone, Channel, Dof};
     use crate::prior::rotations::RotationPrior;
 
     const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];

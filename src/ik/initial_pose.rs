@@ -94,7 +94,7 @@ impl<'a> InitialPose<'a> {
                     .collect()
             };
             let (direct_arms, indirect_arms) = (arms(&direct), arms(&indirect));
-            match ball_axes(bone.dofs.iter().map(|d| d.channel)) {
+            match bone.ball_axes() {
                 // Hidden joints: the bone holds its values unless it carries none by its nature.
                 Some(_) if direct_arms.is_empty() && !self.has_no_lever(i) => {}
                 Some(order) => {
@@ -230,17 +230,6 @@ impl<'a> InitialPose<'a> {
             }
         }
     }
-}
-
-/// The axes of a bone's rotations if it is a ball joint.
-fn ball_axes(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
-    let axes: Vec<Axis> = channels
-        .filter_map(|c| match c {
-            Channel::Rotate(axis) => Some(axis),
-            _ => None,
-        })
-        .collect();
-    axes.try_into().ok()
 }
 
 /// The global rotation of a ball joint that carries `direct` arms to where they are seen, and

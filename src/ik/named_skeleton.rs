@@ -6,12 +6,13 @@
 //! neck, or to the middle of the shoulders, and `LeftCollar` and `RightCollar` from there. Every
 //! last bone ends in an End Site.
 
+use super::skeleton_estimation::median_place;
 use super::tuning::named_skeleton::*;
 use crate::io::Bvh;
 use crate::io::bvh::{BvhTemplate, EndSite, Joint};
 use crate::numeric::statistics::median;
-use crate::pose::joints::{CMU, CMU_REST};
-use crate::pose::rotation::Axis;
+use crate::pose::joints::rest_pelvis;
+use crate::pose::rotation::{Axis, frame_along};
 use crate::pose::{Channel, NameMap, Poses, point_at};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
@@ -195,12 +196,10 @@ impl<'a> Builder<'a> {
     ) -> Option<DVec3> {
         let frames = (0..self.poses.frames()).filter_map(|t| {
             let [a, b, c, d] = [x[0], x[1], y[0], y[1]].map(|p| self.at(t, p));
-            let axes = axes(b - a, d - c)?;
-            Some(axes.transpose() * (self.at(t, place) - self.at(t, origin)))
+            let frame = frame_along(b - a, d - c)?;
+            Some(frame.transpose() * (self.at(t, place) - self.at(t, origin)))
         });
-        let seen: Vec<DVec3> = frames.filter(|v| v.is_finite()).collect();
-        let along = |c: usize| median(seen.iter().map(|v| v[c]).collect());
-        Some(DVec3::new(along(0)?, along(1)?, along(2)?))
+        median_place(frames)
     }
 
     fn push(&mut self, name: String, parent: Option<usize>, rest: DVec3) -> usize {
@@ -269,13 +268,7 @@ impl<'a> Builder<'a> {
             .length(&hips, &root)
             .filter(|d| *d > LEAST_TILT * self.leg);
         if tilt.is_some() {
-            let cmu = |name: &str| {
-                let known = CMU.iter().position(|c| *c == name);
-                known.map_or(DVec3::ZERO, |i| DVec3::from_array(CMU_REST[i]))
-            };
-            let (l, r) = (cmu("lhipjoint"), cmu("rhipjoint"));
-            let rest = axes(l - r, cmu("root") - (l + r) / 2.0)?;
-            return Some(rest * self.within(place, &root, x, [&hips, &root])?);
+            return Some(rest_pelvis() * self.within(place, &root, x, [&hips, &root])?);
         }
         self.within(place, &root, x, [&hips, &self.neck_place()])
     }
@@ -440,18 +433,11 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Right-handed axes with x along the first vector and y near the second; `None` where they are
-/// none.
-fn axes(x: DVec3, up: DVec3) -> Option<DMat3> {
-    let x = x.try_normalize()?;
-    let y = (up - x * up.dot(x)).try_normalize()?;
-    Some(DMat3::from_cols(x, y, x.cross(y))).filter(|axes| axes.is_finite())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::ik::SkeletonFit;
+    use crate::pose::joints::{CMU, CMU_REST};
 
     const ORDER: [Axis; 3] = [Axis::Z, Axis::Y, Axis::X];
 

@@ -7,7 +7,7 @@
 //! a neighbor changed does a key frame wait for it.
 
 use super::bone_normalization::BoneNormalizer;
-use super::frame_solver::{FrameFit, FrameSolver, FrameState, Scratch, ball_axes};
+use super::frame_solver::{FrameFit, FrameSolver, FrameState, Scratch};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use super::tuning::sequence::*;
 use crate::numeric::parallel::map_chunks;
@@ -376,7 +376,7 @@ impl TakeFitter<'_> {
         for (i, bone) in self.skeleton.bones().iter().enumerate() {
             let dofs = self.skeleton.dofs_of(i);
             let first = dofs.start;
-            let Some(order) = ball_axes(self.skeleton, i) else {
+            let Some(order) = bone.ball_axes() else {
                 q[dofs.clone()].copy_from_slice(&state.values[dofs]);
                 continue;
             };

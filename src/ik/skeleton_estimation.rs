@@ -4,9 +4,11 @@
 //! Every bone is a ball joint. Its rest pose is CMU's: upright, facing z, arms level.
 
 use crate::numeric::statistics::median;
-use crate::pose::joints::{CMU, CMU_REST as REST, parents_by_name};
+use crate::pose::joints::{
+    CMU, CMU_REST as REST, PELVIS, parents_by_name, pelvis_frame, rest_pelvis,
+};
 use crate::pose::rotation::Axis;
-use crate::pose::{Body, Bone, Channel, Dof, Poses, Skeleton};
+use crate::pose::{Body, Bone, Channel, Dof, Poses, Skeleton, point_at};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
@@ -81,43 +83,30 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
 /// Where the hip joints are from the root in the rest pose, cm, by their names: they do not move
 /// against it. Nothing where a take does not show root and hips together.
 fn rigid_hips(poses: &Poses) -> BTreeMap<String, DVec3> {
-    let names = ["root", "lhipjoint", "rhipjoint"];
-    let Some(columns) = points_named(poses, names) else {
+    let column = |name: &str| poses.points.iter().position(|p| p == name);
+    let [Some(root), Some(left), Some(right)] = PELVIS.map(column) else {
         return BTreeMap::new();
     };
-    let seen = (0..poses.frames()).filter_map(|t| {
-        let row = poses.xyz.row(t);
-        let [root, left, right] =
-            columns.map(|p| DVec3::from_array([0, 1, 2].map(|c| row[3 * p + c])));
-        let frame = pelvis_frame(root, left, right)?;
-        Some([left, right].map(|hip| frame.transpose() * (hip - root)))
-    });
-    let seen: Vec<[DVec3; 2]> = seen.collect();
-    let known = names.map(|n| CMU.iter().position(|c| *c == n).unwrap_or(0));
-    let [root, left, right] = known.map(|i| DVec3::from_array(REST[i]));
-    let rest = pelvis_frame(root, left, right).unwrap_or(DMat3::IDENTITY);
-    let middle = |hip: usize| {
-        let axis = |c: usize| median(seen.iter().map(|hips| hips[hip][c]).collect());
-        Some(rest * DVec3::new(axis(0)?, axis(1)?, axis(2)?))
+    let offset = |hip: usize| {
+        let seen = (0..poses.frames()).filter_map(|t| {
+            let at = |point: usize| point_at(poses.xyz.view(), t, point);
+            let frame = pelvis_frame([root, left, right].map(at))?;
+            Some(frame.transpose() * (at(hip) - at(root)))
+        });
+        Some((
+            poses.points[hip].clone(),
+            rest_pelvis() * median_place(seen)?,
+        ))
     };
-    let hips = [(names[1], middle(0)), (names[2], middle(1))].into_iter();
-    hips.filter_map(|(name, offset)| Some((name.to_string(), offset?)))
-        .collect()
+    [left, right].into_iter().filter_map(offset).collect()
 }
 
-/// The columns of three points.
-fn points_named(poses: &Poses, names: [&str; 3]) -> Option<[usize; 3]> {
-    let column = |name| poses.points.iter().position(|p| p == name);
-    let [a, b, c] = names.map(column);
-    Some([a?, b?, c?])
-}
-
-/// The axes of a pelvis: from the right hip to the left, from the hips to the root, and forward.
-fn pelvis_frame(root: DVec3, left: DVec3, right: DVec3) -> Option<DMat3> {
-    let x = (left - right).try_normalize()?;
-    let up = root - (left + right) / 2.0;
-    let y = (up - x * up.dot(x)).try_normalize()?;
-    Some(DMat3::from_cols(x, y, x.cross(y))).filter(|f| f.is_finite())
+/// The median of places along each axis; those that are not finite do not count. `None`: there are
+/// none.
+pub(super) fn median_place(places: impl Iterator<Item = DVec3>) -> Option<DVec3> {
+    let seen: Vec<DVec3> = places.filter(|place| place.is_finite()).collect();
+    let along = |axis: usize| median(seen.iter().map(|place| place[axis]).collect());
+    Some(DVec3::new(along(0)?, along(1)?, along(2)?))
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 //! A joint is the end point of the bone of the same name; joint 1 is the root.
 
 use super::NameMap;
+use super::rotation::frame_along;
+use glam::{DMat3, DVec3};
 
 /// The 23 joints in the paper's order: 69 numbers per pose.
 pub const CMU: [&str; 23] = [
@@ -48,6 +50,22 @@ pub(crate) const CMU_REST: [[f64; 3]; 23] = [
     [18.2, 41.1, -1.4], [48.1, 41.1, -1.4], [66.6, 41.1, -1.4], [75.8, 41.1, -1.4],
     [-18.2, 41.1, -1.4], [-48.1, 41.1, -1.4], [-66.6, 41.1, -1.4], [-75.8, 41.1, -1.4],
 ];
+
+/// The points of the pelvis: the root and the hip joints, which do not turn against it.
+pub(crate) const PELVIS: [&str; 3] = ["root", "lhipjoint", "rhipjoint"];
+
+/// The frame of a pelvis by its points, in the order of [`PELVIS`]: x from the right hip to the
+/// left, y near the way from between them to the root, z forward. `None` where it has none.
+pub(crate) fn pelvis_frame([root, left, right]: [DVec3; 3]) -> Option<DMat3> {
+    frame_along(left - right, root - (left + right) / 2.0)
+}
+
+/// The frame of CMU's pelvis in the rest pose.
+pub(crate) fn rest_pelvis() -> DMat3 {
+    let rest = PELVIS.map(|name| CMU.iter().position(|c| *c == name).unwrap_or(0));
+    let frame = pelvis_frame(rest.map(|i| DVec3::from_array(CMU_REST[i])));
+    frame.unwrap_or(DMat3::IDENTITY)
+}
 
 /// The six joints observed in the paper's completion test (16, 20, 19, 23, 5 and 9).
 pub const PAPER_SIX: [&str; 6] = [

@@ -259,6 +259,17 @@ impl<'p> NameFinder<'p> {
         literal.or_else(|| name.split('|').find_map(|name| self.find_one(name)))
     }
 
+    /// The names of the points without the prefix (without one of their own up to a colon where
+    /// they lack it), case, and what stands between words.
+    pub(crate) fn bare_names(&self) -> Vec<String> {
+        let bare = |name: &String| {
+            let own = name.strip_prefix(&self.prefix).unwrap_or(name);
+            let own = own.rsplit(':').next().unwrap_or(own);
+            own.replace('_', "")
+        };
+        self.folded.iter().map(bare).collect()
+    }
+
     fn find_one(&self, name: &str) -> Option<usize> {
         let wanted = match name.is_empty() {
             // The prefix itself: the root of a biped is called Bip01.

@@ -45,13 +45,15 @@ impl Axis {
 
 /// Three different axes read from text such as `XYZ`; `None` when it is anything else.
 pub fn parse_order(text: &str) -> Option<[Axis; 3]> {
-    let axes: Vec<Axis> = text
-        .trim()
-        .chars()
-        .map(Axis::parse)
-        .collect::<Option<_>>()?;
-    let order: [Axis; 3] = axes.try_into().ok()?;
-    (order[0] != order[1] && order[1] != order[2] && order[0] != order[2]).then_some(order)
+    let axes: Option<Vec<Axis>> = text.trim().chars().map(Axis::parse).collect();
+    three_axes(axes?)
+}
+
+/// The axes in their order if they are three different ones, as a ball joint has; else `None`.
+pub(crate) fn three_axes(axes: impl IntoIterator<Item = Axis>) -> Option<[Axis; 3]> {
+    let axes: Vec<Axis> = axes.into_iter().collect();
+    let axes: [Axis; 3] = axes.try_into().ok()?;
+    (axes[0] != axes[1] && axes[1] != axes[2] && axes[0] != axes[2]).then_some(axes)
 }
 
 /// The rotation that turns about the first axis first: `R = R_last … R_first` (the ASF convention).
@@ -185,6 +187,17 @@ pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
     .length()
         / 2.0;
     sin.atan2(cos)
+}
+
+/// The frame of two directions: a rotation whose columns are x along `x`, y in the plane of both on
+/// the side of `y`, and z = x × y.
+///
+/// `None` when a vector has no direction (zero, infinite, NaN), or when `y` is a multiple of `x`;
+/// where it nearly is, rounding turns y about x.
+pub(crate) fn frame_along(x: DVec3, y: DVec3) -> Option<DMat3> {
+    let x = x.try_normalize()?;
+    let y = (y - x * y.dot(x)).try_normalize()?;
+    Some(DMat3::from_cols(x, y, x.cross(y)))
 }
 
 /// The shortest rotation that carries the direction of `from` to that of `to`.
@@ -371,6 +384,35 @@ mod tests {
             assert!((r * DVec3::X - to.normalize()).length() <= 1e-12);
         }
         assert!(shortest_arc(DVec3::ZERO, DVec3::X).is_none());
+    }
+
+    #[test]
+    fn a_frame_has_the_first_direction_for_x_and_the_second_on_the_side_of_y() {
+        let (x, y) = (DVec3::new(0.2, -3.0, 1.0), DVec3::new(40.0, 1.0, -7.0));
+        for (x, y) in [(x, y), (y, x), (1e-9 * x, -y), (x, y + 1e3 * x)] {
+            let frame = frame_along(x, y).unwrap();
+            assert!(is_rotation(frame, 1e-12), "{frame}");
+            assert!((frame.x_axis - x.normalize()).length() <= 1e-12);
+            let across = frame.transpose() * y.normalize();
+            assert!(across.y > 0.0 && across.z.abs() <= 1e-12, "{across}");
+        }
+        let none = [
+            (DVec3::ZERO, y),
+            (x, DVec3::ZERO),
+            (DVec3::Y, -2.0 * DVec3::Y),
+            (x, DVec3::new(1.0, f64::NAN, 0.0)),
+            (DVec3::new(f64::INFINITY, 0.0, 0.0), y),
+        ];
+        assert!(none.iter().all(|(x, y)| frame_along(*x, *y).is_none()));
+    }
+
+    #[test]
+    fn a_ball_joint_turns_about_three_different_axes() {
+        use Axis::{X, Y, Z};
+        assert_eq!(three_axes([Z, X, Y]), Some([Z, X, Y]));
+        for other in [&[Z, X][..], &[], &[Z, X, Z], &[Z, Z, X], &[X, Y, Z, X]] {
+            assert_eq!(three_axes(other.iter().copied()), None);
+        }
     }
 
     #[test]

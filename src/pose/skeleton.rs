@@ -1,6 +1,6 @@
 //! Skeletons: bones in a tree, each with the degrees of freedom its file gives it.
 
-use super::rotation::{Axis, nearest_equivalent_angle};
+use super::rotation::{Axis, nearest_equivalent_angle, three_axes};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
@@ -69,6 +69,17 @@ pub struct Bone {
     pub axis: DMat3,
     /// Its degrees of freedom in the file's order: the first named turns first.
     pub dofs: Vec<Dof>,
+}
+
+impl Bone {
+    /// The axes of its angles if it is a ball joint, the first turning first; `None` where it has
+    /// other angles than three about different axes.
+    pub(crate) fn ball_axes(&self) -> Option<[Axis; 3]> {
+        three_axes(self.dofs.iter().filter_map(|dof| match dof.channel {
+            Channel::Rotate(axis) => Some(axis),
+            _ => None,
+        }))
+    }
 }
 
 /// Bones in an order in which a parent precedes its children; the first is the root.

@@ -20,8 +20,8 @@ pub struct RestorationCounts {
     pub too_little: usize,
     /// Frames whose restored pose has a novelty above 0.
     pub novel: usize,
-    /// Takes of which the model knows no poses like most: smoothed without it, and filled with it as
-    /// far as it fills simulated gaps.
+    /// Takes of which the model knows no poses like most: smoothed without it, and filled with it
+    /// as far as it fills simulated gaps.
     pub takes_unknown: usize,
     /// Jumps of a whole body, across which nothing was restored.
     pub cuts: usize,

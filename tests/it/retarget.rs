@@ -153,6 +153,65 @@ fn folders_are_carried_over_and_one_bad_file_stops_no_other() {
 }
 
 #[test]
+fn takes_of_one_file_name_stay_two() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (hero, out) = (at(folder, "hero.bvh"), at(folder, "out"));
+    fs::write(&hero, rig()).unwrap();
+    for (day, time) in [("monday", "0.04"), ("tuesday", "0.02")] {
+        fs::create_dir(folder.join(day)).unwrap();
+        let take = rig().replace("Time: 0.04", &format!("Time: {time}"));
+        fs::write(folder.join(day).join("walk.bvh"), take).unwrap();
+    }
+    let takes = ["monday/walk.bvh", "tuesday/walk.bvh"].map(|name| at(folder, name));
+    let done = command("retarget")
+        .args(["--to", &hero, &takes[0], &takes[1], "-o", &out])
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(
+        said.contains("becomes") && said.contains("walk'.bvh"),
+        "{said}"
+    );
+    for (name, time) in [("walk.bvh", 0.04), ("walk'.bvh", 0.02)] {
+        let text = fs::read_to_string(folder.join("out").join(name)).unwrap();
+        assert!((parts(&text).1 - time).abs() <= 1e-9, "{name}");
+    }
+    let twice = ["--to", &hero, &takes[0], &takes[0], "-o", &out];
+    let said = fails("retarget", &twice, b"", 2);
+    assert!(said.contains("is given twice"), "{said}");
+}
+
+#[test]
+fn a_source_or_a_rig_that_never_stands_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (hero, odd) = (at(folder.path(), "hero.bvh"), at(folder.path(), "odd.bvh"));
+    fs::write(&hero, rig()).unwrap();
+    // Legs that point up, beside the trunk.
+    fs::write(
+        &odd,
+        rig()
+            .replace("0 -38 0", "0 38 0")
+            .replace("0 -44 0", "0 44 0"),
+    )
+    .unwrap();
+    for (to, source, whose, flag) in [
+        (&hero, &odd, ": its zero pose", "--map-from"),
+        (&odd, &hero, ": the rig's zero pose", "--map-to"),
+    ] {
+        let done = command("retarget").args(["--to", to, source]).assert();
+        let done = done.success();
+        let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        let lines: Vec<&str> = said.lines().filter(|l| l.contains("no frame is")).collect();
+        assert_eq!(lines.len(), 1, "{said}");
+        assert!(
+            lines[0].contains(whose) && lines[0].contains(flag),
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn names_are_told_by_maps_and_what_nothing_tells_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -7,7 +7,7 @@ use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::ik::retarget::{Retargeted, Retargeter, cmu_map};
+use posing::ik::retarget::{Rest, Retargeted, Retargeter, cmu_map};
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::motion_file::ReadOptions;
 use posing::io::rotation_take::RotationTake;
@@ -206,12 +206,22 @@ fn report(name: &str, done: &Retargeted) {
         done.scale,
         done.resting
     ));
-    for (whose, frame) in ["its", "the rig's"].iter().zip(done.rest_frames) {
-        if let Some(frame) = frame {
-            messages::info(&format!(
+    let remedies = [
+        "give a take in which it stands in a frame, or name its joints with --map-from",
+        "give a RIG.bvh in which it stands in a frame, or name its joints with --map-to",
+    ];
+    let rests = ["its", "the rig's"].into_iter().zip(done.rests);
+    for ((whose, rest), remedy) in rests.zip(remedies) {
+        match rest {
+            Rest::Zero => {}
+            Rest::Frame(frame) => messages::info(&format!(
                 "{name}: {whose} zero pose is no standing body; comparing by frame {}",
                 frame + 1
-            ));
+            )),
+            Rest::Assumed => messages::info(&format!(
+                "{name}: {whose} zero pose is no standing body, and no frame is; comparing by the \
+                 zero pose all the same, so limbs may point wrongly: {remedy}"
+            )),
         }
     }
     if !done.moves {

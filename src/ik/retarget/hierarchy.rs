@@ -5,6 +5,7 @@ use crate::io::Bvh;
 use crate::io::bvh::Joint;
 use crate::pose::Channel;
 use glam::{DMat3, DVec3};
+use ndarray::{ArrayView1, s};
 
 /// A hierarchy, y up, centimeters.
 pub(super) struct Hierarchy {
@@ -103,13 +104,13 @@ impl Hierarchy {
     }
 
     /// The pose of a frame. What is missing (nan) is not turned, and stands at its offset.
-    pub(super) fn pose(&self, frame: &[f64], pose: &mut Pose) {
+    pub(super) fn pose(&self, frame: ArrayView1<'_, f64>, pose: &mut Pose) {
         pose.rotations.clear();
         pose.places.clear();
         for (j, joint) in self.joints.iter().enumerate() {
-            let values = &frame[self.first[j]..];
+            let values = frame.slice(s![self.first[j]..]);
             let (mut local, mut place) = (DMat3::IDENTITY, self.turn.transpose() * self.offsets[j]);
-            for (channel, &value) in joint.channels.iter().zip(values) {
+            for (channel, &value) in joint.channels.iter().zip(&values) {
                 match channel {
                     _ if !value.is_finite() => {}
                     Channel::Rotate(axis) => local *= axis.rotation(value),
@@ -132,11 +133,12 @@ impl Hierarchy {
     }
 
     /// What each joint lacks in a frame.
-    pub(super) fn missing(&self, frame: &[f64]) -> Vec<Missing> {
+    pub(super) fn missing(&self, frame: ArrayView1<'_, f64>) -> Vec<Missing> {
         let of = |(joint, &first): (&Joint, &usize)| {
-            let values = joint.channels.iter().zip(&frame[first..]);
+            let values = frame.slice(s![first..]);
             let lacks = |is_angle: bool| {
-                let mut values = values.clone().filter(|(c, _)| c.is_angle() == is_angle);
+                let channels = joint.channels.iter().zip(&values);
+                let mut values = channels.filter(|(c, _)| c.is_angle() == is_angle);
                 values.any(|(_, v)| !v.is_finite())
             };
             Missing {

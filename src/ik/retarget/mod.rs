@@ -17,6 +17,7 @@ mod shape;
 mod transfer;
 mod tuning;
 
+pub use rest::Rest;
 pub use segments::cmu_map;
 
 use crate::io::Bvh;
@@ -54,9 +55,8 @@ pub struct Retargeted {
     pub maps: [String; 2],
     /// What lengths of the source were multiplied by.
     pub scale: f64,
-    /// Frames, from 0, that served as rest poses of source and rig, where the file's own is no
-    /// standing body.
-    pub rest_frames: [Option<usize>; 2],
+    /// The poses in which source and rig were compared.
+    pub rests: [Rest; 2],
     /// The number of joints that follow none of the source's and keep their rest pose.
     pub resting: usize,
     /// The number of contacts in which a foot is held; `None`: feet were not asked for.
@@ -157,7 +157,7 @@ impl Retargeter {
             },
             maps: [body.map.clone(), self.body.map.clone()],
             scale: run.scale,
-            rest_frames: [own.frame, rest.frame],
+            rests: [own.kind, rest.kind],
             resting: run.transfer.resting(),
             contacts: feet.then(|| planted.iter().map(|p| p.contacts).sum()),
             slide: planted.iter().map(|p| p.slide).fold(0.0, f64::max),
@@ -180,9 +180,7 @@ struct Run<'a> {
 impl Run<'_> {
     /// The source's pose in a frame.
     fn source(&self, frame: usize, pose: &mut Pose) {
-        let row = self.source.motion.row(frame);
-        self.tree
-            .pose(row.as_slice().unwrap_or(&row.to_vec()), pose);
+        self.tree.pose(self.source.motion.row(frame), pose);
     }
 
     /// The rig's pose by the source's, with some of its joints turned further; the shift of its
@@ -253,8 +251,7 @@ impl Run<'_> {
 
     /// What the source's joints lack in a frame.
     fn missing(&self, frame: usize) -> Vec<Missing> {
-        let row = self.source.motion.row(frame);
-        self.tree.missing(row.as_slice().unwrap_or(&row.to_vec()))
+        self.tree.missing(self.source.motion.row(frame))
     }
 
     /// The channels of all frames, and how many values are missing.

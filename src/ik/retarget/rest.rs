@@ -1,12 +1,25 @@
 //! The pose in which two skeletons are compared: that of zero rotations where it is a standing
 //! body, else the most upright frame of the motion. (The rotations of some exporters are those of
-//! the bones' own axes: at zero, spine and legs lie on one line.)
+//! the bones' own axes: at zero, spine and legs lie on one line.) Where nobody stands in a frame
+//! either, that of zero rotations stands in, which may turn limbs wrongly: [`Rest::Assumed`].
 
 use super::hierarchy::{Hierarchy, Pose};
 use super::segments::BodyJoints;
 use super::tuning::rest::*;
+use crate::pose::rotation::frame_along;
 use glam::{DMat3, DVec3};
 use ndarray::ArrayView2;
+
+/// The pose in which a skeleton is compared with another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rest {
+    /// That of zero rotations: of a standing body, or of both skeletons alike.
+    Zero,
+    /// A frame of the file, from 0: at zero rotations nobody stands.
+    Frame(usize),
+    /// That of zero rotations, though nobody stands in it, nor in a frame.
+    Assumed,
+}
 
 /// A pose to compare with.
 pub(super) struct RestPose {
@@ -14,8 +27,7 @@ pub(super) struct RestPose {
     /// Which axis of the world points up along the trunk; `None`: the body leans, or this is no
     /// pose of a body.
     up: Option<DVec3>,
-    /// The frame that it is; `None`: all rotations are zero.
-    pub frame: Option<usize>,
+    pub kind: Rest,
 }
 
 impl RestPose {
@@ -29,7 +41,7 @@ impl RestPose {
         RestPose {
             pose,
             up: is_upright.then_some(axis),
-            frame: None,
+            kind: Rest::Zero,
         }
     }
 
@@ -39,19 +51,23 @@ impl RestPose {
         if is_standing(body, &zero.pose) {
             return zero;
         }
-        let (mut best, mut pose) = ((f64::NEG_INFINITY, zero), Pose::default());
+        let assumed = RestPose {
+            kind: Rest::Assumed,
+            ..zero
+        };
+        let (mut best, mut pose) = ((f64::NEG_INFINITY, assumed), Pose::default());
         for frame in (0..motion.nrows()).step_by(motion.nrows().div_ceil(FRAMES).max(1)) {
-            let values = motion.row(frame).to_vec();
+            let values = motion.row(frame);
             if values.iter().any(|v| !v.is_finite()) {
                 continue;
             }
-            tree.pose(&values, &mut pose);
+            tree.pose(values, &mut pose);
             let score = uprightness(body, &pose);
             if score > best.0 && is_standing(body, &pose) {
                 let rest = RestPose {
                     pose: pose.clone(),
                     up: None,
-                    frame: Some(frame),
+                    kind: Rest::Frame(frame),
                 };
                 best = (score, rest);
             }
@@ -133,11 +149,12 @@ pub(super) fn between(
     ]
 }
 
-/// The axes of a body: x along a line from right to left, y up across it, z forward.
+/// The axes of a body: x along a line from right to left, y up across it, z forward; any where a
+/// pose that is no body has none.
 fn frame(line: DVec3, up: DVec3) -> DMat3 {
     let x = line.normalize_or(up.any_orthonormal_vector());
-    let y = (up - up.dot(x) * x).normalize_or(x.any_orthonormal_vector());
-    DMat3::from_cols(x, y, x.cross(y))
+    let frame = frame_along(x, up).or_else(|| frame_along(x, x.any_orthonormal_vector()));
+    frame.unwrap_or(DMat3::IDENTITY)
 }
 
 /// Whether two hierarchies have the same joints in the same directions, if of other lengths: then

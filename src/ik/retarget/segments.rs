@@ -21,6 +21,8 @@ pub(super) struct BodyJoints {
     pub chest: Option<usize>,
     /// On which all limbs hang.
     pub base: usize,
+    /// By joint, its name without what files put before it.
+    pub bare_names: Vec<String>,
 }
 
 /// The points of both legs and arms: those of [`Limb::joints`], then the end.
@@ -88,8 +90,10 @@ impl BodyJoints {
         if let Some(map) = NameMap::fitting(&tree.names) {
             return by_names(tree, map, option);
         }
-        let by_shape = shape::find(tree)
-            .and_then(|(legs, arms)| BodyJoints::new(tree, "shape", legs, Some(arms), None));
+        let by_shape = shape::find(tree).and_then(|(legs, arms)| {
+            let names = NameFinder::new(&tree.names, std::iter::empty());
+            BodyJoints::new(tree, ("shape", &names), legs, Some(arms), None)
+        });
         by_shape.map_err(|why| {
             let nearest = match NameMap::nearest(&tree.names) {
                 Some((map, found)) => format!(
@@ -106,13 +110,13 @@ impl BodyJoints {
         })
     }
 
-    /// The body of these limbs.
+    /// The body of these limbs, by the map of a name and the prefix of its names.
     ///
     /// # Errors
     /// What is wrong with them.
     pub(super) fn new(
         tree: &Hierarchy,
-        map: &str,
+        (map, names): (&str, &NameFinder<'_>),
         legs: [Limb; 2],
         arms: Option<[Limb; 2]>,
         head: Option<usize>,
@@ -140,6 +144,7 @@ impl BodyJoints {
             arms,
             pelvis,
             chest,
+            bare_names: names.bare_names(),
         })
     }
 
@@ -168,8 +173,9 @@ fn by_names(tree: &Hierarchy, map: &NameMap, option: &str) -> Result<BodyJoints>
         )));
     };
     let arms = arms.and_then(|arms| <[Limb; 2]>::try_from(arms).ok());
-    let head = head(tree, map).or_else(|| columns.get("upperneck").copied());
-    BodyJoints::new(tree, &map.name, legs, arms, head).map_err(|why| {
+    let names = NameFinder::new(&tree.names, map.joints.values().map(String::as_str));
+    let head = head(&names, map).or_else(|| columns.get("upperneck").copied());
+    BodyJoints::new(tree, (&map.name, &names), legs, arms, head).map_err(|why| {
         Error::unfit(format!(
             "its joints do not hang as those of the map {} ({why}); name another with the option \
              `{option} NAME|FILE.toml`",
@@ -186,8 +192,6 @@ fn limb(columns: &BTreeMap<&str, usize>, points: &[&str; 4]) -> Option<Limb> {
 }
 
 /// The joint of the head: the last name that the map has for it; those before are of its top.
-fn head(tree: &Hierarchy, map: &NameMap) -> Option<usize> {
-    let name = map.trunk.get("Head")?.split('|').next_back()?;
-    let finder = NameFinder::new(&tree.names, map.joints.values().map(String::as_str));
-    finder.find(name)
+fn head(names: &NameFinder<'_>, map: &NameMap) -> Option<usize> {
+    names.find(map.trunk.get("Head")?.split('|').next_back()?)
 }

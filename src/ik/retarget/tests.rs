@@ -2,7 +2,6 @@ use super::hierarchy::{Hierarchy, Pose};
 use super::*;
 use crate::io::bvh::{EndSite, Joint};
 use crate::pose::rotation::angle_between;
-use ndarray::ArrayView1;
 
 /// Joints of a body in a T-pose that faces z: name, parent, offset.
 const BODY: &[(&str, Option<usize>, [f64; 3])] = &[
@@ -140,8 +139,7 @@ fn carried(rig: &Bvh, source: &Bvh, feet: bool) -> Retargeted {
 
 fn pose(bvh: &Bvh, frame: usize) -> Pose {
     let mut pose = Pose::default();
-    let row: ArrayView1<f64> = bvh.motion.row(frame);
-    Hierarchy::new(bvh, DMat3::IDENTITY).pose(&row.to_vec(), &mut pose);
+    Hierarchy::new(bvh, DMat3::IDENTITY).pose(bvh.motion.row(frame), &mut pose);
     pose
 }
 
@@ -220,7 +218,7 @@ fn a_zero_pose_that_is_no_body_is_replaced_by_an_upright_frame() {
     let source = body(20, same, none, moving);
     let rig = body(3, other, along_x, |t, j| moving(2 * t, j));
     let there = carried(&rig, &source, false);
-    assert_eq!(there.rest_frames, [None, Some(0)]);
+    assert_eq!(there.rests, [Rest::Zero, Rest::Frame(0)]);
     assert!(farthest(&source, &there.bvh) <= 1e-7);
     for t in 0..20 {
         let (a, b) = (pose(&source, t), pose(&there.bvh, t));
@@ -235,7 +233,54 @@ fn a_zero_pose_that_is_no_body_is_replaced_by_an_upright_frame() {
     }
     // Two bodies of one convention need no frame.
     let longer = body(20, |j, o| other(j, o) * 1.1, along_x, moving);
-    assert_eq!(carried(&rig, &longer, false).rest_frames, [None, None]);
+    assert_eq!(carried(&rig, &longer, false).rests, [Rest::Zero; 2]);
+}
+
+#[test]
+fn a_body_that_never_stands_is_told() {
+    let source = body(5, same, none, moving);
+    // Frames in which all bones lie along x, as at zero rotations, or that are not whole.
+    let mut lying = body(3, other, along_x, moving);
+    lying.motion.fill(0.0);
+    for fill in [0.0, f64::NAN] {
+        lying.motion.row_mut(0).fill(fill);
+        let there = carried(&lying, &source, false);
+        assert_eq!(there.rests, [Rest::Zero, Rest::Assumed]);
+        assert!(there.bvh.motion.iter().all(|v| v.is_finite()));
+        let back = carried(&source, &lying, false);
+        assert_eq!(back.rests, [Rest::Assumed, Rest::Zero]);
+    }
+}
+
+#[test]
+fn fingers_follow_by_names_whatever_their_prefixes_are() {
+    let named = |prefix: &str, parts: fn(&str) -> String| {
+        let mut bvh = body(4, same, none, moving);
+        let fingers = [("LeftHandThumb1", 8), ("RightHandIndex1", 12)];
+        for (name, parent) in fingers {
+            bvh.joints.push(Joint {
+                name: name.into(),
+                parent: Some(parent),
+                offset: DVec3::new(3.0, 0.0, 1.0),
+                channels: channels(false),
+                ends: Vec::new(),
+            });
+        }
+        for joint in &mut bvh.joints {
+            joint.name = format!("{prefix}{}", parts(&joint.name));
+        }
+        let turns = Array2::from_elem((4, 6), 0.2);
+        bvh.motion = ndarray::concatenate![ndarray::Axis(1), bvh.motion, turns];
+        bvh
+    };
+    let plain = |name: &str| name.to_string();
+    let source = named("", plain);
+    for prefix in ["", "rig:", "mixamorig_", "Group/rig "] {
+        let there = carried(&named(prefix, plain), &source, false);
+        assert_eq!(there.resting, 0, "{prefix}");
+        let back = carried(&source, &named(prefix, plain), false);
+        assert_eq!(back.resting, 0, "{prefix}");
+    }
 }
 
 #[test]

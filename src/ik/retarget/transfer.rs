@@ -250,7 +250,6 @@ impl Transfer {
     /// Fingers of one name in both follow each other, and so do all joints with `is_same`.
     fn same_names(&mut self, figures: [Figure; 2], lower: DMat3, is_same: bool) {
         let [source, rig] = figures;
-        let names: Vec<String> = source.tree.names.iter().map(|name| bare(name)).collect();
         for r in 0..rig.tree.len() {
             let mut arms = rig.body.arms.iter().flatten();
             let hangs = arms.any(|arm| rig.tree.is_below(r, arm.joints[2]));
@@ -261,8 +260,8 @@ impl Transfer {
             let Some(above) = above.filter(|_| self.follows[r].is_none()) else {
                 continue;
             };
-            let own = bare(&rig.tree.names[r]);
-            let Some(s) = names.iter().position(|name| *name == own) else {
+            let own = &rig.body.bare_names[r];
+            let Some(s) = source.body.bare_names.iter().position(|name| name == own) else {
                 continue;
             };
             let directions = source.direction(s, None).zip(rig.direction(r, None));
@@ -326,10 +325,4 @@ impl Transfer {
 fn blend(a: DMat3, b: DMat3, share: f64) -> DMat3 {
     let [a, b] = [a, b].map(|r| DQuat::from_mat3(&r));
     DMat3::from_quat(a.slerp(b, share))
-}
-
-/// A name without its prefix, case, and what stands between its words.
-fn bare(name: &str) -> String {
-    let own = name.rsplit(':').next().unwrap_or(name);
-    own.to_ascii_lowercase().replace([' ', '-', '.', '_'], "")
 }

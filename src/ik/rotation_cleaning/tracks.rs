@@ -4,7 +4,7 @@
 use super::movement::{Movable, gaps, straight};
 use super::tuning::*;
 use crate::pose::JointChannels;
-use crate::pose::rotation::{Axis, cross_matrix, decompose, nearest_equivalent_angle};
+use crate::pose::rotation::{Axis, cross_matrix, decompose, nearest_equivalent_angle, three_axes};
 use glam::{DMat3, DQuat, DVec3};
 use ndarray::{Array2, ArrayView2};
 
@@ -59,7 +59,7 @@ pub(super) fn tracks(
 ) -> (Vec<Track<DQuat>>, Vec<Track<DVec3>>) {
     let (mut rotations, mut places) = (Vec::new(), Vec::new());
     for (j, joint) in joints.iter().enumerate() {
-        let parts = match is_ball(&joint.angles) {
+        let parts = match three_axes(joint.angles.iter().map(|a| a.1)).is_some() {
             true => vec![joint.angles.clone()],
             false => joint.angles.iter().map(|a| vec![*a]).collect(),
         };
@@ -88,14 +88,6 @@ pub(super) fn tracks(
         );
     }
     (rotations, places)
-}
-
-/// Whether angles are three about different axes.
-fn is_ball(angles: &[(usize, Axis)]) -> bool {
-    match angles {
-        [a, b, c] => a.1 != b.1 && b.1 != c.1 && c.1 != a.1,
-        _ => false,
-    }
 }
 
 /// Gives each quaternion the sign that is nearer to the one before.

@@ -11,7 +11,7 @@ use super::{BONES, RotationPrior, is_free};
 use crate::pose::Skeleton;
 use crate::pose::joints::{CMU, CMU_PARENT, CMU_REST};
 use crate::pose::kinematics::Posture;
-use crate::pose::rotation::shortest_arc;
+use crate::pose::rotation::{frame_along, shortest_arc};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
@@ -329,27 +329,13 @@ impl<'a> Joints<'a> {
             let point = self.points.iter().find(|(_, p)| CMU[*p] == name)?;
             Some(self.rest.ends[point.0])
         };
-        let frame = |pairs: [Option<DVec3>; 4]| {
-            let [Some(left), Some(right), Some(hip), Some(shoulder)] = pairs else {
-                return None;
-            };
-            let x = (left - right).try_normalize()?;
-            let up = shoulder - hip;
-            let y = (up - x * up.dot(x)).try_normalize()?;
-            Some(DMat3::from_cols(x, y, x.cross(y)))
+        let frame = |[left, right, l, r]: [Option<DVec3>; 4]| {
+            let (left, right) = (left?, right?);
+            frame_along(left - right, (l? + r?) / 2.0 - (left + right) / 2.0)
         };
-        let middle = |a: Option<DVec3>, b: Option<DVec3>| Some((a? + b?) / 2.0);
         let names = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle"];
-        let [left, right, l, r] = names.map(at);
-        let own = frame([left, right, middle(left, right), middle(l, r)]);
-        let cmu = names.map(|n| CMU.iter().position(|c| *c == n).map(rest));
-        let cmu = frame([
-            cmu[0],
-            cmu[1],
-            middle(cmu[0], cmu[1]),
-            middle(cmu[2], cmu[3]),
-        ]);
-        match (own, cmu) {
+        let cmu = |name: &str| CMU.iter().position(|c| *c == name).map(rest);
+        match (frame(names.map(at)), frame(names.map(cmu))) {
             (Some(own), Some(cmu)) => cmu * own.transpose(),
             _ => DMat3::IDENTITY,
         }

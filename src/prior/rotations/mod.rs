@@ -13,7 +13,7 @@ mod tuning;
 use self::tuning::*;
 use crate::io::Model;
 use crate::pose::Skeleton;
-use crate::pose::joints::{CMU, CMU_PARENT, cmu_names};
+use crate::pose::joints::{CMU, CMU_PARENT, PELVIS, cmu_names};
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
@@ -169,7 +169,7 @@ pub fn local_rotations(skeleton: &Skeleton, values: &[&[f64]]) -> Result<Vec<Loc
 
 /// Whether a bone turns against its parent: the root has none, and the hip joints are rigid.
 fn is_free(bone: usize) -> bool {
-    CMU_PARENT[bone] != 0 || CMU[bone] == "lowerback"
+    !PELVIS.contains(&CMU[bone])
 }
 
 #[cfg(test)]
