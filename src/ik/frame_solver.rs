@@ -299,9 +299,6 @@ impl<'a> FrameSolver<'a> {
 
     /// Improves a frame from a start: `targets` (3 a joint; NaN is missing), `weights` one a joint,
     /// 1/cm².
-    ///
-    /// The prior pulls the joints off measured points by some hundredths of a centimeter. Last
-    /// steps in which these weigh more by far put them there.
     pub(crate) fn solve(
         &self,
         targets: &[f64],
@@ -309,7 +306,18 @@ impl<'a> FrameSolver<'a> {
         start: FrameState,
         scratch: &mut Scratch,
     ) -> FrameFit {
-        let fit = self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch);
+        self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch)
+    }
+
+    /// Puts the joints at the measured points, off which the prior pulls them by some hundredths of
+    /// a centimeter, by last steps in which these weigh more by far.
+    pub(crate) fn finish(
+        &self,
+        targets: &[f64],
+        weights: &[f64],
+        fit: FrameFit,
+        scratch: &mut Scratch,
+    ) -> FrameFit {
         let heavier = |w: &f64| if *w >= MEASURED { w * SURE } else { *w };
         let heavier: Vec<f64> = weights.iter().map(heavier).collect();
         let end = (LAST_STEPS, LAST_TOLERANCE);
@@ -811,6 +819,7 @@ mod tests {
             let sure = vec![400.0; JOINTS.len()];
             let fit = solver.solve(&y, &sure, solver.start(0, &y), &mut scratch);
             assert!(fit.converged, "{}", fit.energy);
+            let fit = solver.finish(&y, &sure, fit, &mut scratch);
             let mut posture = Posture::default();
             solver.posture(&fit.state, &mut posture);
             for (&joint, y) in JOINTS.iter().zip(y.chunks_exact(3)) {

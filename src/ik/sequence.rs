@@ -173,6 +173,14 @@ impl Observed {
         }
     }
 
+    /// The points of a frame and their weights.
+    fn of(&self, frame: usize) -> (Vec<f64>, Vec<f64>) {
+        (
+            self.xyz.row(frame).to_vec(),
+            self.weights.row(frame).to_vec(),
+        )
+    }
+
     fn is_seen(&self, frame: usize) -> bool {
         let row = self.xyz.row(frame);
         let points = row.as_slice().unwrap_or(&[]).chunks_exact(3);
@@ -202,10 +210,15 @@ impl TakeFitter<'_> {
         if !self.frames.is_seen(frame) {
             return None;
         }
-        let (xyz, weights) = (self.frames.xyz.row(frame), self.frames.weights.row(frame));
-        let (xyz, weights) = (xyz.to_vec(), weights.to_vec());
+        let (xyz, weights) = self.frames.of(frame);
         let fit = self.solver.solve(&xyz, &weights, start, scratch);
         fit.energy.is_finite().then_some(fit)
+    }
+
+    /// A solved frame, its joints at the measured points.
+    fn finish(&self, frame: usize, fit: FrameFit, scratch: &mut Scratch) -> FrameFit {
+        let (xyz, weights) = self.frames.of(frame);
+        self.solver.finish(&xyz, &weights, fit, scratch)
     }
 
     /// The fit of each frame; `None` where too few points are seen. Every `stride`-th is a key
@@ -224,10 +237,7 @@ impl TakeFitter<'_> {
         for direction in [Direction::Forward, Direction::Backward] {
             self.retry_from_neighbors(&keys, &mut key_fits, direction);
         }
-        if stride == 1 {
-            return key_fits;
-        }
-        self.in_blocks(count, watch, |t, scratch| {
+        let between = |t: usize, scratch: &mut Scratch| {
             let (before, after) = (t / stride, (t / stride + 1).min(keys.len() - 1));
             if keys[before] == t {
                 return key_fits[before].clone();
@@ -245,6 +255,10 @@ impl TakeFitter<'_> {
                 (Some(one), None) | (None, Some(one)) => self.solve(t, one.state.clone(), scratch),
                 (None, None) => of_mean(t, scratch),
             }
+        };
+        self.in_blocks(count, watch, |t, scratch| {
+            let fit = between(t, scratch)?;
+            Some(self.finish(t, fit, scratch))
         })
     }
 

@@ -64,7 +64,8 @@ pub(crate) mod frame_solver {
     pub(crate) const SURE: f64 = 1e4;
     pub(crate) const LAST_TOLERANCE: (f64, f64) = (10.0, 0.0);
     /// Ends when a step lowers E, which has no unit, by less than the first and this share of it.
-    pub(crate) const TOLERANCE: (f64, f64) = (1e-3, 1e-4);
+    /// What is left then is far less: near the minimum a step leaves the square of what it takes.
+    pub(crate) const TOLERANCE: (f64, f64) = (0.05, 1e-4);
     /// Damps what neither points nor prior move, 1 / radian².
     pub(crate) const LEAST_PRECISION: f64 = 1e-3;
     /// Standard deviation of a bone that slides below the root, cm.

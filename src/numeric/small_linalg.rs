@@ -27,18 +27,23 @@ pub(crate) fn add(to: &mut [f64], scale: f64, from: &[f64]) {
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a
 /// small one: the direction is then known exactly, as a duplicate of others.
 pub(crate) fn factorize(a: &mut [f64], n: usize) {
+    let least: Vec<f64> = (0..n).map(|i| 1e-12 * a[i * n + i].abs()).collect();
+    let mut column = vec![0.0; n];
     dispatch8(
         #[inline(always)]
         || {
-            for i in 0..n {
-                for j in 0..=i {
-                    let known = dot(&a[i * n..i * n + j], &a[j * n..j * n + j]);
-                    let rest = a[i * n + j] - known;
-                    a[i * n + j] = if i == j {
-                        rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
-                    } else {
-                        rest / a[j * n + j]
-                    };
+            // Column by column, each taken from the rest at once: short sums one by one are slower.
+            for k in 0..n {
+                let pivot = a[k * n + k].max(least[k]).max(1e-300).sqrt();
+                a[k * n + k] = pivot;
+                for i in k + 1..n {
+                    column[i] = a[i * n + k] / pivot;
+                    a[i * n + k] = column[i];
+                    add(
+                        &mut a[i * n + k + 1..=i * n + i],
+                        -column[i],
+                        &column[k + 1..=i],
+                    );
                 }
             }
         },
