@@ -90,14 +90,18 @@ fn what_is_there_keeps_its_text_and_what_is_missing_is_filled() {
 fn a_turned_and_shifted_take_has_the_turned_answer() {
     let Some(walk) = walk(40) else { return };
     let table = Numbers::read(&walk);
-    // Of which few points are seen stands upright: it may turn about y alone.
+    let whole = Numbers::read(&gappy(&walk));
+    let (take, each) = (&["-q"][..], &["-q", "--per-frame"][..]);
+    // Of which few points are seen stands upright, as feet do that are held: it may turn about y
+    // alone.
     let upright = six_of(&table);
     let all = [
-        (Numbers::read(&gappy(&walk)), carry as fn(_) -> _),
-        (upright, carry_upright),
+        (whole.clone(), carry as fn(_) -> _, &[each][..]),
+        (whole, carry_upright, &[take]),
+        (upright, carry_upright, &[take, each]),
     ];
-    for (damaged, carry) in all {
-        for flags in [&["-q"][..], &["-q", "--per-frame"]] {
+    for (damaged, carry, all) in all {
+        for flags in all {
             let answer = |t: &Numbers| Numbers::read(&run("complete", flags, &t.write()));
             close(
                 &answer(&damaged.map(carry)),

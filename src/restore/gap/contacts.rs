@@ -31,19 +31,23 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
             }
             _ => vec![false; take.xyz.nrows()],
         };
-        let held = [Some(leg.ankle), leg.toes].map(|point| match point {
-            Some(point) => held_of(point, gaps, filled, &completed(point), &swings, take.rate),
-            None => Vec::new(),
-        });
-        if held.iter().all(Vec::is_empty) {
-            continue;
-        }
         let paths = LegPaths {
             limb: [leg.hip, leg.knee, leg.ankle].map(completed),
             toes: leg.toes.map(completed),
             other_hip: other.as_ref().map(|other| completed(other.hip)),
             is_left: leg.is_left,
         };
+        let Some(unit) = paths.unit() else { continue };
+        let held = [Some(leg.ankle), leg.toes].map(|point| match point {
+            Some(point) => {
+                let (path, rate) = (completed(point), take.rate);
+                held_of(point, gaps, filled, (&path, &swings), [rate, unit])
+            }
+            None => Vec::new(),
+        });
+        if held.iter().all(Vec::is_empty) {
+            continue;
+        }
         let by = held.each_ref().map(|held| by_frame(held, take.xyz.nrows()));
         for t in 0..take.xyz.nrows() {
             let knee_is_seen = point_at(take.xyz, t, leg.knee).is_finite();
@@ -134,14 +138,14 @@ fn swings(ankle: &[DVec3], root: &[DVec3], rate: f64) -> Vec<bool> {
     (0..ankle.len()).map(is_swinging).collect()
 }
 
-/// What holds a point in its gaps, its completed path being `at`.
+/// What holds a point in its gaps, its completed path being `at`, at `rate` frames a second;
+/// `unit`: what counts as a centimeter.
 fn held_of(
     point: usize,
     gaps: &[Gap],
     filled: &[Option<FilledGap>],
-    at: &[DVec3],
-    swings: &[bool],
-    rate: f64,
+    (at, swings): (&[DVec3], &[bool]),
+    [rate, unit]: [f64; 2],
 ) -> Vec<Held> {
     let Some(ground) = ground(at) else {
         return Vec::new();
@@ -150,12 +154,15 @@ fn held_of(
         at,
         ground,
         rate,
+        unit,
         swings,
     };
     let briefest = (BRIEFEST * rate).ceil() as usize;
     let of = |(k, gap): (usize, &Gap)| {
+        // A foot that is never seen may stand anywhere.
+        let is_seen = gap.before.or(gap.after).is_some();
         let is_long = gap.point == point && gap.frames.len() >= briefest;
-        filled[k].as_ref().filter(|_| is_long)?;
+        filled[k].as_ref().filter(|_| is_long && is_seen)?;
         path.held(k, gap)
     };
     gaps.iter().enumerate().filter_map(of).collect()
@@ -180,6 +187,19 @@ struct LegPaths {
 }
 
 impl LegPaths {
+    /// What counts as a centimeter: the leg over an adult's. `None` where it does not stand upright
+    /// in most frames, as where y is not up, or is never seen whole.
+    fn unit(&self) -> Option<f64> {
+        let [hip, knee, ankle] = &self.limb;
+        let frames = 0..hip.len();
+        let of = |f: &dyn Fn(usize) -> f64| {
+            median(frames.clone().map(f).filter(|v| v.is_finite()).collect())
+        };
+        let leg = of(&|t| hip[t].distance(knee[t]) + knee[t].distance(ankle[t]))?;
+        let up = of(&|t| (hip[t] - ankle[t]).y / hip[t].distance(ankle[t]))?;
+        (up > UPRIGHT && leg > 0.0).then_some(leg / LEG)
+    }
+
     /// Where knee, ankle and toes go in a frame if so much is added to ankle and toes; `None` where
     /// they stay. A knee that is seen stays, and the shin keeps its length on it.
     fn moved(&self, t: usize, [by, toes_by]: [DVec3; 2], knee_bends: bool) -> [Option<DVec3>; 3] {
@@ -236,6 +256,8 @@ struct Path<'a> {
     ground: f64,
     /// Frames a second.
     rate: f64,
+    /// What counts as a centimeter: bodies differ in size.
+    unit: f64,
     /// Where the other foot swings.
     swings: &'a [bool],
 }
@@ -278,16 +300,16 @@ impl Path<'_> {
         };
         let (before, after) = (planted(gap.before, -1), planted(gap.after, 1));
         if let (Some(a), Some(b)) = (before, after) {
-            let is_near = |t: usize| self.at[t].distance(a.midpoint(b)) < STRAYS;
-            if a.distance(b) < SAME_PLACE && frames.clone().all(is_near) {
+            let is_near = |t: usize| self.at[t].distance(a.midpoint(b)) < STRAYS * self.unit;
+            if a.distance(b) < SAME_PLACE * self.unit && frames.clone().all(is_near) {
                 return vec![(frames, [a, b])];
             }
         }
         let fades = ((FADE * self.rate).round() as usize).min(frames.len() / 2);
         let (first, last) = (frames.start + fades, frames.end - fades);
         let stays = |t: &usize, place: DVec3| {
-            let away = self.at[*t].distance(place);
-            away < NEAR && self.is_low(*t) && self.speed(*t) < SLOW
+            let away = self.at[*t].distance(place) / self.unit;
+            away < NEAR && self.is_low(*t) && self.speed(*t) < SLOW * self.unit
                 || self.swings[*t] && away < NEAR_IN_SWING
         };
         let mut from = before.map_or(frames.start, |place| {
@@ -311,8 +333,8 @@ impl Path<'_> {
                 .map(|a| (frames.start..from, [a, a])),
         );
         let limits = ContactLimits {
-            speed: INSIDE_SPEED,
-            height: LOW,
+            speed: INSIDE_SPEED * self.unit,
+            height: LOW * self.unit,
             seconds: INSIDE_SECONDS,
         };
         let least = (INSIDE_SECONDS * self.rate).ceil() as usize;
@@ -341,11 +363,11 @@ impl Path<'_> {
             return false;
         };
         let speed = self.at[end].distance(self.at[far]) * self.rate / count as f64;
-        speed < END_SPEED && self.is_low(end)
+        speed < END_SPEED * self.unit && self.is_low(end)
     }
 
     fn is_low(&self, t: usize) -> bool {
-        self.at[t].y - self.ground < LOW
+        self.at[t].y - self.ground < LOW * self.unit
     }
 
     fn speed(&self, t: usize) -> f64 {

@@ -225,6 +225,10 @@ pub(crate) mod weights {
 /// Feet that stand. Prototype: whole legs missing in 12 CMU takes, .3, .6 and 1 s; the trial and
 /// its figures stand in README.
 pub(crate) mod contacts {
+    /// A leg stands upright if over half of its frames have a larger cosine of hip over ankle.
+    pub(crate) const UPRIGHT: f64 = 0.7;
+    /// The leg of an adult, hip to ankle, cm: of others, centimeters count as shares of theirs.
+    pub(crate) const LEG: f64 = 80.0;
     /// Briefer gaps, seconds, are better filled without.
     pub(crate) const BRIEFEST: f64 = 0.15;
     /// A foot is planted at the end of a gap if over so many seconds there it is slower than this,
