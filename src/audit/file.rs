@@ -2,7 +2,7 @@
 
 use super::take_pages::TakePages;
 use super::{
-    Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit, rotation_findings,
+    Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit_points, rotation_findings,
 };
 use crate::error::with_options;
 use crate::io::MotionFile;
@@ -73,7 +73,8 @@ impl FileAuditor {
 
 /// The audit of what a file holds: its positions, and its angles if it has some.
 pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
-    let mut takes = audit(&file.table.poses, file.rate(), limits);
+    let are_joints = file.motion().is_some();
+    let mut takes = audit_points(&file.table.poses, file.rate(), limits, are_joints);
     // Only files of one take have angles.
     if let Some(take) = takes.first_mut() {
         let found = rotation_findings(&file.joint_angles(), file.rate());

@@ -149,6 +149,9 @@ struct Take<'a> {
     /// Ranges of consecutive frames.
     runs: Vec<Range<usize>>,
     rate: Option<f64>,
+    /// Whether the points are joints that follow from rotations: none bears another's name, falls
+    /// off or goes to a reflection.
+    are_joints: bool,
 }
 
 /// Audits each take of a table; `fps` is the rate of a table without times.
@@ -164,6 +167,16 @@ struct Take<'a> {
 /// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 /// ```
 pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
+    audit_points(poses, fps, limits, false)
+}
+
+/// [`audit`] of points that may be joints, which follow from the rotations of a file.
+pub(crate) fn audit_points(
+    poses: &Poses,
+    fps: Option<f64>,
+    limits: &Limits,
+    are_joints: bool,
+) -> Vec<TakeAudit> {
     let points = labeled(&poses.points);
     let unlabeled = poses.points.len() - points.len();
     let poses = &*labeled_poses(poses, &points);
@@ -179,6 +192,7 @@ pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit>
                 .map(|r| r.start - frames.start..r.end - frames.start)
                 .collect(),
             rate: rate.or(fps),
+            are_joints,
         };
         let name = poses.take.as_ref().map(|t| t[frames.start].to_string());
         TakeAudit {
@@ -201,10 +215,12 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     findings.extend(body::stray(take, &apart));
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));
-    findings.extend(motion::swaps(take));
     findings.extend(motion::jumps(take, limits));
     findings.extend(motion::held(take, &apart));
-    findings.extend(distances::findings(take, limits));
+    if !take.are_joints {
+        findings.extend(motion::swaps(take));
+        findings.extend(distances::findings(take, limits));
+    }
     TakeAudit {
         take: name,
         frames: take.xyz.nrows(),

@@ -5,7 +5,9 @@ use super::places::{PlaceToSee, places};
 use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
-use crate::audit::{Finding, FindingKind, TakeAudit, audit, count, kind_name, rotation_findings};
+use crate::audit::{
+    Finding, FindingKind, TakeAudit, audit_points, count, kind_name, rotation_findings,
+};
 use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
@@ -116,7 +118,8 @@ impl CleanSettings {
             xyz: cleaned.points.xyz().to_owned(),
             ..file.table.poses.clone()
         };
-        let mut takes = audit(&result, file.rate(), &self.limits);
+        let are_joints = cleaned.rotations.is_some();
+        let mut takes = audit_points(&result, file.rate(), &self.limits, are_joints);
         if let (Some(rotations), Some(take)) = (&cleaned.rotations, takes.first_mut()) {
             let angles = file.joint_angles_of(rotations.cleaned.motion.view());
             take.findings
