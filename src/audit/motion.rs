@@ -281,6 +281,7 @@ mod tests {
             time: None,
             runs: std::iter::once(0..2).collect(),
             rate: None,
+            are_joints: false,
         };
         let all: Vec<usize> = (0..points).collect();
         let is_swap = |pair: &(usize, usize)| is_swap(&take, 0, pair.0, pair.1);

@@ -75,6 +75,7 @@ mod tests {
             time: None,
             runs: std::iter::once(0..100).collect(),
             rate: None,
+            are_joints: false,
         };
         let pairs = pairs(&take);
         for pair in [(4, 5), (5, 6), (100, 101)] {
