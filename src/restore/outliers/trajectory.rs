@@ -164,15 +164,21 @@ struct Path {
 
 impl Path {
     fn spikes(&self) -> Vec<bool> {
-        let mut spikes = vec![false; self.places.len()];
-        for time in 0..TIMES {
-            // Far from spikes nothing is another than without.
+        let none = vec![false; self.places.len()];
+        // Far from spikes nothing is another than without any.
+        let alone = (0..none.len()).map(|t| self.is_spike(t, &none));
+        let alone: Vec<bool> = alone.collect();
+        let mut spikes = alone.clone();
+        for _ in 1..TIMES {
             let is_near = |t: usize| {
                 let to = (t + self.reach + 1).min(spikes.len());
                 spikes[t.saturating_sub(self.reach)..to].contains(&true)
             };
-            let is_spike = |t| (time == 0 || is_near(t)) && self.is_spike(t, &spikes);
-            spikes = (0..spikes.len()).map(is_spike).collect();
+            let is_spike = |t: usize| match is_near(t) {
+                true => self.is_spike(t, &spikes),
+                false => alone[t],
+            };
+            spikes = (0..alone.len()).map(is_spike).collect();
         }
         for _ in 0..ROUNDS {
             if !self.add_worst(&mut spikes) {
