@@ -71,9 +71,20 @@ impl FileAuditor {
     }
 }
 
+/// Whether the points of a file are joints that follow from its rotations: only the root has
+/// positions of its own.
+pub(crate) fn are_joints(file: &MotionFile) -> bool {
+    let joints = file.channels();
+    file.motion().is_some()
+        && joints
+            .iter()
+            .skip(1)
+            .all(|joint| joint.positions.is_empty())
+}
+
 /// The audit of what a file holds: its positions, and its angles if it has some.
 pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
-    let are_joints = file.motion().is_some();
+    let are_joints = are_joints(file);
     let mut takes = audit_points(&file.table.poses, file.rate(), limits, are_joints);
     // Only files of one take have angles.
     if let Some(take) = takes.first_mut() {

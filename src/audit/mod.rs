@@ -15,6 +15,7 @@ mod page;
 mod rotations;
 mod take_pages;
 
+pub(crate) use file::are_joints;
 pub use file::count;
 pub use file::{FileAudit, FileAuditor, files_to_audit};
 pub use file::{audit_motion, kind_name};

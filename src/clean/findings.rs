@@ -6,7 +6,7 @@ use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
 use crate::audit::{
-    Finding, FindingKind, TakeAudit, audit_points, count, kind_name, rotation_findings,
+    Finding, FindingKind, TakeAudit, are_joints, audit_points, count, kind_name, rotation_findings,
 };
 use crate::error::with_options;
 use crate::io::motion_file::Source;
@@ -75,7 +75,7 @@ impl CleanSettings {
             (0, _) => {}
             (n, true) => {
                 let are = match self.held_is_missing {
-                    true => "stay held, or nan",
+                    true => "are still held or nan",
                     false => "are still nan",
                 };
                 findings.push(format!("missing: {n} values of the file {are}"));
@@ -118,7 +118,7 @@ impl CleanSettings {
             xyz: cleaned.points.xyz().to_owned(),
             ..file.table.poses.clone()
         };
-        let are_joints = cleaned.rotations.is_some();
+        let are_joints = cleaned.rotations.is_some() && are_joints(file);
         let mut takes = audit_points(&result, file.rate(), &self.limits, are_joints);
         if let (Some(rotations), Some(take)) = (&cleaned.rotations, takes.first_mut()) {
             let angles = file.joint_angles_of(rotations.cleaned.motion.view());

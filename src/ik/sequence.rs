@@ -232,8 +232,7 @@ impl TakeFitter<'_> {
                 .start(self.root, &self.frames.xyz.row(t).to_vec());
             self.solve(t, start, scratch)
         };
-        let mut key_fits =
-            self.in_blocks(keys.len(), watch, |n, scratch| of_mean(keys[n], scratch));
+        let mut key_fits = self.in_blocks(keys.len(), &mut |_| (), |n, s| of_mean(keys[n], s));
         for direction in [Direction::Forward, Direction::Backward] {
             self.retry_from_neighbors(&keys, &mut key_fits, direction);
         }

@@ -64,7 +64,7 @@ pub(crate) mod frame_solver {
     pub(crate) const SURE: f64 = 1e4;
     pub(crate) const LAST_TOLERANCE: (f64, f64) = (10.0, 0.0);
     /// Ends when a step lowers E, which has no unit, by less than the first and this share of it.
-    /// What is left then is far less: near the minimum a step leaves the square of what it takes.
+    /// (With the prototype's .001 no figure of rotations from points is another.)
     pub(crate) const TOLERANCE: (f64, f64) = (0.05, 1e-4);
     /// Damps what neither points nor prior move, 1 / radian².
     pub(crate) const LEAST_PRECISION: f64 = 1e-3;
@@ -89,8 +89,9 @@ pub(crate) mod sequence {
     /// A frame whose neighbor has every bone within this angle, radians, would end where it is from
     /// its neighbor's rotations too.
     pub(crate) const NEAR: f64 = 0.26;
-    /// A solution from another start counts if its E is lower by this.
-    pub(crate) const LOWER: f64 = 1e-2;
+    /// A solution from another start counts if its E is lower by this, more than two solutions of
+    /// one minimum differ by.
+    pub(crate) const LOWER: f64 = 0.1;
     /// Standard deviation of a point that says none, cm: with .1 the AMC of clean points is .02 cm
     /// off them.
     pub(crate) const LEAST_SD: f64 = 0.03;

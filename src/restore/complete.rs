@@ -7,7 +7,7 @@
 
 use super::adapted_prior::AdaptedPrior;
 use super::frame_estimator::FrameEstimate;
-use super::gap::{empty_gaps, fill_gaps, find_gaps, put_filled};
+use super::gap::{empty_gaps, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::noise_estimation::{typical_noise, variances};
 use super::outliers::find_outliers;
 use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame};
@@ -86,14 +86,16 @@ impl Method for Complete {
         let mut out = TakeResult::captured(take.xyz);
         let noise = typical_noise(captured.view(), take.runs).max(sd.unwrap_or(0.0));
         out.is_unknown = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
-        let filled = fill_gaps(
+        let seen = take.with_xyz(captured.view());
+        let mut filled = fill_gaps(
             adapted.as_ref(),
             !out.is_unknown,
-            &take.with_xyz(captured.view()),
+            &seen,
             &gaps,
             self.max_gap,
             done,
         );
+        hold_feet(&seen, &gaps, &mut filled);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);
         }

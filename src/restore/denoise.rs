@@ -9,7 +9,7 @@ use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::bone_lengths;
 use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
-use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, put_filled};
+use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation::{self, typical_noise};
 use super::outliers::{LIKELY, Outliers, find_outliers, spikes_by_time, without};
@@ -244,7 +244,8 @@ impl Denoise {
             ..take.with_xyz(seen.view())
         };
         let is_known = !out.is_unknown;
-        let filled = fill_gaps(adapted, is_known, &seen, &gaps, self.max_gap, &|_| ());
+        let mut filled = fill_gaps(adapted, is_known, &seen, &gaps, self.max_gap, &|_| ());
+        hold_feet(&seen, &gaps, &mut filled);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(out, captured, gap, filled.as_ref(), !is_filled(gap));
         }

@@ -4,7 +4,8 @@
 //! stands all through the gap where it does so in one place at both ends; from a planted end on
 //! while its path stays near, or while the other foot swings; and between where its path is slow
 //! and low. There it is held, and what was added fades. The knee follows by two-bone inverse
-//! kinematics where it is filled too; bones keep their lengths.
+//! kinematics; bones keep their lengths. Deviations stay those of the path, and other points of the
+//! leg where they were filled.
 
 use super::tuning::contacts::*;
 use super::{FilledGap, Gap};
@@ -25,12 +26,6 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
     for (leg, other) in [(&legs[0], &legs[1]), (&legs[1], &legs[0])] {
         let Some(leg) = leg else { continue };
         let completed = |point| completed(take, gaps, filled, point);
-        let swings = match (other, root) {
-            (Some(other), Some(root)) => {
-                swings(&completed(other.ankle), &completed(root), take.rate)
-            }
-            _ => vec![false; take.xyz.nrows()],
-        };
         let paths = LegPaths {
             limb: [leg.hip, leg.knee, leg.ankle].map(completed),
             toes: leg.toes.map(completed),
@@ -38,28 +33,51 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
             is_left: leg.is_left,
         };
         let Some(unit) = paths.unit() else { continue };
-        let held = [Some(leg.ankle), leg.toes].map(|point| match point {
-            Some(point) => {
-                let (path, rate) = (completed(point), take.rate);
-                held_of(point, gaps, filled, (&path, &swings), [rate, unit])
-            }
-            None => Vec::new(),
-        });
+        let scale = [take.rate, unit];
+        let swings = match (other, root) {
+            (Some(other), Some(root)) => swings(&completed(other.ankle), &completed(root), scale),
+            _ => vec![false; take.xyz.nrows()],
+        };
+        // An ankle whose knee or toes are seen is known better, and so are toes with their ankle.
+        let beside = [[Some(leg.knee), leg.toes], [Some(leg.ankle), None]];
+        let points = [Some(leg.ankle), leg.toes].into_iter().zip(beside);
+        let held: Vec<Vec<Held>> = points
+            .map(|(point, beside)| {
+                let Some(point) = point else {
+                    return Vec::new();
+                };
+                let is_open = |k: usize| {
+                    let is_seen = |p: usize| {
+                        let mut frames = gaps[k].frames.clone();
+                        frames.any(|t| point_at(take.xyz, t, p).is_finite())
+                    };
+                    filled[k].is_some() && !beside.iter().flatten().any(|p| is_seen(*p))
+                };
+                held_of(point, gaps, &is_open, (&completed(point), &swings), scale)
+            })
+            .collect();
         if held.iter().all(Vec::is_empty) {
             continue;
         }
-        let by = held.each_ref().map(|held| by_frame(held, take.xyz.nrows()));
-        for t in 0..take.xyz.nrows() {
-            let knee_is_seen = point_at(take.xyz, t, leg.knee).is_finite();
-            let moved = paths.moved(t, [by[0][t], by[1][t]], !knee_is_seen);
-            let points = [Some(leg.knee), Some(leg.ankle), leg.toes];
-            for (point, place) in points.into_iter().zip(moved) {
-                if let (Some(point), Some(place)) = (point, place) {
-                    put(gaps, filled, point, t, place);
+        let frames = take.xyz.nrows();
+        let points = [Some(leg.knee), Some(leg.ankle), leg.toes];
+        let gap_of = points.map(|point| point.map(|p| gaps_by_frame(gaps, p, frames)));
+        let (by, toes_by) = (by_frame(&held[0], frames), by_frame(&held[1], frames));
+        for t in 0..frames {
+            let moved = paths.moved(t, [by[t], toes_by[t]]);
+            for (gap_of, place) in gap_of.iter().zip(moved) {
+                let gap = gap_of.as_ref().and_then(|of| of[t]);
+                if let (Some(k), Some(place)) = (gap, place)
+                    && let Some(filled) = &mut filled[k]
+                {
+                    let mut row = filled.xyz.row_mut(t - gaps[k].frames.start);
+                    row.assign(&ArrayView1::from(&place.to_array()));
                 }
             }
         }
-        for held in held.into_iter().flatten() {
+        for mut held in held.into_iter().flatten() {
+            let is_there = |k: usize| paths.limb[0][held.frames.start + k].is_finite();
+            held.contacts.retain(|c| c.clone().all(is_there));
             if let Some(filled) = &mut filled[held.gap] {
                 filled.contacts = held.contacts;
             }
@@ -118,37 +136,50 @@ fn completed(
     track
 }
 
-/// Puts a point of a frame into its gap, if it has one there.
-fn put(gaps: &[Gap], filled: &mut [Option<FilledGap>], point: usize, t: usize, place: DVec3) {
-    let mut all = gaps.iter().zip(filled);
-    let is_here = |(gap, _): &(&Gap, _)| gap.point == point && gap.frames.contains(&t);
-    if let Some((gap, Some(filled))) = all.find(is_here) {
-        let place = place.to_array();
-        let mut row = filled.xyz.row_mut(t - gap.frames.start);
-        row.assign(&ArrayView1::from(&place));
+/// Which gap of a point each frame is in.
+fn gaps_by_frame(gaps: &[Gap], point: usize, frames: usize) -> Vec<Option<usize>> {
+    let mut out = vec![None; frames];
+    for (k, gap) in gaps.iter().enumerate().filter(|(_, g)| g.point == point) {
+        out[gap.frames.clone()].fill(Some(k));
     }
+    out
 }
 
-/// The frames in which a foot swings, by its ankle and the root.
-fn swings(ankle: &[DVec3], root: &[DVec3], rate: f64) -> Vec<bool> {
+/// The frames in which a foot swings, by its ankle and the root, at `rate` frames a second; `unit`:
+/// what counts as a centimeter.
+fn swings(ankle: &[DVec3], root: &[DVec3], [rate, unit]: [f64; 2]) -> Vec<bool> {
     let is_swinging = |t: usize| {
-        let usual = speed(root, t, rate).max(ROOT_SPEED);
-        speed(ankle, t, rate) > SWING.max(SWING_MORE + usual)
+        let usual = speed(root, t, rate).max(ROOT_SPEED * unit);
+        speed(ankle, t, rate) > (SWING * unit).max(SWING_MORE * unit + usual)
     };
     (0..ankle.len()).map(is_swinging).collect()
 }
 
-/// What holds a point in its gaps, its completed path being `at`, at `rate` frames a second;
-/// `unit`: what counts as a centimeter.
+/// What holds a point in those of its gaps that `is_open` allows, its completed path being `at`.
 fn held_of(
     point: usize,
     gaps: &[Gap],
-    filled: &[Option<FilledGap>],
+    is_open: &dyn Fn(usize) -> bool,
     (at, swings): (&[DVec3], &[bool]),
     [rate, unit]: [f64; 2],
 ) -> Vec<Held> {
     let Some(ground) = ground(at) else {
         return Vec::new();
+    };
+    let briefest = (BRIEFEST * rate).ceil() as usize;
+    let is_held = |(k, gap): &(usize, &Gap)| {
+        // A foot that is never seen may stand anywhere.
+        let is_seen = gap.before.or(gap.after).is_some();
+        gap.point == point && gap.frames.len() >= briefest && is_seen && is_open(*k)
+    };
+    let all: Vec<(usize, &Gap)> = gaps.iter().enumerate().filter(is_held).collect();
+    if all.is_empty() {
+        return Vec::new();
+    }
+    let limits = ContactLimits {
+        speed: INSIDE_SPEED * unit,
+        height: LOW * unit,
+        seconds: INSIDE_SECONDS,
     };
     let path = Path {
         at,
@@ -156,16 +187,11 @@ fn held_of(
         rate,
         unit,
         swings,
+        slow: contacts(at, rate, &limits),
     };
-    let briefest = (BRIEFEST * rate).ceil() as usize;
-    let of = |(k, gap): (usize, &Gap)| {
-        // A foot that is never seen may stand anywhere.
-        let is_seen = gap.before.or(gap.after).is_some();
-        let is_long = gap.point == point && gap.frames.len() >= briefest;
-        filled[k].as_ref().filter(|_| is_long && is_seen)?;
-        path.held(k, gap)
-    };
-    gaps.iter().enumerate().filter_map(of).collect()
+    all.into_iter()
+        .filter_map(|(k, gap)| path.held(k, gap))
+        .collect()
 }
 
 /// What is added to a point in every frame of a take.
@@ -201,18 +227,15 @@ impl LegPaths {
     }
 
     /// Where knee, ankle and toes go in a frame if so much is added to ankle and toes; `None` where
-    /// they stay. A knee that is seen stays, and the shin keeps its length on it.
-    fn moved(&self, t: usize, [by, toes_by]: [DVec3; 2], knee_bends: bool) -> [Option<DVec3>; 3] {
+    /// they stay.
+    fn moved(&self, t: usize, [by, toes_by]: [DVec3; 2]) -> [Option<DVec3>; 3] {
         let [hip, knee, ankle] = [0, 1, 2].map(|k: usize| self.limb[k][t]);
-        let (new_knee, new_ankle) = match by == DVec3::ZERO {
-            true => (None, None),
-            false if knee_bends => {
-                let limb = TwoBones { hip, knee, ankle };
-                let forward = self.forward(t, &limb);
-                bent(&limb, by, forward).map_or((None, None), |(k, a)| (Some(k), Some(a)))
-            }
-            false => (None, Some(at_length(knee, ankle, ankle + by))),
+        let limb = TwoBones { hip, knee, ankle };
+        let bent = match by == DVec3::ZERO {
+            true => None,
+            false => bent(&limb, by, self.forward(t, &limb)),
         };
+        let (new_knee, new_ankle) = bent.map_or((None, None), |(k, a)| (Some(k), Some(a)));
         let stands = new_ankle.unwrap_or(ankle);
         let is_moved = toes_by != DVec3::ZERO || new_ankle.is_some();
         let toes = self.toes.as_ref().filter(|_| is_moved).map(|path| {
@@ -260,6 +283,8 @@ struct Path<'a> {
     unit: f64,
     /// Where the other foot swings.
     swings: &'a [bool],
+    /// Where it is slow and low, in order.
+    slow: Vec<Range<usize>>,
 }
 
 impl Path<'_> {
@@ -310,7 +335,7 @@ impl Path<'_> {
         let stays = |t: &usize, place: DVec3| {
             let away = self.at[*t].distance(place) / self.unit;
             away < NEAR && self.is_low(*t) && self.speed(*t) < SLOW * self.unit
-                || self.swings[*t] && away < NEAR_IN_SWING
+                || self.swings[*t] && away < NEAR_IN_SWING && self.height(*t) < HIGHEST
         };
         let mut from = before.map_or(frames.start, |place| {
             let mut all = frames.start..last;
@@ -332,18 +357,18 @@ impl Path<'_> {
                 .filter(|_| from > frames.start)
                 .map(|a| (frames.start..from, [a, a])),
         );
-        let limits = ContactLimits {
-            speed: INSIDE_SPEED * self.unit,
-            height: LOW * self.unit,
-            seconds: INSIDE_SECONDS,
-        };
         let least = (INSIDE_SECONDS * self.rate).ceil() as usize;
-        for inside in contacts(self.at, self.rate, &limits) {
-            let inside = inside.start.max(from).max(first)..inside.end.min(to).min(last);
-            if inside.len() >= least {
-                let place = self.middle(inside.clone());
-                goals.push((inside, [place, place]));
+        // Between what is held there is room for the way from one place to the other.
+        let mut free = from + fades;
+        let first = self.slow.partition_point(|slow| slow.end <= free);
+        for slow in &self.slow[first..] {
+            let inside = slow.start.max(free)..slow.end.min(to.saturating_sub(fades));
+            if inside.len() < least {
+                continue;
             }
+            free = inside.end + fades;
+            let place = self.middle(inside.clone());
+            goals.push((inside, [place, place]));
         }
         goals.extend(
             after
@@ -366,8 +391,13 @@ impl Path<'_> {
         speed < END_SPEED * self.unit && self.is_low(end)
     }
 
+    /// Over the ground, as an adult's.
+    fn height(&self, t: usize) -> f64 {
+        (self.at[t].y - self.ground) / self.unit
+    }
+
     fn is_low(&self, t: usize) -> bool {
-        self.at[t].y - self.ground < LOW * self.unit
+        self.height(t) < LOW
     }
 
     fn speed(&self, t: usize) -> f64 {
@@ -458,7 +488,7 @@ mod tests {
         let wave = |k: usize| 3.0 * (k as f64 / 39.0 * std::f64::consts::PI).sin();
         let (truth, filled) = held(gap.clone(), |k| DVec3::new(wave(k), 0.0, -wave(k)));
         for (point, filled) in [(2, &filled[1]), (3, &filled[2])] {
-            assert_eq!(filled.contacts, [0..40]);
+            assert_eq!((filled.contacts.len(), &filled.contacts[0]), (1, &(0..40)));
             assert_eq!(filled.method_in(7), FillMethod::Contact);
             for (k, t) in gap.clone().enumerate() {
                 let off = point_at(filled.xyz.view(), k, 0) - point_at(truth.view(), t, point);

@@ -189,12 +189,13 @@ impl<'a, 't> GapFiller<'a, 't> {
     /// their errors in simulated gaps.
     fn regress(&self, group: &[usize]) -> Option<Vec<FilledGap>> {
         let first = self.regress_on(group, self.others, self.take.names)?;
-        if !first.leave_out && !(self.in_doubt && self.others.is_some()) {
+        let is_sure = !self.in_doubt || self.others.is_none();
+        if is_sure && !first.leave_out {
             return Some(first.gaps);
         }
         // Nor is a pelvis by these names the best frame of reference.
         let Some(alone) = self.regress_on(group, None, &[]) else {
-            return Some(first.gaps);
+            return is_sure.then_some(first.gaps);
         };
         let both = first.gaps.into_iter().zip(alone.gaps);
         let errors = first.errors.iter().zip(&alone.errors);

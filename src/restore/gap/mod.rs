@@ -42,6 +42,7 @@ use super::adapted_prior::AdaptedPrior;
 use super::take::{PointState, Take, TakeResult};
 use crate::numeric::statistics::mean_of_finite;
 use crate::pose::{FillMethod, Status};
+pub(crate) use contacts::hold as hold_feet;
 use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
 use ndarray::{Array2, ArrayView2, Axis, s};
@@ -141,10 +142,10 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
-/// Fills the gaps of a take: by the frames around them, else by the model. Where the model does not
-/// know the take (`is_known`) its poses have the weight that they earn in simulated gaps, and no
-/// frame is filled by it alone. Gaps in which no body can be placed are bridged up to `longest`
-/// seconds; `None`: one.
+/// Fills the gaps of a take: by the frames around them, else by the model. Where the take is unlike
+/// what the model knows (not `is_known`) its poses have the weight that they earn in simulated gaps,
+/// and no frame is filled by it alone. Gaps in which no body can be placed are bridged up to
+/// `longest` seconds; `None`: one.
 pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     is_known: bool,
@@ -164,7 +165,6 @@ pub(crate) fn fill_gaps(
         model_fill::fill(adapted, &take, gaps, &mut filled, implausible, done);
     }
     rigid_distances::hold(take, gaps, &mut filled);
-    contacts::hold(take, gaps, &mut filled);
     if let Some(sd) = take.sd {
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             let noise = noise_beside(sd, gap);

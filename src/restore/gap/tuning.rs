@@ -21,8 +21,9 @@ pub(crate) mod filler {
     /// time: there are too many to learn each, and the path is nearly as good.
     pub(crate) const MANY_GAPS: usize = 200;
     pub(crate) const BRIEF: usize = 8;
-    /// Where a table has points that the model lacks: by how much its squared variance counts more
-    /// than that of the take alone, and its share where no gap can be simulated.
+    /// Where a table has points that the model lacks, or poses unlike its: by how much its squared
+    /// variance counts more than that of the take alone, and its share where no gap can be
+    /// simulated.
     pub(crate) const MODEL_DOUBT: f64 = 4.0;
     pub(crate) const UNTRIED_SHARE: f64 = 0.3;
     /// More gaps than this are not filled once more.
@@ -249,6 +250,8 @@ pub(crate) mod contacts {
     pub(crate) const SWING_MORE: f64 = 30.0;
     pub(crate) const ROOT_SPEED: f64 = 40.0;
     pub(crate) const NEAR_IN_SWING: f64 = 30.0;
+    /// And its height, cm: higher, both feet are in the air.
+    pub(crate) const HIGHEST: f64 = 15.0;
     /// Between: it stands where its path is slower than this, cm/s, and low, for so many seconds.
     pub(crate) const INSIDE_SPEED: f64 = 39.0;
     pub(crate) const INSIDE_SECONDS: f64 = 0.08;
