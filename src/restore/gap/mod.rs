@@ -143,8 +143,8 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
 }
 
 /// Fills the gaps of a take: by the frames around them, else by the model. Where the take is unlike
-/// what the model knows (not `is_known`) its poses have the weight that they earn in simulated gaps,
-/// and no frame is filled by it alone. Gaps in which no body can be placed are bridged up to
+/// what the model knows (not `is_known`) its poses have the weight that they earn in simulated
+/// gaps, and no frame is filled by it alone. Gaps in which no body can be placed are bridged up to
 /// `longest` seconds; `None`: one.
 pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
