@@ -213,7 +213,7 @@ impl TakeNames {
         self.distinct(take_name(file))
     }
 
-    /// The same for a name.
+    /// A name, made distinct likewise.
     pub(super) fn distinct(&mut self, own: String) -> Arc<str> {
         let before = self.before.entry(own.clone()).or_default();
         loop {

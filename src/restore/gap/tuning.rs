@@ -223,8 +223,8 @@ pub(crate) mod weights {
     pub(crate) const LEAST_FACTOR: f64 = 1e-6;
 }
 
-/// Feet that stand. Prototype: whole legs missing in 12 CMU takes, .3, .6 and 1 s; the trial and
-/// its figures stand in README.
+/// Feet that stand. Prototype: whole legs missing in 12 CMU takes, .3, .6 and 1 s; the
+/// errors at .3 and .6 s stand in README.
 pub(crate) mod contacts {
     /// A leg stands upright if over half of its frames have a larger cosine of hip over ankle.
     pub(crate) const UPRIGHT: f64 = 0.7;
