@@ -39,50 +39,25 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
             _ => vec![false; take.xyz.nrows()],
         };
         // An ankle whose knee or toes are seen is known better, and so are toes with their ankle.
-        let beside = [[Some(leg.knee), leg.toes], [Some(leg.ankle), None]];
-        let points = [Some(leg.ankle), leg.toes].into_iter().zip(beside);
-        let held: Vec<Vec<Held>> = points
-            .map(|(point, beside)| {
-                let Some(point) = point else {
-                    return Vec::new();
-                };
-                let is_open = |k: usize| {
-                    let is_seen = |p: usize| {
-                        let mut frames = gaps[k].frames.clone();
-                        frames.any(|t| point_at(take.xyz, t, p).is_finite())
-                    };
-                    filled[k].is_some() && !beside.iter().flatten().any(|p| is_seen(*p))
-                };
-                held_of(point, gaps, &is_open, (&completed(point), &swings), scale)
-            })
-            .collect();
-        if held.iter().all(Vec::is_empty) {
-            continue;
-        }
-        let frames = take.xyz.nrows();
-        let points = [Some(leg.knee), Some(leg.ankle), leg.toes];
-        let gap_of = points.map(|point| point.map(|p| gaps_by_frame(gaps, p, frames)));
-        let (by, toes_by) = (by_frame(&held[0], frames), by_frame(&held[1], frames));
-        for t in 0..frames {
-            let moved = paths.moved(t, [by[t], toes_by[t]]);
-            for (gap_of, place) in gap_of.iter().zip(moved) {
-                let gap = gap_of.as_ref().and_then(|of| of[t]);
-                if let (Some(k), Some(place)) = (gap, place)
-                    && let Some(filled) = &mut filled[k]
-                {
-                    let mut row = filled.xyz.row_mut(t - gaps[k].frames.start);
-                    row.assign(&ArrayView1::from(&place.to_array()));
-                }
-            }
-        }
-        for mut held in held.into_iter().flatten() {
-            let is_there = |k: usize| paths.limb[0][held.frames.start + k].is_finite();
-            held.contacts.retain(|c| c.clone().all(is_there));
-            if let Some(filled) = &mut filled[held.gap] {
-                filled.contacts = held.contacts;
-            }
+        let held_of = |point: Option<usize>, beside: [Option<usize>; 2]| {
+            let is_open = |k: usize| {
+                let is_free = |p: &usize| is_unseen(take, *p, gaps[k].frames.clone());
+                filled[k].is_some() && beside.iter().flatten().all(is_free)
+            };
+            let of = |point| held_of(point, gaps, &is_open, (&completed(point), &swings), scale);
+            point.map(of).unwrap_or_default()
+        };
+        let ankle = held_of(Some(leg.ankle), [Some(leg.knee), leg.toes]);
+        let toes = held_of(leg.toes, [Some(leg.ankle), None]);
+        if !(ankle.is_empty() && toes.is_empty()) {
+            leg.put(&paths, [ankle, toes], gaps, filled);
         }
     }
+}
+
+/// Whether a point has no place in any of these frames.
+fn is_unseen(take: &Take<'_>, point: usize, mut frames: Range<usize>) -> bool {
+    frames.all(|t| !point_at(take.xyz, t, point).is_finite())
 }
 
 /// The points of a leg.
@@ -104,6 +79,39 @@ impl Leg {
             toes: find(of[3]),
             is_left: of[0] == CMU[1],
         })
+    }
+
+    /// Puts the filled points of the leg where `held` has its ankle and its toes stand.
+    fn put(
+        &self,
+        paths: &LegPaths,
+        held: [Vec<Held>; 2],
+        gaps: &[Gap],
+        filled: &mut [Option<FilledGap>],
+    ) {
+        let frames = paths.limb[0].len();
+        let points = [Some(self.knee), Some(self.ankle), self.toes];
+        let gap_of = points.map(|point| point.map(|p| gaps_by_frame(gaps, p, frames)));
+        let [by, toes_by] = [0, 1].map(|k: usize| by_frame(&held[k], frames));
+        for t in 0..frames {
+            let moved = paths.moved(t, [by[t], toes_by[t]]);
+            for (gap_of, place) in gap_of.iter().zip(moved) {
+                let gap = gap_of.as_ref().and_then(|of| of[t]);
+                if let (Some(k), Some(place)) = (gap, place)
+                    && let Some(filled) = &mut filled[k]
+                {
+                    let mut row = filled.xyz.row_mut(t - gaps[k].frames.start);
+                    row.assign(&ArrayView1::from(&place.to_array()));
+                }
+            }
+        }
+        for mut held in held.into_iter().flatten() {
+            let is_there = |k: usize| paths.limb[0][held.frames.start + k].is_finite();
+            held.contacts.retain(|c| c.clone().all(is_there));
+            if let Some(filled) = &mut filled[held.gap] {
+                filled.contacts = held.contacts;
+            }
+        }
     }
 }
 
