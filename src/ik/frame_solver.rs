@@ -452,7 +452,8 @@ impl<'a> FrameSolver<'a> {
         }
     }
 
-    /// Sets the normal equations (lower triangle) and half the gradient at a state.
+    /// Sets the normal equations (lower triangle) and half the gradient at the state whose energy
+    /// was asked for last.
     fn set_equations(
         &self,
         state: &FrameState,
@@ -461,7 +462,6 @@ impl<'a> FrameSolver<'a> {
         scratch: &mut Scratch,
     ) {
         let n = self.columns.len();
-        self.posture(state, &mut scratch.posture);
         self.set_motions(state, scratch);
         let Scratch {
             posture,
@@ -494,7 +494,6 @@ impl<'a> FrameSolver<'a> {
                 }
             }
         }
-        self.set_deviations(state, deviations);
         let known = deviations.len();
         for i in 0..known {
             add(
