@@ -29,7 +29,7 @@ use ndarray::Array2;
 const MEASURED: f64 = 1.0 / (LEAST_SD * LEAST_SD);
 
 const SCHEDULE: Damping = Damping {
-    start: DAMPING,
+    start: FAR_DAMPING,
     accepted: |damping, _| damping * RELAX,
     rejected: |damping| damping * RAISE,
     most: MOST_DAMPING,
@@ -43,6 +43,15 @@ pub(crate) struct FrameState {
     pub rotations: Vec<DMat3>,
     /// The skeleton's values; the angles of bones with three are not read.
     pub values: Vec<f64>,
+}
+
+/// Where the search for a frame's rotations begins.
+#[derive(Debug)]
+pub(crate) enum Start {
+    /// Anywhere.
+    Far(FrameState),
+    /// At rotations that are hardly other.
+    Near(FrameState),
 }
 
 /// A solution of a frame.
@@ -303,7 +312,7 @@ impl<'a> FrameSolver<'a> {
         &self,
         targets: &[f64],
         weights: &[f64],
-        start: FrameState,
+        start: Start,
         scratch: &mut Scratch,
     ) -> FrameFit {
         self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch)
@@ -321,7 +330,7 @@ impl<'a> FrameSolver<'a> {
         let heavier = |w: &f64| if *w >= MEASURED { w * SURE } else { *w };
         let heavier: Vec<f64> = weights.iter().map(heavier).collect();
         let end = (LAST_STEPS, LAST_TOLERANCE);
-        let last = self.descend(targets, &heavier, fit.state, end, scratch);
+        let last = self.descend(targets, &heavier, Start::Near(fit.state), end, scratch);
         FrameFit {
             state: last.state,
             ..fit
@@ -333,10 +342,14 @@ impl<'a> FrameSolver<'a> {
         &self,
         targets: &[f64],
         weights: &[f64],
-        start: FrameState,
+        start: Start,
         (steps, tolerance): (usize, (f64, f64)),
         scratch: &mut Scratch,
     ) -> FrameFit {
+        let (start, damping) = match start {
+            Start::Far(state) => (state, FAR_DAMPING),
+            Start::Near(state) => (state, NEAR_DAMPING),
+        };
         let energy = self.energy(&start, targets, weights, scratch);
         let attempt = |at: &(f64, FrameState), damping: f64, fresh: bool| {
             if fresh {
@@ -347,7 +360,11 @@ impl<'a> FrameSolver<'a> {
             Some((energy, (energy, next)))
         };
         let (first, most) = ((energy, (energy, start)), (steps, 2 * steps));
-        let ((energy, state), converged) = SCHEDULE.minimize(most, tolerance, first, attempt);
+        let schedule = Damping {
+            start: damping,
+            ..SCHEDULE
+        };
+        let ((energy, state), converged) = schedule.minimize(most, tolerance, first, attempt);
         FrameFit {
             state,
             energy,
@@ -778,12 +795,13 @@ mod tests {
             let mut scratch = Scratch::default();
             let mut state = solver.start(0, &y);
             // Away from the start, so that the prior pulls too.
-            let fit = solver.solve(&y, &weights, state, &mut scratch);
+            let fit = solver.solve(&y, &weights, Start::Far(state), &mut scratch);
             state = fit.state;
             for (n, r) in state.rotations.iter_mut().enumerate() {
                 *r = from_rotation_vector(DVec3::new(0.3, -0.2, 0.1 * n as f64)) * *r;
             }
             state.values.iter_mut().for_each(|v| *v += 0.1);
+            solver.energy(&state, &y, &weights, &mut scratch);
             solver.set_equations(&state, &y, &weights, &mut scratch);
             let gradient = scratch.gradient.clone();
             let h = 1e-6;
@@ -816,7 +834,7 @@ mod tests {
             let y = targets(s, |i| 0.4 * (i as f64 * 1.3).sin());
             let mut scratch = Scratch::default();
             let sure = vec![400.0; JOINTS.len()];
-            let fit = solver.solve(&y, &sure, solver.start(0, &y), &mut scratch);
+            let fit = solver.solve(&y, &sure, Start::Far(solver.start(0, &y)), &mut scratch);
             assert!(fit.converged, "{}", fit.energy);
             let fit = solver.finish(&y, &sure, fit, &mut scratch);
             let mut posture = Posture::default();
@@ -829,10 +847,15 @@ mod tests {
             assert!(fit.state.rotations[6].abs_diff_eq(DMat3::IDENTITY, 1e-12));
             // Points that say nothing leave the mean, which is the rest pose here.
             let unsure = vec![1e-12; JOINTS.len()];
-            let fit = solver.solve(&y, &unsure, solver.start(0, &y), &mut scratch);
+            let fit = solver.solve(&y, &unsure, Start::Far(solver.start(0, &y)), &mut scratch);
             assert!(fit.state.rotations[1].abs_diff_eq(DMat3::IDENTITY, 1e-3));
             let missing = vec![f64::NAN; y.len()];
-            let fit = solver.solve(&missing, &sure, solver.start(0, &missing), &mut scratch);
+            let fit = solver.solve(
+                &missing,
+                &sure,
+                Start::Far(solver.start(0, &missing)),
+                &mut scratch,
+            );
             assert!(fit.energy == 0.0);
         });
     }

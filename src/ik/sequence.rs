@@ -7,7 +7,7 @@
 //! a neighbor changed does a key frame wait for it.
 
 use super::bone_normalization::BoneNormalizer;
-use super::frame_solver::{FrameFit, FrameSolver, FrameState, Scratch};
+use super::frame_solver::{FrameFit, FrameSolver, FrameState, Scratch, Start};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use super::tuning::sequence::*;
 use crate::numeric::parallel::map_chunks;
@@ -206,7 +206,7 @@ struct TakeFitter<'a> {
 
 impl TakeFitter<'_> {
     /// A frame from a start; `None` where too few points are seen.
-    fn solve(&self, frame: usize, start: FrameState, scratch: &mut Scratch) -> Option<FrameFit> {
+    fn solve(&self, frame: usize, start: Start, scratch: &mut Scratch) -> Option<FrameFit> {
         if !self.frames.is_seen(frame) {
             return None;
         }
@@ -230,7 +230,7 @@ impl TakeFitter<'_> {
             let start = self
                 .solver
                 .start(self.root, &self.frames.xyz.row(t).to_vec());
-            self.solve(t, start, scratch)
+            self.solve(t, Start::Far(start), scratch)
         };
         let mut key_fits = self.in_blocks(keys.len(), &mut |_| (), |n, s| of_mean(keys[n], s));
         for direction in [Direction::Forward, Direction::Backward] {
@@ -245,13 +245,15 @@ impl TakeFitter<'_> {
                 (Some(a), Some(b)) => {
                     let share = (t - keys[before]) as f64 / stride as f64;
                     let start = match self.is_near(&a.state, &b.state) {
-                        true => self.solver.between(&a.state, &b.state, share),
-                        false if share < 0.5 => a.state.clone(),
-                        false => b.state.clone(),
+                        true => Start::Near(self.solver.between(&a.state, &b.state, share)),
+                        false if share < 0.5 => Start::Far(a.state.clone()),
+                        false => Start::Far(b.state.clone()),
                     };
                     self.solve(t, start, scratch)
                 }
-                (Some(one), None) | (None, Some(one)) => self.solve(t, one.state.clone(), scratch),
+                (Some(one), None) | (None, Some(one)) => {
+                    self.solve(t, Start::Far(one.state.clone()), scratch)
+                }
                 (None, None) => of_mean(t, scratch),
             }
         };
@@ -298,7 +300,7 @@ impl TakeFitter<'_> {
             let (own, other) = (fits[n].as_ref()?, fits[neighbor(n)?].as_ref()?);
             match self.is_near(&own.state, &other.state) {
                 true => None,
-                false => self.solve(keys[n], other.state.clone(), scratch),
+                false => self.solve(keys[n], Start::Far(other.state.clone()), scratch),
             }
         };
         let known: &[Option<FrameFit>] = fits;

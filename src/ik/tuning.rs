@@ -48,8 +48,10 @@ pub(crate) mod initial_pose {
 
 /// The most probable rotations of a frame (Levenberg-Marquardt). The damping is the prototype's.
 pub(crate) mod frame_solver {
-    /// The damping of the first step.
-    pub(crate) const DAMPING: f64 = 1e-3;
+    /// The damping of the first step from afar; near a minimum it only holds back what is little
+    /// known.
+    pub(crate) const FAR_DAMPING: f64 = 1e-3;
+    pub(crate) const NEAR_DAMPING: f64 = 1e-5;
     /// Factor of the damping after a step that helped.
     pub(crate) const RELAX: f64 = 0.2;
     /// Factor of the damping after a step that did not.
