@@ -78,6 +78,7 @@
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
 //! | [`ik`] | joint angles of a skeleton from positions of its joints | `io` |
 //! | [`prior`] | pose models behind one trait; a registry by name | `cluster`, `sparse` |
+//! | [`label`] | which track is which point: swaps, pieces without a label | `io` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances | `prior` |
 //! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps | `restore`, `draw` |
 //! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `ik` |
@@ -128,7 +129,7 @@ pub mod error;
 pub mod evaluate;
 pub mod ik;
 pub mod io;
-pub(crate) mod label;
+pub mod label;
 pub mod metric;
 pub mod numeric;
 pub mod pose;

@@ -2,6 +2,7 @@
 
 use super::input::TakeNames;
 use super::messages;
+pub use crate::io::motion_folder::EXTENSIONS;
 use crate::io::motion_folder::{MotionFolder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
 use std::collections::HashSet;
@@ -18,9 +19,9 @@ pub struct BatchJob {
 
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of
 /// one file `output` itself, else below `output` under the file's name with the ending
-/// `extension`; the files of a folder keep their places within it. Results that would be one are
-/// named apart as takes are ([`TakeNames`]), which is said. `kept` are files that no result may
-/// replace.
+/// `extension`, or its own; the files of a folder keep their places within it. Results that would
+/// be one are named apart as takes are ([`TakeNames`]), which is said. `kept` are files that no
+/// result may replace.
 ///
 /// # Errors
 /// [`Error::Usage`]: a result would replace a file, a file is given twice, or several files have no
@@ -29,7 +30,7 @@ pub fn batch(
     inputs: &[PathBuf],
     output: Option<&Path>,
     extensions: &[&str],
-    extension: &str,
+    extension: Option<&str>,
     kept: &[&Path],
 ) -> Result<Vec<BatchJob>> {
     let is_one = inputs.len() == 1 && !inputs[0].is_dir();
@@ -55,7 +56,7 @@ fn in_folder(
     inputs: &[PathBuf],
     folder: &Path,
     extensions: &[&str],
-    extension: &str,
+    extension: Option<&str>,
 ) -> Result<Vec<BatchJob>> {
     let results = folder.canonicalize().ok();
     let mut jobs = Vec::new();
@@ -79,9 +80,13 @@ fn in_folder(
             }
             false => vec![(input.clone(), name_of(input))],
         };
-        jobs.extend(files.into_iter().map(|(input, within)| BatchJob {
-            input,
-            output: Some(folder.join(unpacked(&within)).with_extension(extension)),
+        jobs.extend(files.into_iter().map(|(input, within)| {
+            let own = folder.join(unpacked(&within));
+            let output = extension.map(|extension| own.with_extension(extension));
+            BatchJob {
+                input,
+                output: Some(output.unwrap_or(own)),
+            }
         }));
     }
     if jobs.is_empty() {
@@ -159,7 +164,13 @@ mod tests {
         }
         let of = |inputs: &[&str], output: &str, kept: &[&Path]| {
             let inputs: Vec<PathBuf> = inputs.iter().map(|i| at(i)).collect();
-            batch(&inputs, Some(&at(output)), &["bvh", "amc"], "bvh", kept)
+            batch(
+                &inputs,
+                Some(&at(output)),
+                &["bvh", "amc"],
+                Some("bvh"),
+                kept,
+            )
         };
         let outputs = |jobs: Vec<BatchJob>| -> Vec<PathBuf> {
             jobs.into_iter().filter_map(|job| job.output).collect()
@@ -202,7 +213,7 @@ mod tests {
         assert_eq!(outputs(same.unwrap()), names.map(&at));
         fs::create_dir(at("empty"))?;
         assert!(of(&["empty"], "out", &[]).is_err());
-        assert!(batch(&[at("in")], None, &["bvh"], "bvh", &[]).is_err());
+        assert!(batch(&[at("in")], None, &["bvh"], Some("bvh"), &[]).is_err());
         Ok(())
     }
 }

@@ -29,6 +29,7 @@ mod npz_take;
 mod number_words;
 pub mod opensim;
 pub mod output;
+mod point_move;
 mod point_titles;
 pub mod rotation_take;
 mod row;
@@ -63,6 +64,7 @@ pub use motion_format::MotionFormat;
 pub use new_take::NewTake;
 pub use npz_take::{NpzTake, read_npy};
 pub use output::Output;
+pub use point_move::PointMove;
 pub use row::{Cells, Row, TableOptions};
 pub use skeleton_file::SkeletonFile;
 #[cfg(feature = "cli")]

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
-pub(crate) const EXTENSIONS: [&str; 10] = [
+pub const EXTENSIONS: [&str; 10] = [
     "c3d", "trc", "bvh", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
 ];
 

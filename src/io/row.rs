@@ -70,6 +70,26 @@ impl Cells {
     pub(crate) fn bytes(&self) -> usize {
         self.text.len()
     }
+    /// Moves the text of cells to others, all at once; one that is left without is empty.
+    pub(crate) fn move_all(&mut self, pairs: &[(usize, Option<usize>)]) {
+        let mut all: Vec<&[u8]> = (0..self.len()).map(|at| &self[at]).collect();
+        let old: Vec<Option<&[u8]>> = pairs.iter().map(|(from, _)| self.get(*from)).collect();
+        for (from, _) in pairs.iter().filter(|(from, _)| *from < self.len()) {
+            all[*from] = b"";
+        }
+        for ((_, to), old) in pairs.iter().zip(old) {
+            if let (Some(to), Some(old)) = (to.filter(|to| *to < self.len()), old) {
+                all[to] = old;
+            }
+        }
+        let mut ends = Vec::with_capacity(all.len());
+        let mut text = Vec::with_capacity(self.text.len());
+        for cell in all {
+            text.extend_from_slice(cell);
+            ends.push(text.len());
+        }
+        self.set_fields(&text, &ends, self.line.unwrap_or(1));
+    }
     /// Removes all cells.
     pub(crate) fn clear(&mut self) {
         self.text.clear();

@@ -1,6 +1,7 @@
 //! Where the coordinates of a take stand in its file of text, so that they can be written again and
 //! all else stays as it is.
 
+use super::point_move::PointMove;
 use super::row_cells::cells_of;
 use super::text::{line_end, push_f64};
 use ndarray::ArrayView2;
@@ -106,48 +107,135 @@ impl TextCells {
         out
     }
 
+    /// The bytes of the file with the cells of points moved to those of others in some frames; a
+    /// cell that is left is empty.
+    pub(crate) fn with_moved(&self, original: &[u8], moves: &[PointMove]) -> Vec<u8> {
+        let mut out = Vec::with_capacity(original.len());
+        let lines = self.lines.iter().enumerate();
+        let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
+        let end = line_end(original);
+        for (i, line) in original.split_inclusive(|b| *b == end).enumerate() {
+            let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
+            let of_frame = |t| {
+                moves
+                    .iter()
+                    .filter(move |m: &&PointMove| m.frames.contains(&t))
+            };
+            let here: Vec<&PointMove> = match frame {
+                Some((_, t)) => of_frame(t).collect(),
+                None => Vec::new(),
+            };
+            self.push_moved(line, &here, &mut out);
+        }
+        out
+    }
+
+    fn push_moved(&self, line: &[u8], moves: &[&PointMove], out: &mut Vec<u8>) {
+        if moves.is_empty() {
+            out.extend_from_slice(line);
+            return;
+        }
+        let mut row = Row::new(line, self.separator);
+        let was: Vec<[Cow<'_, [u8]>; 3]> = moves
+            .iter()
+            .map(|m| self.points[m.from].map(|cell| row.text(cell)))
+            .collect();
+        for step in moves {
+            let empty = row.empty;
+            self.points[step.from]
+                .iter()
+                .for_each(|c| row.set(*c, Cow::Borrowed(empty)));
+        }
+        for (step, was) in moves.iter().zip(was) {
+            let Some(to) = step.to else { continue };
+            self.points[to]
+                .iter()
+                .zip(was)
+                .for_each(|(cell, text)| row.set(*cell, text));
+        }
+        row.push(out);
+    }
+
     /// A row with some of its cells written anew.
     fn push_row(&self, line: &[u8], changed: &[(usize, f64)], out: &mut Vec<u8>) {
         if changed.is_empty() {
             out.extend_from_slice(line);
             return;
         }
-        let is_end = |b: &&u8| matches!(**b, b'\n' | b'\r');
-        let body = &line[..line.len() - line.iter().rev().take_while(is_end).count()];
-        let separator = self.separator.of_row(body);
-        let mut cells = match separator {
-            Some(byte) => cells(body, byte),
-            None => words(body),
-        };
-        let (between, empty) = match separator {
-            Some(b',') => (&b","[..], &b""[..]),
-            Some(b';') => (&b";"[..], &b""[..]),
-            Some(_) => (&b"\t"[..], &b""[..]),
-            None => (&b" "[..], &b"nan"[..]),
-        };
+        let mut row = Row::new(line, self.separator);
         for &(cell, value) in changed {
-            // A row may lack its last cells.
-            while cells.len() <= cell {
-                cells.push((between, Cow::Borrowed(empty)));
-            }
             let mut text = Vec::new();
             push_f64(&mut text, (value * DECIMALS).round() / DECIMALS);
             if self.decimal_comma {
                 let points = text.iter_mut().filter(|b| **b == b'.');
                 points.for_each(|b| *b = b',');
             }
-            cells[cell].1 = Cow::Owned(text);
+            row.set(cell, Cow::Owned(text));
         }
-        for (before, cell) in &cells {
+        row.push(out);
+    }
+}
+
+/// A row of a file, cell by cell.
+struct Row<'a> {
+    line: &'a [u8],
+    /// The line without its end.
+    body: &'a [u8],
+    is_of_words: bool,
+    cells: Vec<Cell<'a>>,
+    /// What stands between cells, and for one that is empty.
+    between: &'static [u8],
+    empty: &'static [u8],
+}
+
+impl<'a> Row<'a> {
+    fn new(line: &'a [u8], separator: Separator) -> Row<'a> {
+        let is_end = |b: &&u8| matches!(**b, b'\n' | b'\r');
+        let body = &line[..line.len() - line.iter().rev().take_while(is_end).count()];
+        let separator = separator.of_row(body);
+        let (between, empty) = match separator {
+            Some(b',') => (&b","[..], &b""[..]),
+            Some(b';') => (&b";"[..], &b""[..]),
+            Some(_) => (&b"\t"[..], &b""[..]),
+            None => (&b" "[..], &b"nan"[..]),
+        };
+        Row {
+            line,
+            body,
+            is_of_words: separator.is_none(),
+            cells: match separator {
+                Some(byte) => cells(body, byte),
+                None => words(body),
+            },
+            between,
+            empty,
+        }
+    }
+
+    fn text(&self, cell: usize) -> Cow<'a, [u8]> {
+        let own = self.cells.get(cell).map(|(_, text)| text.clone());
+        own.unwrap_or(Cow::Borrowed(self.empty))
+    }
+
+    fn set(&mut self, cell: usize, text: Cow<'a, [u8]>) {
+        // A row may lack its last cells.
+        while self.cells.len() <= cell {
+            self.cells.push((self.between, Cow::Borrowed(self.empty)));
+        }
+        self.cells[cell].1 = text;
+    }
+
+    fn push(&self, out: &mut Vec<u8>) {
+        for (before, cell) in &self.cells {
             out.extend_from_slice(before);
             out.extend_from_slice(cell);
         }
-        if separator.is_none() {
+        if self.is_of_words {
             let is_blank = |b: &&u8| b.is_ascii_whitespace();
-            let blanks = body.iter().rev().take_while(is_blank).count();
-            out.extend_from_slice(&body[body.len() - blanks..]);
+            let blanks = self.body.iter().rev().take_while(is_blank).count();
+            out.extend_from_slice(&self.body[self.body.len() - blanks..]);
         }
-        out.extend_from_slice(&line[body.len()..]);
+        out.extend_from_slice(&self.line[self.body.len()..]);
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const MAY_NAME: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("pose", &["numeric"]),
-    ("label", &["pose", "numeric"]),
+    ("label", &["pose", "numeric", "io"]),
     ("io", &["pose", "numeric"]),
     ("cluster", &["pose", "numeric"]),
     ("sparse", &["pose", "numeric"]),

@@ -25,6 +25,7 @@ mod formats;
 mod gpd;
 mod hostile;
 mod kinematics;
+mod label;
 mod leaks;
 mod library;
 mod limits;

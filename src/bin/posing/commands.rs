@@ -53,6 +53,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
             entry!("clean", clean),
             entry!("complete", complete),
             entry!("denoise", denoise, true),
+            entry!("label", label),
             entry!("edit", edit),
         ],
     ),

@@ -24,6 +24,7 @@ mod encode;
 mod evaluate;
 mod gpd;
 mod ksvd_train;
+mod label;
 mod mesh_register;
 mod model;
 mod pair_label;

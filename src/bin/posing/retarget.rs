@@ -116,7 +116,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .map(PathBuf::as_path)
         .collect();
     let output = args.output.as_deref();
-    let jobs = batch(&inputs, output, &["bvh", "amc"], "bvh", &kept)?;
+    let jobs = batch(&inputs, output, &["bvh", "amc"], Some("bvh"), &kept)?;
     let options = ReadOptions {
         fps: args.fps,
         up: Some(args.up),

@@ -5,6 +5,7 @@ use super::numbers::Processor;
 use super::points;
 use super::{BLOCK, C3d};
 use crate::io::output::write_file;
+use crate::io::point_move::PointMove;
 use crate::io::text::excerpt;
 use crate::pose::{Poses, Units};
 use crate::{Error, Place, Result};
@@ -56,6 +57,36 @@ impl C3d {
                 let was = points::decode(old, &self.layout);
                 if points::decode(&new, &self.layout) != was {
                     old.copy_from_slice(&new);
+                }
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// The bytes of the file with positions moved between its points, and with them residuals and
+    /// cameras; a point that is left is invalid.
+    ///
+    /// # Errors
+    /// None for moves between its points.
+    pub(crate) fn with_moved(&self, moves: &[PointMove]) -> Result<Vec<u8>> {
+        let invalid = points::encode(None, &self.layout).map_err(|value| {
+            let what = format!("does not hold {value}");
+            Error::data(Place::file(&self.take.name), what)
+        })?;
+        let mut bytes = self.bytes.clone();
+        let range = |t: usize, p: usize| {
+            let at = self.layout.point_at(t, p);
+            at..at + invalid.len()
+        };
+        for step in moves {
+            for t in step.frames.clone() {
+                bytes[range(t, step.from)].copy_from_slice(&invalid);
+            }
+        }
+        for step in moves {
+            for t in step.frames.clone() {
+                if let Some(to) = step.to {
+                    bytes[range(t, to)].copy_from_slice(&self.bytes[range(t, step.from)]);
                 }
             }
         }

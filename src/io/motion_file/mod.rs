@@ -1,6 +1,7 @@
 //! A file of motion of any format: its points as a pose table, and the way back into its own
 //! format.
 
+mod moved;
 mod read_as;
 mod read_rules;
 mod skeleton;
@@ -106,6 +107,16 @@ impl MotionFile {
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions) -> Result<MotionFile> {
         let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
         MotionFile::read(path.as_ref(), bytes, options)
+    }
+
+    /// Opens a file by what is taken for those that do not say it; gzip and zstd are decompressed.
+    ///
+    /// # Errors
+    /// Those of [`MotionFile::open`].
+    pub fn open_by(path: impl AsRef<Path>, rules: &ReadRules) -> Result<MotionFile> {
+        let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
+        let options = rules.of(path.as_ref(), format_of(&bytes));
+        MotionFile::read(path.as_ref(), bytes, &options)
     }
 
     /// Reads a file whose bytes, unpacked, are `bytes`.

@@ -1,0 +1,97 @@
+//! Puts the labels of takes right.
+
+use clap::Parser;
+use posing::cli::args::CommonArgs;
+use posing::cli::batch::{BatchJob, EXTENSIONS, batch};
+use posing::cli::read_args::ReadArgs;
+use posing::cli::{Outcome, messages};
+use posing::io::MotionFile;
+
+use posing::label::check_labels;
+use posing::{Error, Result};
+use std::path::PathBuf;
+
+/// Put labels right: markers that changed places, pieces without a label, reflections
+///
+/// Reads takes of markers or points (C3D, TRC, Motive CSV, Qualisys TSV, NPZ, pose tables) and
+/// writes each in its own format. Markers that changed places are put back, pieces of tracks
+/// without a label (*68, Unlabeled 3) joined to the labels that they are, and stretches of a label
+/// away from its marker taken out. No position changes: each moves to its label, or leaves it, with
+/// its residual, its cameras and its digits. How tracks go on and what distances within the body
+/// say decides; of a swap of most of a take, the mirror image of the body. What is not sure stays
+/// as it was, and is told. Exit code 3: something is not sure.
+#[derive(Parser)]
+#[command(
+    name = "label",
+    version,
+    after_help = "Examples:\n  posing label gait.c3d -o labeled.c3d\n  posing label captures/ -o \
+                  labeled/ --up y || echo something is not sure\n  posing label --dry-run walk.csv"
+)]
+pub struct Args {
+    /// Takes, and folders that are searched for them
+    #[arg(value_name = "TAKE", required = true)]
+    inputs: Vec<PathBuf>,
+    /// Write the result of one take to OUT, results of several into the folder DIR
+    #[arg(
+        short,
+        long,
+        value_name = "OUT|DIR",
+        required_unless_present = "dry_run",
+        help_heading = "Output"
+    )]
+    output: Option<PathBuf>,
+    /// Say what would be changed, and write nothing
+    #[arg(long, conflicts_with = "output", help_heading = "Output")]
+    dry_run: bool,
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let nowhere = PathBuf::from("/");
+    let output = args.output.as_deref().or(args.dry_run.then_some(&nowhere));
+    let jobs = batch(&args.inputs, output, &EXTENSIONS, None, &[])?;
+    if let [one] = &jobs[..] {
+        return label(args, one);
+    }
+    let mut outcome = Outcome::Done;
+    for one in &jobs {
+        match label(args, one) {
+            Ok(Outcome::Done) => {}
+            Ok(found) if outcome == Outcome::Done => outcome = found,
+            Ok(_) => {}
+            Err(e) => {
+                messages::error(&e.to_string());
+                outcome = Outcome::Failed;
+            }
+        }
+    }
+    Ok(outcome)
+}
+
+fn label(args: &Args, job: &BatchJob) -> Result<Outcome> {
+    let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
+    let report = check_labels(&file)?;
+    let name = job.input.display();
+    for line in report
+        .changes
+        .iter()
+        .chain(&report.unsure)
+        .chain(&report.unchecked)
+    {
+        messages::info(&format!("{name}: {line}"));
+    }
+    if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        }
+        file.write_moved(path, &report.moves)?;
+    }
+    Ok(match report.unsure.is_empty() {
+        true => Outcome::Done,
+        false => Outcome::Findings,
+    })
+}

@@ -1,0 +1,101 @@
+//! Positions moved between the points of a file, as the file has them: no number is written anew.
+
+use super::{MotionFile, Original};
+use crate::io::PointMove;
+use crate::io::Table;
+use crate::io::marker_take::MarkerTake;
+use crate::io::motion_format::MotionFormat;
+use crate::io::output::write_file;
+use crate::io::table_writer::TableFormat;
+use crate::{Error, Place, Result};
+use std::path::Path;
+
+impl MotionFile {
+    /// Writes the file with positions moved between its points, all at once: residuals and cameras
+    /// of C3D files go with them, the digits of text stay. Points are those of its table.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: writing fails. [`Error::Data`]: its points follow from rotations.
+    pub fn write_moved(&self, path: impl AsRef<Path>, moves: &[PointMove]) -> Result<()> {
+        let bytes = match &self.original {
+            Original::C3d(c3d) => c3d.with_moved(&self.in_take(&c3d.take, moves))?,
+            Original::Text(bytes, take) => take.cells.with_moved(bytes, &self.in_take(take, moves)),
+            Original::Npz(npz) => {
+                let mut xyz = npz.take.xyz.clone();
+                PointMove::make_all(&self.in_take(&npz.take, moves), &mut xyz, 3, &f64::NAN);
+                npz.with_points(xyz.view())?
+            }
+            Original::Bvh(..) | Original::Amc(..) => {
+                let what = "holds rotations, whose points have no labels to change";
+                return Err(Error::data(Place::file(&self.table.name), what));
+            }
+            Original::Table => {
+                let format = match self.format {
+                    MotionFormat::Npy => TableFormat::Npy,
+                    _ => TableFormat::Csv,
+                };
+                let table = moved_table(&self.table, moves);
+                let xyz = table.poses.xyz.clone();
+                let moved = MotionFile {
+                    format: self.format,
+                    table,
+                    read_as: self.read_as.clone(),
+                    notes: Vec::new(),
+                    units: self.units,
+                    original: Original::Table,
+                };
+                return moved.write_table(path.as_ref(), format, xyz.view());
+            }
+        };
+        write_file(path, &bytes)
+    }
+
+    /// Moves between the points of its take, which are more than those of its table.
+    fn in_take(&self, take: &MarkerTake, moves: &[PointMove]) -> Vec<PointMove> {
+        let positions = take.positions();
+        let of = |m: &PointMove| PointMove {
+            from: positions[m.from],
+            to: m.to.map(|to| positions[to]),
+            frames: m.frames.clone(),
+        };
+        moves.iter().map(of).collect()
+    }
+}
+
+/// A table with positions moved between its points, and with them the text of all columns that
+/// begin with their names.
+fn moved_table(table: &Table, moves: &[PointMove]) -> Table {
+    let mut out = table.clone();
+    PointMove::make_all(moves, &mut out.poses.xyz, 3, &f64::NAN);
+    let names = &table.columns.names;
+    let of_point = |p: usize| {
+        let prefix = format!("{}.", table.poses.points[p]);
+        let columns = names.iter().enumerate();
+        let own = columns.filter_map(move |(c, n)| Some((c, n.strip_prefix(&prefix)?)));
+        own.collect::<Vec<_>>()
+    };
+    let columns: Vec<Vec<(usize, Option<usize>)>> = moves
+        .iter()
+        .map(|m| {
+            let to = m.to.map(of_point).unwrap_or_default();
+            let twin = |name: &str| to.iter().find(|(_, n)| *n == name).map(|(c, _)| *c);
+            of_point(m.from)
+                .into_iter()
+                .map(|(c, name)| (c, twin(name)))
+                .collect()
+        })
+        .collect();
+    for (t, cells) in out.cells.iter_mut().enumerate() {
+        let here = moves
+            .iter()
+            .zip(&columns)
+            .filter(|(m, _)| m.frames.contains(&t));
+        let pairs: Vec<(usize, Option<usize>)> = here
+            .flat_map(|(_, columns)| columns.iter().copied())
+            .collect();
+        if !pairs.is_empty() {
+            cells.move_all(&pairs);
+        }
+    }
+    out
+}

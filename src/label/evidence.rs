@@ -1,0 +1,90 @@
+//! What the distances to its most rigid neighbors say of a point: how much likelier a place is as
+//! that of a label than as any, in nats.
+//!
+//! ```text
+//! e(x, t) = ½ Σⱼ log(.97 N(|x − xⱼ|; μ, s) + .03 / 60) + log 60,   times 10 / (neighbors seen)
+//! ```
+//!
+//! over the ten neighbors with the least s + .004 μ. Half, since neighbors are not independent; one
+//! that is itself wrong costs at most 3.5 nats. It is judged for whole pieces, never for a frame.
+
+use super::distances::{Distance, log_likelihood};
+use super::tuning::evidence::*;
+use crate::numeric::parallel;
+use crate::numeric::statistics::quantile;
+use crate::pose::point_at;
+use glam::DVec3;
+use ndarray::ArrayView2;
+
+/// The distances within a take.
+pub(crate) struct Evidence {
+    /// Of each label, the most rigid neighbors.
+    neighbors: Vec<Vec<(usize, Distance)>>,
+    /// Of each label, what its own places have: the median, and what few have less than.
+    pub own: Vec<[f64; 2]>,
+}
+
+impl Evidence {
+    /// Learns them from the `places` of labels (frames, 3 L; cm, NaN missing).
+    pub(crate) fn learn(places: ArrayView2<'_, f64>) -> Evidence {
+        let labels = places.ncols() / 3;
+        let rows = parallel::map_chunks(labels, 1, |range| {
+            let a = range.start;
+            let near = (a + 1..labels).map(|b| Distance::measure(places, [a, b]));
+            near.collect::<Vec<_>>()
+        });
+        let between = |a: usize, b: usize| rows[a.min(b)][a.max(b) - a.min(b) - 1];
+        let of = |label: usize| {
+            let others = (0..labels).filter(|other| *other != label);
+            let known = others.filter_map(|other| Some((other, between(label, other)?)));
+            let mut all: Vec<(usize, Distance)> =
+                known.filter(|(_, d)| d.frames >= FEWEST_FRAMES).collect();
+            all.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
+            all.truncate(NEIGHBORS + SPARE);
+            all
+        };
+        let mut evidence = Evidence {
+            neighbors: (0..labels).map(of).collect(),
+            own: Vec::new(),
+        };
+        evidence.own =
+            parallel::map_chunks(labels, 1, |range| evidence.typical(places, range.start));
+        evidence
+    }
+
+    fn typical(&self, places: ArrayView2<'_, f64>, label: usize) -> [f64; 2] {
+        let step = places.nrows().div_ceil(OWN_FRAMES).max(1);
+        let own = (0..places.nrows()).step_by(step);
+        let own = own.filter_map(|t| self.at(label, point_at(places, t, label), t, places, &[]));
+        let own: Vec<f64> = own.collect();
+        [0.5, FEW].map(|share| quantile(own.clone(), share).unwrap_or(0.0))
+    }
+
+    /// How much likelier a place in frame `t` is as that of a label; `None` where too few of its
+    /// neighbors are seen, those in `without` left out.
+    pub(crate) fn at(
+        &self,
+        label: usize,
+        place: DVec3,
+        t: usize,
+        places: ArrayView2<'_, f64>,
+        without: &[usize],
+    ) -> Option<f64> {
+        if !place.is_finite() {
+            return None;
+        }
+        let (mut sum, mut seen) = (0.0, 0);
+        for (other, distance) in &self.neighbors[label] {
+            let there = point_at(places, t, *other);
+            if !there.is_finite() || without.contains(other) {
+                continue;
+            }
+            sum += log_likelihood(place.distance(there), distance);
+            seen += 1;
+            if seen == NEIGHBORS {
+                break;
+            }
+        }
+        (seen >= FEWEST_SEEN).then(|| 0.5 * sum * NEIGHBORS as f64 / seen as f64)
+    }
+}
