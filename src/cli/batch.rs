@@ -1,7 +1,7 @@
 //! Files of a command that makes one file of each: several, or those of folders.
 
 use super::input::TakeNames;
-use super::messages;
+use super::{Outcome, messages};
 pub use crate::io::motion_folder::EXTENSIONS;
 use crate::io::motion_folder::{MotionFolder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
@@ -15,6 +15,33 @@ pub struct BatchJob {
     pub input: PathBuf,
     /// Its result; `None` is standard output.
     pub output: Option<PathBuf>,
+}
+
+/// Does each job; one that fails is told and stops no other, unless it is the only one. The outcome
+/// is the worst of all.
+///
+/// # Errors
+/// That of the only job.
+pub fn each(
+    jobs: &[BatchJob],
+    mut work: impl FnMut(&BatchJob) -> Result<Outcome>,
+) -> Result<Outcome> {
+    if let [one] = jobs {
+        return work(one);
+    }
+    let mut outcome = Outcome::Done;
+    for job in jobs {
+        match work(job) {
+            Ok(Outcome::Done) => {}
+            Ok(found) if outcome == Outcome::Done => outcome = found,
+            Ok(_) => {}
+            Err(e) => {
+                messages::error(&e.to_string());
+                outcome = Outcome::Failed;
+            }
+        }
+    }
+    Ok(outcome)
 }
 
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of

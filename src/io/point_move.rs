@@ -1,6 +1,6 @@
 //! Positions that belong to another point than that in whose place they stand.
 
-use ndarray::Array2;
+use ndarray::{Array2, Ix2, SliceInfo, SliceInfoElem, s};
 use std::ops::Range;
 
 /// Frames of a point that are another's.
@@ -15,35 +15,21 @@ pub struct PointMove {
 }
 
 impl PointMove {
-    /// Makes some moves at once, in `values` of `width` columns a point; where a point is left
-    /// without others, they are `empty`.
-    pub(crate) fn make_all<T: Clone>(
-        moves: &[PointMove],
-        values: &mut Array2<T>,
-        width: usize,
-        empty: &T,
-    ) {
-        let cells = |m: &PointMove| {
-            m.frames
-                .clone()
-                .flat_map(|t| (0..width).map(move |c| (t, c)))
-        };
-        let old: Vec<Vec<T>> = moves
-            .iter()
-            .map(|m| {
-                cells(m)
-                    .map(|(t, c)| values[[t, width * m.from + c]].clone())
-                    .collect()
-            })
-            .collect();
+    /// Makes some moves at once in `xyz` (frames, 3 P); what is left without others is NaN.
+    pub(crate) fn make_all(moves: &[PointMove], xyz: &mut Array2<f64>) {
+        let was = xyz.clone();
         for step in moves {
-            cells(step).for_each(|(t, c)| values[[t, width * step.from + c]] = empty.clone());
+            xyz.slice_mut(step.cells(step.from)).fill(f64::NAN);
         }
-        for (step, old) in moves.iter().zip(old) {
-            let Some(to) = step.to else { continue };
-            for ((t, c), old) in cells(step).zip(old) {
-                values[[t, width * to + c]] = old;
+        for step in moves {
+            if let Some(to) = step.to {
+                xyz.slice_mut(step.cells(to))
+                    .assign(&was.slice(step.cells(step.from)));
             }
         }
+    }
+
+    fn cells(&self, point: usize) -> SliceInfo<[SliceInfoElem; 2], Ix2, Ix2> {
+        s![self.frames.clone(), 3 * point..3 * point + 3]
     }
 }

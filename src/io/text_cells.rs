@@ -87,45 +87,35 @@ impl TextCells {
         old: ArrayView2<'_, f64>,
         new: ArrayView2<'_, f64>,
     ) -> Vec<u8> {
-        let mut out = Vec::with_capacity(original.len());
-        let lines = self.lines.iter().enumerate();
-        let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
-        let end = line_end(original);
-        for (i, line) in original.split_inclusive(|b| *b == end).enumerate() {
-            let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
-            let changed: Vec<(usize, f64)> = match frame {
-                Some((_, t)) => {
-                    let values = old.row(t).into_iter().zip(new.row(t)).enumerate();
-                    let changed = values.filter(|(_, (old, new))| new.is_finite() && old != new);
-                    let cell = |i: usize| self.points[i / 3][i % 3];
-                    changed.map(|(i, (_, new))| (cell(i), *new)).collect()
-                }
-                None => Vec::new(),
-            };
-            self.push_row(line, &changed, &mut out);
-        }
-        out
+        self.rewritten(original, |line, t, out| {
+            let values = old.row(t).into_iter().zip(new.row(t)).enumerate();
+            let changed = values.filter(|(_, (old, new))| new.is_finite() && old != new);
+            let cell = |i: usize| self.points[i / 3][i % 3];
+            let changed = changed.map(|(i, (_, new))| (cell(i), *new));
+            self.push_row(line, &changed.collect::<Vec<_>>(), out);
+        })
     }
 
     /// The bytes of the file with the cells of points moved to those of others in some frames; a
     /// cell that is left is empty.
     pub(crate) fn with_moved(&self, original: &[u8], moves: &[PointMove]) -> Vec<u8> {
+        self.rewritten(original, |line, t, out| {
+            let here = moves.iter().filter(|m| m.frames.contains(&t));
+            self.push_moved(line, &here.collect::<Vec<_>>(), out);
+        })
+    }
+
+    /// The bytes of the file, each line of a frame by `push`, which appends it; others stay.
+    fn rewritten(&self, original: &[u8], push: impl Fn(&[u8], usize, &mut Vec<u8>)) -> Vec<u8> {
         let mut out = Vec::with_capacity(original.len());
         let lines = self.lines.iter().enumerate();
         let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
         let end = line_end(original);
         for (i, line) in original.split_inclusive(|b| *b == end).enumerate() {
-            let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
-            let of_frame = |t| {
-                moves
-                    .iter()
-                    .filter(move |m: &&PointMove| m.frames.contains(&t))
-            };
-            let here: Vec<&PointMove> = match frame {
-                Some((_, t)) => of_frame(t).collect(),
-                None => Vec::new(),
-            };
-            self.push_moved(line, &here, &mut out);
+            match frames.next_if(|(number, _)| *number == i as u64 + 1) {
+                Some((_, t)) => push(line, t, &mut out),
+                None => out.extend_from_slice(line),
+            }
         }
         out
     }

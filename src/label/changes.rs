@@ -1,19 +1,8 @@
 //! What was done to the labels of a take, change by change.
 
-use super::repair::{Assigned, Repair};
+use super::repair::Repair;
+use crate::io::PointMove;
 use std::ops::Range;
-
-/// Frames of a track that are another's: they move there, or leave the labels.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Move {
-    /// The track that they stand in.
-    pub track: usize,
-    pub frames: Range<usize>,
-    /// The label whose they are; `None`: no label's.
-    pub to: Option<usize>,
-    /// By how many nats they fit better there; 0 where the exchange of names says it.
-    pub nats: f64,
-}
 
 /// What kind of change it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,30 +26,21 @@ pub(crate) struct Change {
     pub frames: Range<usize>,
     /// The tracks, each of which moved to the next, the last to the first of a swap or cycle.
     pub tracks: Vec<usize>,
-    pub nats: f64,
 }
 
 /// The moves that a repair makes, track after track.
-pub(crate) fn moves(repair: &Repair) -> Vec<Move> {
-    let mut out: Vec<Move> = Vec::new();
-    let mut last: Option<&Assigned> = None;
+pub(crate) fn moves(repair: &Repair) -> Vec<PointMove> {
+    let mut out: Vec<PointMove> = Vec::new();
+    let mut last: Option<&PointMove> = None;
     for piece in &repair.pieces {
         let before = last.replace(piece);
-        if piece.label == Some(piece.track) {
+        if piece.to == Some(piece.from) {
             continue;
         }
-        let goes_on = before.is_some_and(|b| b.track == piece.track && b.label == piece.label);
+        let goes_on = before.is_some_and(|b| (b.from, b.to) == (piece.from, piece.to));
         match out.last_mut().filter(|_| goes_on) {
-            Some(open) => {
-                open.frames.end = piece.frames.end;
-                open.nats = open.nats.max(piece.nats);
-            }
-            None => out.push(Move {
-                track: piece.track,
-                frames: piece.frames.clone(),
-                to: piece.label,
-                nats: piece.nats,
-            }),
+            Some(open) => open.frames.end = piece.frames.end,
+            None => out.push(piece.clone()),
         }
     }
     out
@@ -68,7 +48,7 @@ pub(crate) fn moves(repair: &Repair) -> Vec<Move> {
 
 /// The changes that some moves make, in the order of their frames; tracks below `labels` are
 /// labels.
-pub(crate) fn changes(moves: &[Move], labels: usize) -> Vec<Change> {
+pub(crate) fn changes(moves: &[PointMove], labels: usize) -> Vec<Change> {
     let mut is_told = vec![false; moves.len()];
     let mut out = Vec::new();
     for (n, one) in moves.iter().enumerate() {
@@ -76,23 +56,23 @@ pub(crate) fn changes(moves: &[Move], labels: usize) -> Vec<Change> {
             continue;
         }
         let Some(to) = one.to else {
-            if one.track < labels {
-                out.push(change(ChangeKind::Out, one, vec![one.track]));
+            if one.from < labels {
+                out.push(change(ChangeKind::Out, one, vec![one.from]));
             }
             continue;
         };
-        let ring = if one.track < labels {
+        let ring = if one.from < labels {
             ring(moves, n, &is_told)
         } else {
             None
         };
         let Some(ring) = ring else {
-            let kind = if one.track < labels {
+            let kind = if one.from < labels {
                 ChangeKind::Moved
             } else {
                 ChangeKind::Joined
             };
-            out.push(change(kind, one, vec![one.track, to]));
+            out.push(change(kind, one, vec![one.from, to]));
             continue;
         };
         ring.iter().for_each(|k| is_told[*k] = true);
@@ -101,7 +81,7 @@ pub(crate) fn changes(moves: &[Move], labels: usize) -> Vec<Change> {
         } else {
             ChangeKind::Cycle
         };
-        let tracks = ring.iter().map(|k| moves[*k].track).collect();
+        let tracks = ring.iter().map(|k| moves[*k].from).collect();
         let mut all = change(kind, one, tracks);
         all.frames.start = ring
             .iter()
@@ -115,18 +95,17 @@ pub(crate) fn changes(moves: &[Move], labels: usize) -> Vec<Change> {
     out
 }
 
-fn change(kind: ChangeKind, of: &Move, tracks: Vec<usize>) -> Change {
+fn change(kind: ChangeKind, of: &PointMove, tracks: Vec<usize>) -> Change {
     Change {
         kind,
         frames: of.frames.clone(),
         tracks,
-        nats: of.nats,
     }
 }
 
 /// The moves at about the same time that bring a track back to itself.
-fn ring(moves: &[Move], first: usize, is_told: &[bool]) -> Option<Vec<usize>> {
-    let home = moves[first].track;
+fn ring(moves: &[PointMove], first: usize, is_told: &[bool]) -> Option<Vec<usize>> {
+    let home = moves[first].from;
     let overlaps = |k: usize| {
         let (a, b) = (&moves[first].frames, &moves[k].frames);
         let both = a.end.min(b.end).saturating_sub(a.start.max(b.start));
@@ -139,7 +118,7 @@ fn ring(moves: &[Move], first: usize, is_told: &[bool]) -> Option<Vec<usize>> {
             return (ring.len() > 1).then_some(ring);
         }
         let next = (0..moves.len())
-            .find(|k| moves[*k].track == to && !is_told[*k] && !ring.contains(k) && overlaps(*k));
+            .find(|k| moves[*k].from == to && !is_told[*k] && !ring.contains(k) && overlaps(*k));
         ring.push(next?);
     }
 }

@@ -18,9 +18,9 @@ use ndarray::ArrayView2;
 
 /// The distances within a take.
 pub(crate) struct Evidence {
-    /// Of each label, the most rigid neighbors.
+    /// The most rigid neighbors of each label.
     neighbors: Vec<Vec<(usize, Distance)>>,
-    /// Of each label, what its own places have: the median, and what few have less than.
+    /// The nats of each label's own places: the median, and what few have less than.
     pub own: Vec<[f64; 2]>,
 }
 

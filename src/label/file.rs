@@ -25,9 +25,14 @@ pub struct LabelReport {
 /// Nothing is written, and no position changes: [`MotionFile::write_moved`] makes the moves.
 ///
 /// # Errors
-/// [`Error::Data`]: neither the file nor an option says its rate.
+/// [`Error::Data`]: neither the file nor an option says its rate, or it holds
+/// rotations.
 pub fn check_labels(file: &MotionFile) -> Result<LabelReport> {
     let poses = file.poses();
+    if file.motion().is_some() {
+        let what = "holds rotations, whose points have no labels to change";
+        return Err(Error::data(Place::file(&file.table.name), what));
+    }
     let Some(rate) = file.rate().or((poses.frames() < 2).then_some(1.0)) else {
         let what = "has no times that give a rate; give it with the option `fps F` (frames per \
                     second)";
@@ -39,7 +44,7 @@ pub fn check_labels(file: &MotionFile) -> Result<LabelReport> {
 impl LabelReport {
     fn new(found: &Relabeling, names: &[String]) -> LabelReport {
         LabelReport {
-            moves: found.point_moves(),
+            moves: found.moves.clone(),
             changes: found.changes.iter().map(|c| line(c, names)).collect(),
             unsure: found.unsure.iter().map(|u| unsure_line(u, names)).collect(),
             unchecked: found

@@ -222,7 +222,6 @@ impl Course<'_> {
 
     /// The nats for each state in some frames.
     fn gains(&self, labels: &[usize], states: &[Vec<usize>], frames: Range<usize>) -> Vec<f64> {
-        let step = frames.len().div_ceil(MOST_FRAMES).max(1);
         let is_seen = |t: &usize| {
             labels
                 .iter()
@@ -230,7 +229,7 @@ impl Course<'_> {
         };
         let seen: Vec<usize> = frames.clone().filter(is_seen).collect();
         let weight = 1.0 + seen.len() as f64 / (APART * self.rate);
-        let step = step.min(seen.len().max(1));
+        let step = seen.len().div_ceil(MOST_FRAMES).max(1);
         let sampled: Vec<usize> = seen.into_iter().step_by(step).collect();
         let of = |state: &Vec<usize>| {
             let at = |t: usize| {

@@ -7,6 +7,7 @@
 //! straight way across.
 
 use super::distances::{Distance, log_likelihood};
+use super::pieces::seen_ranges;
 use super::tuning::out_and_back::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::{median_of, quantile};
@@ -37,7 +38,7 @@ pub(crate) fn stretches(
     let found = parallel::map_chunks(xyz.ncols() / 3, 16, |points| {
         let of_point = |point: usize| {
             let track = Track { xyz, point };
-            let all = seen_ranges(&track, runs);
+            let all = seen_ranges(xyz, point, runs);
             let candidates = all.iter().flat_map(|seen| track.candidates(seen, longest));
             let candidates: Vec<Stretch> = candidates.collect();
             match candidates.is_empty() {
@@ -48,24 +49,6 @@ pub(crate) fn stretches(
         points.flat_map(of_point).collect::<Vec<_>>()
     });
     found.into_iter().flatten().collect()
-}
-
-/// The frames of each run in which a track is seen on end.
-fn seen_ranges(track: &Track<'_>, runs: &[Range<usize>]) -> Vec<Range<usize>> {
-    let mut out: Vec<Range<usize>> = Vec::new();
-    for run in runs {
-        let mut is_open = false;
-        for t in run.clone() {
-            let is_seen = track.at(t).is_finite();
-            match out.last_mut() {
-                Some(last) if is_seen && is_open => last.end = t + 1,
-                _ if is_seen => out.push(t..t + 1),
-                _ => {}
-            }
-            is_open = is_seen;
-        }
-    }
-    out
 }
 
 /// One track of a take.

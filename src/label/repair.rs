@@ -16,6 +16,7 @@ use super::links::{End, Links, link_cost};
 use super::mirror::Mirror;
 use super::pieces::{Piece, pieces};
 use super::tuning::repair::*;
+use crate::io::PointMove;
 use crate::pose::point_at;
 use ndarray::{Array2, ArrayView2};
 use std::collections::BTreeMap;
@@ -36,17 +37,6 @@ pub(crate) struct LabeledTake<'a> {
     pub rate: f64,
 }
 
-/// A piece of a track, and the label that it is.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Assigned {
-    pub track: usize,
-    pub frames: Range<usize>,
-    /// `None`: of no label; where it had one it leaves it.
-    pub label: Option<usize>,
-    /// By how many nats it fits better than as it was named; infinite where exchanges say it.
-    pub nats: f64,
-}
-
 /// Labels of which one side of an exchange is right and nothing says which.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Unsure {
@@ -57,8 +47,8 @@ pub(crate) struct Unsure {
 /// What becomes of the tracks of a take.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Repair {
-    /// Every piece, track after track.
-    pub pieces: Vec<Assigned>,
+    /// Every piece, track after track, and the label that it is: its own where it stays.
+    pub pieces: Vec<PointMove>,
     pub unsure: Vec<Unsure>,
 }
 
@@ -246,7 +236,6 @@ struct State<'a> {
     /// The piece that holds a label in a frame, by label and frame.
     holder: Vec<Vec<Option<usize>>>,
     evidence: Evidence,
-    nats: Vec<f64>,
 }
 
 impl<'a> State<'a> {
@@ -260,7 +249,6 @@ impl<'a> State<'a> {
         State {
             take,
             path_of: vec![0; pieces.len()],
-            nats: vec![0.0; pieces.len()],
             pieces,
             ends,
             identities,
@@ -378,17 +366,15 @@ impl<'a> State<'a> {
         labeled.sort_by_key(|p| (self.paths[*p].frames, *p));
         loose.sort_by_key(|p| (std::cmp::Reverse(self.paths[*p].frames), *p));
         for path in labeled.into_iter().chain(loose) {
-            if let Some((gain, step)) = self.best_move(path) {
-                self.make(path, step, gain);
+            if let Some(step) = self.best_move(path) {
+                self.make(path, step);
                 moved = true;
             }
         }
         moved
     }
 
-    fn make(&mut self, path: usize, step: Move, gain: f64) {
-        let pieces = self.paths[path].pieces.clone();
-        pieces.iter().for_each(|p| self.nats[*p] = gain);
+    fn make(&mut self, path: usize, step: Move) {
         match step {
             Move::To(label) => self.set(path, Some(label)),
             Move::Out => self.set(path, None),
@@ -402,8 +388,6 @@ impl<'a> State<'a> {
                 self.set(other, None);
                 self.set(path, labels[1]);
                 self.set(other, labels[0]);
-                let pieces = self.paths[other].pieces.clone();
-                pieces.iter().for_each(|p| self.nats[*p] = gain);
             }
         }
     }
@@ -412,7 +396,7 @@ impl<'a> State<'a> {
     fn take_out_stretches(&mut self) -> bool {
         let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
         for path in &away {
-            self.make(*path, Move::Out, f64::INFINITY);
+            self.make(*path, Move::Out);
             self.paths[*path].stands = true;
         }
         !away.is_empty()
@@ -525,7 +509,7 @@ impl<'a> State<'a> {
     }
 
     /// The move of a path that gains most, if it is enough.
-    fn best_move(&self, path: usize) -> Option<(f64, Move)> {
+    fn best_move(&self, path: usize) -> Option<Move> {
         let own = self.paths[path].label;
         let own_fit = match own {
             Some(label) => Some(self.fit(path, label, &[])?),
@@ -574,6 +558,7 @@ impl<'a> State<'a> {
         }
         let best = moves.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
         best.filter(|(gain, _)| *gain > LEAST_GAIN)
+            .map(|(_, step)| step)
     }
 
     /// The other paths that hold a label in the frames of one.
@@ -641,11 +626,10 @@ impl<'a> State<'a> {
     }
 
     fn assigned(self, unsure: Vec<Unsure>) -> Repair {
-        let of = |(p, piece): (usize, &Piece)| Assigned {
-            track: piece.track,
+        let of = |(p, piece): (usize, &Piece)| PointMove {
+            from: piece.track,
             frames: piece.frames.clone(),
-            label: self.paths[self.path_of[p]].label,
-            nats: self.nats[p],
+            to: self.paths[self.path_of[p]].label,
         };
         Repair {
             pieces: self.pieces.iter().enumerate().map(of).collect(),

@@ -1,6 +1,6 @@
 //! The labels of a table of points put right.
 
-use super::changes::{Change, Move, changes, moves};
+use super::changes::{Change, changes, moves};
 use super::repair::{LabeledTake, Repair, Unsure, repair};
 use super::unlabeled::is_unlabeled;
 use crate::io::PointMove;
@@ -11,14 +11,14 @@ use std::ops::Range;
 /// What is done to the labels of a table; points and frames are those of the table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Relabeling {
-    pub moves: Vec<Move>,
+    pub moves: Vec<PointMove>,
     pub changes: Vec<Change>,
     pub unsure: Vec<Unsure>,
     /// Why labels were not checked, if they were not.
     pub unchecked: Option<&'static str>,
 }
 
-/// Over so many points, or in pieces that are shorter, labels are not checked.
+/// Labels of more points are not checked.
 const MOST_POINTS: usize = 500;
 
 /// Finds what is wrong with the labels of some poses, take by take, at `rate` frames a second.
@@ -74,28 +74,17 @@ impl Relabeling {
                 tracks: c.tracks.iter().map(|t| order[*t]).collect(),
                 ..c
             }));
-        let is_move = |m: &Move| m.to.is_some() || m.track < labels.len();
+        let is_move = |m: &PointMove| m.to.is_some() || m.from < labels.len();
         self.moves
-            .extend(moves.into_iter().filter(is_move).map(|m| Move {
-                track: order[m.track],
+            .extend(moves.into_iter().filter(is_move).map(|m| PointMove {
+                from: order[m.from],
                 to: m.to.map(|to| order[to]),
                 frames: shifted(&m.frames),
-                ..m
             }));
         self.unsure.extend(found.unsure.into_iter().map(|u| Unsure {
             labels: u.labels.iter().map(|l| order[*l]).collect(),
             frames: u.frames.iter().map(shifted).collect(),
         }));
-    }
-
-    /// The moves, as files make them.
-    pub(crate) fn point_moves(&self) -> Vec<PointMove> {
-        let of = |m: &Move| PointMove {
-            from: m.track,
-            to: m.to,
-            frames: m.frames.clone(),
-        };
-        self.moves.iter().map(of).collect()
     }
 }
 

@@ -77,7 +77,7 @@ pub(crate) mod pieces {
     pub(crate) const LEAST_USUAL: f64 = 0.02;
     /// Least miss, in standard deviations about the fits.
     pub(crate) const RESIDUALS: f64 = 3.0;
-    /// Of cuts within so many frames one stays, that with the largest miss over this and the
+    /// One of cuts within so many frames stays, that with the largest miss over this and the
     /// deviation, cm.
     pub(crate) const APART: usize = 3;
     pub(crate) const RESIDUAL_ADDED: f64 = 0.05;
@@ -189,6 +189,6 @@ pub(crate) mod repair {
     pub(crate) const AWAY_LONGEST: f64 = 0.6;
     pub(crate) const AWAY: f64 = 4.0;
     pub(crate) const AWAY_SCORE: f64 = 15.0;
-    /// Of the frames of a path, each so manyth is asked who else is there.
+    /// Every so many frames of a path it is asked who else is there.
     pub(crate) const FRAME_STEP: usize = 3;
 }

@@ -2,14 +2,13 @@
 
 use clap::Parser;
 use posing::cli::args::CommonArgs;
-use posing::cli::batch::{BatchJob, EXTENSIONS, batch};
+use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each};
 use posing::cli::read_args::ReadArgs;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
-
 use posing::label::check_labels;
 use posing::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Put labels right: markers that changed places, pieces without a label, reflections
 ///
@@ -51,25 +50,10 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let nowhere = PathBuf::from("/");
-    let output = args.output.as_deref().or(args.dry_run.then_some(&nowhere));
+    // A dry run has places for results as well, and writes none.
+    let output = args.output.as_deref().or(Some(Path::new("-")));
     let jobs = batch(&args.inputs, output, &EXTENSIONS, None, &[])?;
-    if let [one] = &jobs[..] {
-        return label(args, one);
-    }
-    let mut outcome = Outcome::Done;
-    for one in &jobs {
-        match label(args, one) {
-            Ok(Outcome::Done) => {}
-            Ok(found) if outcome == Outcome::Done => outcome = found,
-            Ok(_) => {}
-            Err(e) => {
-                messages::error(&e.to_string());
-                outcome = Outcome::Failed;
-            }
-        }
-    }
-    Ok(outcome)
+    each(&jobs, |one| label(args, one))
 }
 
 fn label(args: &Args, job: &BatchJob) -> Result<Outcome> {

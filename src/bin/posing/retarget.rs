@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_rate};
-use posing::cli::batch::{BatchJob, batch};
+use posing::cli::batch::{BatchJob, batch, each};
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
@@ -136,22 +136,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         options,
         args,
     };
-    if let [one] = &jobs[..] {
-        return job.retarget(one);
-    }
-    let mut outcome = Outcome::Done;
-    for one in &jobs {
-        match job.retarget(one) {
-            Ok(Outcome::Done) => {}
-            Ok(found) if outcome == Outcome::Done => outcome = found,
-            Ok(_) => {}
-            Err(e) => {
-                messages::error(&e.to_string());
-                outcome = Outcome::Failed;
-            }
-        }
-    }
-    Ok(outcome)
+    each(&jobs, |one| job.retarget(one))
 }
 
 /// The map of a flag.

@@ -1,12 +1,11 @@
 //! Positions moved between the points of a file, as the file has them: no number is written anew.
 
 use super::{MotionFile, Original};
-use crate::io::PointMove;
-use crate::io::Table;
 use crate::io::marker_take::MarkerTake;
 use crate::io::motion_format::MotionFormat;
 use crate::io::output::write_file;
 use crate::io::table_writer::TableFormat;
+use crate::io::{PointMove, Table};
 use crate::{Error, Place, Result};
 use std::path::Path;
 
@@ -22,7 +21,7 @@ impl MotionFile {
             Original::Text(bytes, take) => take.cells.with_moved(bytes, &self.in_take(take, moves)),
             Original::Npz(npz) => {
                 let mut xyz = npz.take.xyz.clone();
-                PointMove::make_all(&self.in_take(&npz.take, moves), &mut xyz, 3, &f64::NAN);
+                PointMove::make_all(&self.in_take(&npz.take, moves), &mut xyz);
                 npz.with_points(xyz.view())?
             }
             Original::Bvh(..) | Original::Amc(..) => {
@@ -66,7 +65,7 @@ impl MotionFile {
 /// begin with their names.
 fn moved_table(table: &Table, moves: &[PointMove]) -> Table {
     let mut out = table.clone();
-    PointMove::make_all(moves, &mut out.poses.xyz, 3, &f64::NAN);
+    PointMove::make_all(moves, &mut out.poses.xyz);
     let names = &table.columns.names;
     let of_point = |p: usize| {
         let prefix = format!("{}.", table.poses.points[p]);
