@@ -3,6 +3,7 @@
 mod earlier_list;
 mod findings;
 mod held;
+mod labels;
 mod list;
 mod one_file;
 mod page;
@@ -18,7 +19,6 @@ mod sources;
 pub use one_file::{CleanSettings, FileOutcome};
 pub use places::PlaceToSee;
 pub use record::Summary;
-pub use redo::Segment;
 pub use report::CleanReport;
 pub use row::Row;
 pub use sources::OutputFormat;
@@ -60,9 +60,16 @@ pub fn clean(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<CleanReport> {
     let jobs = sources::jobs(inputs, &output.path, output.to)?;
-    if jobs.jobs.len() != 1 && !settings.redo.is_empty() {
-        let what = "the option `redo` is for a stretch of one take; give that file alone";
-        return Err(Error::usage(what));
+    let keeps_labels = settings.labels.as_ref().is_some_and(|l| !l.keep.is_empty());
+    for (option, is_given) in [
+        ("redo", !settings.redo.is_empty()),
+        ("keep_labels", keeps_labels),
+    ] {
+        if jobs.jobs.len() != 1 && is_given {
+            return Err(Error::usage(format!(
+                "the option `{option}` is for a stretch of one take; give that file alone"
+            )));
+        }
     }
     if output.only_new && jobs.folder.is_none() && output.page.is_none() {
         let what = "the option `new_only` compares with the list of the last run, which a folder \

@@ -7,7 +7,7 @@ use super::record::{
     Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, is_in_doubt, leave_failure,
     may_write, unchanged,
 };
-use super::redo::Segment;
+use super::redo;
 use super::replaced::replaced;
 use super::rotations::CleanedFile;
 use super::sources::{Job, OutputFormat};
@@ -17,7 +17,8 @@ use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skelet
 use crate::io::motion_folder::name_of;
 use crate::io::output::{TemporaryFile, write_file};
 use crate::io::{Input, Model, MotionFile, MotionFormat, NewTake};
-use crate::pose::{LengthUnit, NameMap, PointNaming, Poses, Units, UpAxis, joints};
+use crate::label::LabelSettings;
+use crate::pose::{LengthUnit, NameMap, PointNaming, Poses, Segment, Units, UpAxis, joints};
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::gap_lines;
 use crate::restore::{Clean, Restoration, Restorer};
@@ -38,6 +39,8 @@ pub struct CleanSettings {
     /// The noise over which the rotations of a file that keeps them are smoothed, radians about an
     /// axis.
     pub rotation_noise_limit: f64,
+    /// How labels are put right first, if they are.
+    pub labels: Option<LabelSettings>,
     /// Whether noise is removed at all.
     pub smooth: bool,
     /// Whether rotations that were held are missing.
@@ -164,7 +167,7 @@ impl CleanSettings {
         &self,
         job: &Job,
         to: Option<OutputFormat>,
-        mut file: MotionFile,
+        file: MotionFile,
         made_from: &MadeFrom,
         capture: &Capture,
     ) -> Result<Summary> {
@@ -175,6 +178,7 @@ impl CleanSettings {
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
+        let (mut file, labels) = self.relabeled(file, &capture.read)?;
         if self.held_is_missing {
             empty_held(&mut file)?;
         }
@@ -195,13 +199,17 @@ impl CleanSettings {
         let old = begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
         let unheld = written.inspect_err(|_| give_up(&job.output, old.as_deref()))?;
-        let found = (redone, &before[..]);
+        let seen = redone.into_iter().chain(labels.places()).collect();
+        let found = (seen, &before[..]);
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
+        summary.notes.extend(labels.notes());
+        summary.findings.extend(labels.findings());
         if to == Some(OutputFormat::Npy) && file.format != MotionFormat::Npy {
             summary.notes.extend(file.table.columns.lost_in_array());
         }
-        summary.copied = self.is_copied(job, to, &file, points, capture);
+        summary.copied =
+            labels.captured.is_none() && self.is_copied(job, to, &file, points, capture);
         if let (true, Some(noise)) = (summary.copied, summary.noise_deg) {
             summary
                 .notes
@@ -209,7 +217,7 @@ impl CleanSettings {
         }
         summary.findings.extend(self.kept(&file, to, points));
         // The result is whole also where its page is not written.
-        match write_page(job, &file, points, &summary) {
+        match write_page(job, &file, labels.captured.as_ref(), points, &summary) {
             Ok(note) => summary.notes.extend(note),
             Err(e) => summary.findings.push(format!("page: not written: {e}")),
         }
@@ -224,6 +232,7 @@ impl CleanSettings {
             audit: before,
             summary: &summary,
             redone: &self.redo,
+            labels: labels.record(),
             gaps: gap_lines(points),
             gaps_by_point: Vec::new(),
             outliers: replaced(points),
@@ -295,7 +304,7 @@ impl CleanSettings {
         let rate = file.rate();
         let (mut places, mut notes) = (Vec::new(), Vec::new());
         for segment in &self.redo {
-            let emptied = segment.empty(&mut file.table.poses, rate);
+            let emptied = redo::empty(segment, &mut file.table.poses, rate);
             let (frame, count) = emptied.map_err(|e| e.at(Place::file(&file.table.name)))?;
             let [from, to] = segment.seconds;
             notes.push(format!(
@@ -412,6 +421,9 @@ impl CleanSettings {
         }
         if !self.smooth {
             out["smooth"] = json!(false);
+        }
+        if let Some(settings) = self.labels.as_ref().filter(|_| !is_of_rotations(format)) {
+            out["labels"] = json!({"keep": settings.keep, "take_out": settings.take_out});
         }
         if !self.redo.is_empty() {
             out["redo"] = json!(self.redo);

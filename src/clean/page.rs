@@ -10,20 +10,21 @@ use crate::restore::Restoration;
 use ndarray::Array2;
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands
-/// in its place.
+/// in its place. `captured` are its positions (frames, 3 P; cm) as they were, where labels changed.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
 pub(crate) fn write_page(
     job: &Job,
     file: &MotionFile,
+    captured: Option<&Array2<f64>>,
     restored: &Restoration<'_>,
     summary: &Summary,
 ) -> Result<Option<String>> {
     let path = page_beside(&job.output);
     let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
     let html = match is_seen {
-        true => take_page(&job.name, file, restored)?,
+        true => take_page(&job.name, file, captured, restored)?,
         false => None,
     };
     let is_written = write_take_page(&path, html.as_deref())?;
@@ -33,14 +34,20 @@ pub(crate) fn write_page(
 }
 
 /// The page of a take: the capture, and the result beside it where that differs.
-fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Result<Option<String>> {
+fn take_page(
+    name: &str,
+    file: &MotionFile,
+    captured: Option<&Array2<f64>>,
+    restored: &Restoration<'_>,
+) -> Result<Option<String>> {
     let poses = &file.table.poses;
     let shape = (poses.frames(), poses.points.len());
     let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
     let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let mut figures = vec![Figure::new("capture", poses.xyz.view())];
-    if restored.xyz() != poses.xyz {
+    let captured = captured.unwrap_or(&poses.xyz);
+    let mut figures = vec![Figure::new("capture", captured.view())];
+    if restored.xyz() != captured {
         figures.push(Figure {
             status: Some(status.view()),
             sd: Some(sd.view()),

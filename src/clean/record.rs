@@ -2,12 +2,13 @@
 //! for, what was found and changed; of a file that failed, why.
 
 use super::places::PlaceToSee;
-use super::redo::Segment;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;
 use crate::audit::TakeAudit;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
+use crate::label::LabelReport;
+use crate::pose::Segment;
 use crate::prior::provenance::hex;
 use crate::restore::gap_report::{GapLine, PointGapLine, by_point};
 use crate::{Error, Place, Result};
@@ -61,9 +62,17 @@ pub(crate) struct MadeFrom {
 
 impl MadeFrom {
     /// Whether a result that was made from this is what would be made `now`. A segment that
-    /// somebody had done again stays so in later runs that do not ask for any.
+    /// somebody had done again, or whose label somebody kept, stays so in later runs that do not
+    /// ask for any.
     fn holds_for(&self, now: &MadeFrom) -> bool {
         let mut was = self.clone();
+        let keeps = |of: &MadeFrom| {
+            let keep = of.settings["labels"]["keep"].as_array();
+            keep.is_some_and(|keep| !keep.is_empty())
+        };
+        if keeps(&was) && !keeps(now) {
+            was.settings["labels"]["keep"] = json!([]);
+        }
         let is_redone = was.settings.get("redo").is_some();
         if is_redone && now.settings.get("redo").is_none() {
             // `--redo` alone looks for no outliers elsewhere.
@@ -133,6 +142,9 @@ pub(crate) struct Record<'a> {
     /// Segments that counted as missing.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     pub redone: &'a [Segment],
+    /// What was done to its labels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<&'a LabelReport>,
     /// Every gap, and how it was filled; none where that would take more room than the take.
     pub gaps: Vec<GapLine<'a>>,
     /// Instead, the gaps of each point together.

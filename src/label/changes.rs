@@ -1,12 +1,15 @@
 //! What was done to the labels of a take, change by change.
 
-use super::repair::Repair;
+use super::sides::SideBy;
 use crate::io::PointMove;
+use serde::Serialize;
+use std::collections::HashSet;
 use std::ops::Range;
 
 /// What kind of change it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ChangeKind {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ChangeKind {
     /// Two labels changed places.
     Swap,
     /// Three or more did.
@@ -16,6 +19,7 @@ pub(crate) enum ChangeKind {
     /// A label's places are another's.
     Moved,
     /// A label's places are no label's.
+    #[serde(rename = "taken-out")]
     Out,
 }
 
@@ -26,13 +30,33 @@ pub(crate) struct Change {
     pub frames: Range<usize>,
     /// The tracks, each of which moved to the next, the last to the first of a swap or cycle.
     pub tracks: Vec<usize>,
+    pub moves: Vec<PointMove>,
+    /// How much likelier the places are as they are then, nats.
+    pub nats: f64,
+    /// What decided which side of an exchange is right.
+    pub side: Option<SideBy>,
 }
 
-/// The moves that a repair makes, track after track.
-pub(crate) fn moves(repair: &Repair) -> Vec<PointMove> {
+impl Change {
+    fn new(kind: ChangeKind, tracks: Vec<usize>, moves: Vec<PointMove>) -> Change {
+        let start = moves.iter().map(|m| m.frames.start).min();
+        let end = moves.iter().map(|m| m.frames.end).max();
+        Change {
+            kind,
+            frames: start.unwrap_or(0)..end.unwrap_or(0),
+            tracks,
+            moves,
+            nats: 0.0,
+            side: None,
+        }
+    }
+}
+
+/// The moves that some pieces make, track after track.
+pub(crate) fn moves(pieces: &[PointMove]) -> Vec<PointMove> {
     let mut out: Vec<PointMove> = Vec::new();
     let mut last: Option<&PointMove> = None;
-    for piece in &repair.pieces {
+    for piece in pieces {
         let before = last.replace(piece);
         if piece.to == Some(piece.from) {
             continue;
@@ -47,59 +71,68 @@ pub(crate) fn moves(repair: &Repair) -> Vec<PointMove> {
 }
 
 /// The changes that some moves make, in the order of their frames; tracks below `labels` are
-/// labels.
-pub(crate) fn changes(moves: &[PointMove], labels: usize) -> Vec<Change> {
+/// labels. Tracks without a label that stay so are none.
+pub(crate) fn changes(moves: Vec<PointMove>, labels: usize) -> Vec<Change> {
     let mut is_told = vec![false; moves.len()];
     let mut out = Vec::new();
     for (n, one) in moves.iter().enumerate() {
         if is_told[n] {
             continue;
         }
-        let Some(to) = one.to else {
-            if one.from < labels {
-                out.push(change(ChangeKind::Out, one, vec![one.from]));
-            }
-            continue;
+        let is_label = one.from < labels;
+        let (kind, tracks) = match one.to {
+            None if is_label => (ChangeKind::Out, vec![one.from]),
+            None => continue,
+            Some(to) if is_label => match ring(&moves, n, &is_told) {
+                Some(ring) => {
+                    ring.iter().for_each(|k| is_told[*k] = true);
+                    let kind = match ring.len() {
+                        2 => ChangeKind::Swap,
+                        _ => ChangeKind::Cycle,
+                    };
+                    let tracks = ring.iter().map(|k| moves[*k].from).collect();
+                    let moves = ring.iter().map(|k| moves[*k].clone()).collect();
+                    out.push(Change::new(kind, tracks, moves));
+                    continue;
+                }
+                None => (ChangeKind::Moved, vec![one.from, to]),
+            },
+            Some(to) => (ChangeKind::Joined, vec![one.from, to]),
         };
-        let ring = if one.from < labels {
-            ring(moves, n, &is_told)
-        } else {
-            None
-        };
-        let Some(ring) = ring else {
-            let kind = if one.from < labels {
-                ChangeKind::Moved
-            } else {
-                ChangeKind::Joined
-            };
-            out.push(change(kind, one, vec![one.from, to]));
-            continue;
-        };
-        ring.iter().for_each(|k| is_told[*k] = true);
-        let kind = if ring.len() == 2 {
-            ChangeKind::Swap
-        } else {
-            ChangeKind::Cycle
-        };
-        let tracks = ring.iter().map(|k| moves[*k].from).collect();
-        let mut all = change(kind, one, tracks);
-        all.frames.start = ring
-            .iter()
-            .map(|k| moves[*k].frames.start)
-            .min()
-            .unwrap_or(0);
-        all.frames.end = ring.iter().map(|k| moves[*k].frames.end).max().unwrap_or(0);
-        out.push(all);
+        out.push(Change::new(kind, tracks, vec![one.clone()]));
     }
     out.sort_by_key(|c| (c.frames.start, c.tracks.clone()));
     out
 }
 
-fn change(kind: ChangeKind, of: &PointMove, tracks: Vec<usize>) -> Change {
-    Change {
-        kind,
-        frames: of.frames.clone(),
-        tracks,
+/// Those of some changes that are wanted, and that can be made without the others: none brings a
+/// position to where another stays. `has(track, frame)`: whether the track is seen there.
+pub(crate) fn wanted(
+    mut changes: Vec<Change>,
+    is_wanted: impl Fn(&Change) -> bool,
+    has: impl Fn(usize, usize) -> bool,
+) -> Vec<Change> {
+    let before = changes.len();
+    changes.retain(is_wanted);
+    if changes.len() == before {
+        return changes;
+    }
+    loop {
+        let leaves: HashSet<(usize, usize)> = (changes.iter().flat_map(|c| &c.moves))
+            .flat_map(|m| m.frames.clone().map(|t| (m.from, t)))
+            .collect();
+        let is_open = |change: &Change| {
+            let mut arrives = (change.moves.iter())
+                .filter_map(|m| Some((m.to?, m.frames.clone())))
+                .flat_map(|(to, frames)| frames.map(move |t| (to, t)));
+            arrives.all(|(to, t)| !has(to, t) || leaves.contains(&(to, t)))
+        };
+        let open: Vec<bool> = changes.iter().map(is_open).collect();
+        if open.iter().all(|o| *o) {
+            return changes;
+        }
+        let mut open = open.into_iter();
+        changes.retain(|_| open.next() == Some(true));
     }
 }
 

@@ -1,23 +1,64 @@
-//! The labels of a file put right.
+//! The labels of a file put right, and what is said of it.
 
 use super::changes::{Change, ChangeKind};
-use super::repair::Unsure;
-use super::take::{Relabeling, relabel};
+use super::relabeling::{LabelSettings, Relabeling, relabel};
+use super::sides::{SideBy, Unsure};
 use crate::io::{MotionFile, PointMove};
+use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
+use serde::Serialize;
 use std::ops::Range;
 
 /// What is wrong with the labels of a file, and the moves that put it right.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct LabelReport {
     /// Positions that are another label's, or none's.
+    #[serde(skip)]
     pub moves: Vec<PointMove>,
-    /// What was changed, a line each.
-    pub changes: Vec<String>,
-    /// What is not sure and stays, a line each.
-    pub unsure: Vec<String>,
+    /// What was changed.
+    pub changes: Vec<LabelChange>,
+    /// What is not sure and stays.
+    pub unsure: Vec<UnsureLabels>,
     /// Why labels were not checked, if they were not.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub unchecked: Option<String>,
+}
+
+/// A change of labels.
+#[derive(Debug, Clone, Serialize)]
+pub struct LabelChange {
+    /// What it is.
+    pub kind: ChangeKind,
+    /// The track whose places it moves.
+    pub from: String,
+    /// The label whose these are; none's where it is missing.
+    pub to: Option<String>,
+    /// Of three and more that changed places, all, each moving to the next.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ring: Vec<String>,
+    /// The first frame, from 0 over the file, and the one after the last.
+    pub frames: [usize; 2],
+    /// How much likelier the places are now, by the distances to other labels, nats.
+    pub evidence: f64,
+    /// What says which side of an exchange is right.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub side: Option<SideBy>,
+    /// Positions that were taken out, frame by frame, cm, y up.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub positions: Vec<[f64; 3]>,
+    /// A line for people, who count frames from 1.
+    pub what: String,
+}
+
+/// Labels that changed places, and nothing says which of their names are right when.
+#[derive(Debug, Clone, Serialize)]
+pub struct UnsureLabels {
+    /// The labels.
+    pub labels: Vec<String>,
+    /// The first frame, from 0 over the file, and the one after the last, of each stretch.
+    pub frames: Vec<[usize; 2]>,
+    /// A line for people, who count frames from 1.
+    pub what: String,
 }
 
 /// Finds what is wrong with the labels of a file.
@@ -25,31 +66,68 @@ pub struct LabelReport {
 /// Nothing is written, and no position changes: [`MotionFile::write_moved`] makes the moves.
 ///
 /// # Errors
-/// [`Error::Data`]: neither the file nor an option says its rate, or it holds
-/// rotations.
-pub fn check_labels(file: &MotionFile) -> Result<LabelReport> {
+/// [`Error::Data`]: neither the file nor an option says its rate, it holds rotations, or it has no
+/// point that is to keep its label.
+pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<LabelReport> {
     let poses = file.poses();
+    let refuse = |what: &str| Err(Error::data(Place::file(&file.table.name), what));
     if file.motion().is_some() {
-        let what = "holds rotations, whose points have no labels to change";
-        return Err(Error::data(Place::file(&file.table.name), what));
+        return refuse("holds rotations, whose points have no labels to change");
     }
     let Some(rate) = file.rate().or((poses.frames() < 2).then_some(1.0)) else {
-        let what = "has no times that give a rate; give it with the option `fps F` (frames per \
-                    second)";
-        return Err(Error::data(Place::file(&file.table.name), what));
+        return refuse(
+            "has no times that give a rate; give it with the option `fps F` (frames per second)",
+        );
     };
-    Ok(LabelReport::new(&relabel(poses, rate), &poses.points))
+    let is_point = |name: &String| poses.points.contains(name);
+    if let Some(segment) = settings.keep.iter().find(|s| !is_point(&s.point)) {
+        return refuse(&format!("has no point \"{}\" to keep", segment.point));
+    }
+    Ok(LabelReport::new(&relabel(poses, rate, settings), poses))
 }
 
 impl LabelReport {
-    fn new(found: &Relabeling, names: &[String]) -> LabelReport {
+    fn new(found: &Relabeling, poses: &Poses) -> LabelReport {
+        let all = |labels: &[usize]| labels.iter().map(|l| poses.points[*l].clone()).collect();
+        let unsure = found.unsure.iter().map(|u| UnsureLabels {
+            labels: all(&u.labels),
+            frames: u.frames.iter().map(|f| [f.start, f.end]).collect(),
+            what: unsure_line(u, &poses.points),
+        });
         LabelReport {
-            moves: found.moves.clone(),
-            changes: found.changes.iter().map(|c| line(c, names)).collect(),
-            unsure: found.unsure.iter().map(|u| unsure_line(u, names)).collect(),
+            moves: found.moves(),
+            changes: found
+                .changes
+                .iter()
+                .map(|c| LabelChange::new(c, poses))
+                .collect(),
+            unsure: unsure.collect(),
             unchecked: found
                 .unchecked
                 .map(|why| format!("labels were not checked: {why}")),
+        }
+    }
+}
+
+impl LabelChange {
+    fn new(change: &Change, poses: &Poses) -> LabelChange {
+        let names: Vec<String> = (change.tracks.iter())
+            .map(|t| poses.points[*t].clone())
+            .collect();
+        let taken_out = change.moves.iter().filter(|m| m.to.is_none());
+        let places = taken_out.flat_map(|m| m.frames.clone().map(|t| (t, m.from)));
+        LabelChange {
+            kind: change.kind,
+            what: line(change, &poses.points),
+            from: names[0].clone(),
+            to: names.get(1).cloned(),
+            ring: if names.len() > 2 { names } else { Vec::new() },
+            frames: [change.frames.start, change.frames.end],
+            evidence: (10.0 * change.nats).round() / 10.0,
+            side: change.side,
+            positions: places
+                .map(|(t, p)| point_at(poses.xyz.view(), t, p).to_array())
+                .collect(),
         }
     }
 }

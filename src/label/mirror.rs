@@ -69,7 +69,7 @@ impl<'a> Mirror<'a> {
 }
 
 /// The mirror image of a point by its name, which may have a subject's prefix.
-fn image(names: &[String], point: usize) -> Option<usize> {
+pub(super) fn image(names: &[String], point: usize) -> Option<usize> {
     if let Some(other) = mirrored(names, point) {
         return Some(other);
     }

@@ -65,6 +65,25 @@ pub(crate) mod out_and_back {
     pub(crate) const MOST_FRAMES: usize = 48;
 }
 
+/// People of a take. In 29 takes of one person, of 14 to 62 markers, no body is parted; two of them
+/// that move apart always are, those that stand still never.
+pub(crate) mod people {
+    /// Points that names tell to be a person, at least.
+    pub(crate) const FEWEST_NAMED: usize = 4;
+    /// Names with a left and a right among those that two people share, at least.
+    pub(crate) const FEWEST_SIDED: usize = 4;
+    /// Points of a body that distances tell, at least; it has one in so many of all, and of more
+    /// labels bodies are not asked for.
+    pub(crate) const FEWEST_OF_BODY: usize = 8;
+    pub(crate) const LARGEST_SHARE: usize = 4;
+    pub(crate) const MOST_LABELS: usize = 250;
+    /// Frames that a distance is known in, at least.
+    pub(crate) const FEWEST_FRAMES: usize = 20;
+    /// Distances within a body are no longer, and spread less, cm.
+    pub(crate) const NEAR: f64 = 70.0;
+    pub(crate) const STEADY: f64 = 4.0;
+}
+
 /// Pieces of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
 pub(crate) mod pieces {
     /// Least miss of both sides' fits, cm, and least step.
@@ -150,15 +169,21 @@ pub(crate) mod mirror {
     pub(crate) const MOST_FRAMES: usize = 1500;
 }
 
-/// Labels put right.
-pub(crate) mod repair {
-    /// Rounds over the paths, at most.
-    pub(crate) const ROUNDS: usize = 3;
+/// Which side of an exchange is right.
+pub(crate) mod sides {
     /// Share of the take on the shorter side of an exchange from which the mirror image is asked,
     /// and from which nothing else decides; how much cheaper it makes the right side.
     pub(crate) const LONG: f64 = 0.2;
     pub(crate) const OPEN: f64 = 1.0 / 3.0;
     pub(crate) const CLEAR: f64 = 12.0;
+}
+
+/// Labels put right.
+pub(crate) mod repair {
+    /// Where most pieces have fewer frames, labels are not checked.
+    pub(crate) const FEWEST_FRAMES: usize = 5;
+    /// Rounds over the paths, at most.
+    pub(crate) const ROUNDS: usize = 3;
     /// Frames of a path that are looked at, at most; nats a frame, at most; seconds after which a
     /// frame says something new, and how many such frames count at most.
     pub(crate) const MOST_FRAMES: usize = 48;

@@ -124,12 +124,17 @@ impl<'t> Restoration<'t> {
         out
     }
 
+    /// Counts the frames once, also where each of some people was restored by itself.
+    pub(super) fn count_people(&mut self, people: usize) {
+        self.counts.frames = self.source.poses.frames();
+        self.counts.noise /= people.max(1) as f64;
+    }
+
     /// Puts restored frames of some of the table's `points` in place, from frame `first` on. Where
     /// no value was found the table's stays.
     pub(super) fn add(&mut self, first: usize, restored: &TakeResult, points: &[usize]) {
         let count = restored.xyz.nrows();
         self.counts.add(&RestorationCounts {
-            frames: count,
             too_little: restored.too_little,
             takes_unknown: usize::from(restored.is_unknown),
             exchanged: restored.exchanged,

@@ -25,6 +25,7 @@ use super::restoration::Restoration;
 use super::take::{Method, PointMapping, Take};
 use crate::io::Model;
 use crate::io::Table;
+use crate::label::people::people;
 use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
@@ -212,8 +213,8 @@ impl<'m> Restorer<'m> {
         Ok(self.opened.get_or_init(|| opened))
     }
 
-    /// Restores each take of a table, or each frame where there is no rate; `hidden` columns count
-    /// as missing.
+    /// Restores each take of a table, or each frame where there is no rate, each person by itself;
+    /// `hidden` columns count as missing.
     fn restore<'t>(
         &self,
         table: &'t Table,
@@ -222,27 +223,73 @@ impl<'m> Restorer<'m> {
         hidden: &[usize],
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
-        let labeled = Labeled::of(table);
-        let poses = &*labeled.poses;
-        let mapped = self.model.map(|model| self.mapping(model, poses));
-        let mapped = mapped.transpose()?;
-        let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
-        let names = match &mapped {
-            Some((_, names)) => names,
-            None => &poses.points[..],
-        };
-        let seen = labeled.hide(&poses.xyz, hidden);
         let mut out = Restoration::unchanged(table);
-        let Some(rate) = rate else {
-            let mapping = mapping.ok_or_else(no_model)?;
-            out.add(
-                0,
-                &method.restore_frames(mapping, seen.view()),
-                &labeled.points,
-            );
-            return Ok(out);
+        let poses = &table.poses;
+        let people = people(&poses.points, &labeled(&poses.points), poses.xyz.view());
+        let all = Restored {
+            table,
+            method,
+            rate,
+            hidden,
+            progress,
         };
-        let runs = poses.runs();
+        let mut unknown = Ok(());
+        let mut is_known = people.is_empty();
+        for person in &people {
+            let labeled = Labeled::of(table, &person.points);
+            let mapped = self.model.map(|model| self.mapping(model, &labeled.poses));
+            // The model need not know a second person's points.
+            let mapped = match mapped.transpose() {
+                Ok(mapped) => mapped,
+                Err(e) => {
+                    unknown = Err(e);
+                    None
+                }
+            };
+            is_known |= self.model.is_none() || mapped.is_some();
+            let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
+            let names = match &mapped {
+                Some((_, names)) => names,
+                None => &labeled.poses.points[..],
+            };
+            all.restore(&labeled, mapping, names, &mut out)?;
+        }
+        out.count_people(people.len());
+        if is_known {
+            Ok(out)
+        } else {
+            unknown.map(|()| out)
+        }
+    }
+}
+
+/// A table to restore, and how; `hidden` columns count as missing.
+struct Restored<'a> {
+    table: &'a Table,
+    method: &'a dyn Method,
+    rate: Option<f64>,
+    hidden: &'a [usize],
+    progress: &'a (dyn Fn(usize) + Sync),
+}
+
+impl Restored<'_> {
+    /// Restores the points of one person, which the model knows by these names.
+    fn restore(
+        &self,
+        labeled: &Labeled<'_>,
+        mapping: Option<&PointMapping<'_>>,
+        names: &[String],
+        out: &mut Restoration<'_>,
+    ) -> Result<()> {
+        let poses = &*labeled.poses;
+        let seen = labeled.hide(&poses.xyz, self.hidden);
+        let Some(rate) = self.rate else {
+            let mapping = mapping.ok_or_else(no_model)?;
+            let restored = self.method.restore_frames(mapping, seen.view());
+            out.add(0, &restored, &labeled.points);
+            return Ok(());
+        };
+        let runs = self.table.poses.runs();
         for (frames, own) in poses.takes().into_iter().zip(poses.rates()) {
             // Takes and runs are both in order.
             let first = runs.partition_point(|r| r.start < frames.start);
@@ -262,10 +309,10 @@ impl<'m> Restorer<'m> {
                 rate,
                 sd: (labeled.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
             };
-            let restored = method.restore_take(mapping, &take, progress);
+            let restored = self.method.restore_take(mapping, &take, self.progress);
             out.add(frames.start, &restored, &labeled.points);
         }
-        Ok(out)
+        Ok(())
     }
 }
 
@@ -310,7 +357,7 @@ fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
     hidden.flat_map(|p| 3 * p..3 * p + 3).collect()
 }
 
-/// The labeled points of a table: the others are neither filled nor learned from.
+/// The labeled points of a person in a table: others are neither filled nor learned from.
 struct Labeled<'t> {
     /// Their places among the table's points.
     points: Vec<usize>,
@@ -320,18 +367,17 @@ struct Labeled<'t> {
 }
 
 impl<'t> Labeled<'t> {
-    fn of(table: &'t Table) -> Labeled<'t> {
-        let points = labeled(&table.poses.points);
+    fn of(table: &'t Table, points: &[usize]) -> Labeled<'t> {
         let sd = table
             .sd
             .as_ref()
             .map(|sd| match points.len() == sd.ncols() {
                 true => CowArray::from(sd),
-                false => CowArray::from(sd.select(Axis(1), &points)),
+                false => CowArray::from(sd.select(Axis(1), points)),
             });
         Labeled {
-            poses: labeled_poses(&table.poses, &points),
-            points,
+            poses: labeled_poses(&table.poses, points),
+            points: points.to_vec(),
             sd,
         }
     }

@@ -1,7 +1,7 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::Parser;
-use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Segment, clean};
+use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, clean};
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::limit_args::MotionLimitArgs;
@@ -12,8 +12,9 @@ use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::rotation_cleaning::RotationCleaning;
 use posing::io::Model;
-use posing::pose::joints;
+use posing::label::LabelSettings;
 use posing::pose::units::parse_length;
+use posing::pose::{Segment, joints};
 use posing::prior::provenance::hex;
 use posing::restore::Clean;
 use posing::{Error, Result};
@@ -23,7 +24,7 @@ use std::path::PathBuf;
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
 /// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
-/// format, with all else that the file says. Gaps are filled as by complete, outliers replaced (the
+/// format, with all else that the file says. Labels are put right first, as label does. Gaps are filled as by complete, outliers replaced (the
 /// record keeps them), and takes with more noise than --noise-limit are denoised; all else stays to
 /// the last digit. With --to, BVH and AMC files become positions, which are cleaned as others are.
 ///
@@ -113,6 +114,19 @@ pub struct Args {
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
     outliers: Option<OutlierDetection>,
+    /// Leave labels as they are: markers that changed places, pieces without a label
+    #[arg(long, help_heading = "Method")]
+    no_labels: bool,
+    /// Keep the label of a point in a stretch, in seconds as the file has them, also where label
+    /// would change it (may be given again)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Segment::parse,
+        conflicts_with = "no_labels",
+        help_heading = "Method"
+    )]
+    keep_labels: Vec<Segment>,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
@@ -234,6 +248,10 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         },
         rotation_noise_limit: limit(|limit| limit.rotations)
             .map_or(RotationCleaning::default().noise_limit, f64::to_radians),
+        labels: (!args.no_labels).then(|| LabelSettings {
+            keep: args.keep_labels.clone(),
+            take_out: outliers,
+        }),
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
         limits: args.limits.limits(),

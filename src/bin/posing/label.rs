@@ -6,7 +6,7 @@ use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each};
 use posing::cli::read_args::ReadArgs;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
-use posing::label::check_labels;
+use posing::label::{LabelSettings, check_labels};
 use posing::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -58,14 +58,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
 
 fn label(args: &Args, job: &BatchJob) -> Result<Outcome> {
     let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
-    let report = check_labels(&file)?;
+    let report = check_labels(&file, &LabelSettings::default())?;
     let name = job.input.display();
-    for line in report
-        .changes
-        .iter()
-        .chain(&report.unsure)
-        .chain(&report.unchecked)
-    {
+    let changes = report.changes.iter().map(|c| &c.what);
+    let unsure = report.unsure.iter().map(|u| &u.what);
+    for line in changes.chain(unsure).chain(&report.unchecked) {
         messages::info(&format!("{name}: {line}"));
     }
     if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {

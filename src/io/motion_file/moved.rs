@@ -1,6 +1,6 @@
 //! Positions moved between the points of a file, as the file has them: no number is written anew.
 
-use super::{MotionFile, Original};
+use super::{MotionFile, Original, ReadOptions};
 use crate::io::marker_take::MarkerTake;
 use crate::io::motion_format::MotionFormat;
 use crate::io::output::write_file;
@@ -16,7 +16,47 @@ impl MotionFile {
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: its points follow from rotations.
     pub fn write_moved(&self, path: impl AsRef<Path>, moves: &[PointMove]) -> Result<()> {
-        let bytes = match &self.original {
+        if let Some(bytes) = self.moved_bytes(moves)? {
+            return write_file(path, &bytes);
+        }
+        let format = match self.format {
+            MotionFormat::Npy => TableFormat::Npy,
+            _ => TableFormat::Csv,
+        };
+        let moved = self.of_table(moved_table(&self.table, moves));
+        moved.write_table(path.as_ref(), format, moved.table.poses.xyz.view())
+    }
+
+    /// The file with positions moved between its points, as [`MotionFile::write_moved`] writes it;
+    /// `options` are those that it was read by.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: its points follow from rotations.
+    pub(crate) fn moved(&self, moves: &[PointMove], options: &ReadOptions) -> Result<MotionFile> {
+        Ok(match self.moved_bytes(moves)? {
+            Some(bytes) => MotionFile {
+                notes: self.notes.clone(),
+                ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
+            },
+            None => self.of_table(moved_table(&self.table, moves)),
+        })
+    }
+
+    /// The same file of another table; only of one that is a table.
+    fn of_table(&self, table: Table) -> MotionFile {
+        MotionFile {
+            format: self.format,
+            table,
+            read_as: self.read_as.clone(),
+            notes: self.notes.clone(),
+            units: self.units,
+            original: Original::Table,
+        }
+    }
+
+    /// The bytes of the file with positions moved; `None` of a table.
+    fn moved_bytes(&self, moves: &[PointMove]) -> Result<Option<Vec<u8>>> {
+        Ok(Some(match &self.original {
             Original::C3d(c3d) => c3d.with_moved(&self.in_take(&c3d.take, moves))?,
             Original::Text(bytes, take) => take.cells.with_moved(bytes, &self.in_take(take, moves)),
             Original::Npz(npz) => {
@@ -28,25 +68,8 @@ impl MotionFile {
                 let what = "holds rotations, whose points have no labels to change";
                 return Err(Error::data(Place::file(&self.table.name), what));
             }
-            Original::Table => {
-                let format = match self.format {
-                    MotionFormat::Npy => TableFormat::Npy,
-                    _ => TableFormat::Csv,
-                };
-                let table = moved_table(&self.table, moves);
-                let xyz = table.poses.xyz.clone();
-                let moved = MotionFile {
-                    format: self.format,
-                    table,
-                    read_as: self.read_as.clone(),
-                    notes: Vec::new(),
-                    units: self.units,
-                    original: Original::Table,
-                };
-                return moved.write_table(path.as_ref(), format, xyz.view());
-            }
-        };
-        write_file(path, &bytes)
+            Original::Table => return Ok(None),
+        }))
     }
 
     /// Moves between the points of its take, which are more than those of its table.

@@ -1,0 +1,94 @@
+//! The labels of a capture, put right before it is cleaned.
+
+use super::one_file::CleanSettings;
+use super::places::PlaceToSee;
+use crate::Result;
+use crate::io::MotionFile;
+use crate::io::motion_file::ReadOptions;
+use crate::label::{LabelReport, check_labels};
+use ndarray::Array2;
+
+/// Changes that a note tells each.
+const LISTED: usize = 6;
+
+/// What was done to the labels of a capture.
+#[derive(Default)]
+pub(super) struct Relabeled {
+    pub report: LabelReport,
+    /// The positions (frames, 3 P) as they were, where some moved.
+    pub captured: Option<Array2<f64>>,
+}
+
+impl CleanSettings {
+    /// The file with its labels put right, and what was changed; rotations have no labels.
+    pub(super) fn relabeled(
+        &self,
+        file: MotionFile,
+        read: &ReadOptions,
+    ) -> Result<(MotionFile, Relabeled)> {
+        let Some(settings) = self.labels.as_ref().filter(|_| file.motion().is_none()) else {
+            return Ok((file, Relabeled::default()));
+        };
+        let report = check_labels(&file, settings)?;
+        if report.moves.is_empty() {
+            let captured = None;
+            return Ok((file, Relabeled { report, captured }));
+        }
+        let moved = file.moved(&report.moves, read)?;
+        let captured = Some(file.table.poses.xyz);
+        Ok((moved, Relabeled { report, captured }))
+    }
+}
+
+impl Relabeled {
+    /// What was changed, a line each, the first of them.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let changes = &self.report.changes;
+        let mut out: Vec<String> = (changes.iter().take(LISTED))
+            .map(|change| format!("labels: {}", change.what))
+            .collect();
+        if changes.len() > LISTED {
+            let more = changes.len() - LISTED;
+            out.push(format!("labels: {more} more changes; the record has them"));
+        }
+        out.extend(self.report.unchecked.clone());
+        out
+    }
+
+    /// What is not sure, a line each.
+    pub(super) fn findings(&self) -> impl Iterator<Item = String> + '_ {
+        self.report
+            .unsure
+            .iter()
+            .map(|u| format!("labels: {}", u.what))
+    }
+
+    /// Where to look.
+    pub(super) fn places(&self) -> impl Iterator<Item = PlaceToSee> + '_ {
+        let unsure = self.report.unsure.iter().flat_map(|u| {
+            u.frames.iter().map(|[start, _]| PlaceToSee {
+                what: "label not sure".to_string(),
+                point: u.labels.first().cloned(),
+                frame: *start,
+            })
+        });
+        let changed = self.report.changes.iter().map(|c| PlaceToSee {
+            what: "label changed".to_string(),
+            point: Some(c.to.as_ref().unwrap_or(&c.from).clone()),
+            frame: c.frames[0],
+        });
+        unsure.chain(changed).take(LISTED)
+    }
+
+    /// What the record has of it: nothing of files without labels.
+    pub(super) fn record(&self) -> Option<&LabelReport> {
+        let LabelReport {
+            changes,
+            unsure,
+            unchecked,
+            ..
+        } = &self.report;
+        let is_empty = changes.is_empty() && unsure.is_empty() && unchecked.is_none();
+        (!is_empty).then_some(&self.report)
+    }
+}

@@ -1,0 +1,19 @@
+//! A take as its labels are put right: labels first, then the tracks without one.
+
+use ndarray::ArrayView2;
+use std::ops::Range;
+
+/// A take whose labels are to be put right.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LabeledTake<'a> {
+    /// The tracks' names (N): labels first, then those that have none.
+    pub names: &'a [String],
+    /// How many are labels.
+    pub labels: usize,
+    /// (frames, 3 N), cm; NaN is missing.
+    pub xyz: ArrayView2<'a, f64>,
+    /// Ranges of consecutive frames.
+    pub runs: &'a [Range<usize>],
+    /// Frames a second.
+    pub rate: f64,
+}

@@ -1,0 +1,462 @@
+//! Pieces that are linked, and the label of each: in some rounds, every path moves to the label that
+//! fits it far better: one that nobody holds then, one that shorter paths hold, one that another path
+//! gives for its own, or none.
+
+use super::evidence::Evidence;
+use super::labeled_take::LabeledTake;
+use super::links::{End, Link, link_cost};
+use super::pieces::Piece;
+use super::tuning::repair::*;
+use crate::io::PointMove;
+use crate::pose::point_at;
+use ndarray::Array2;
+use std::collections::BTreeMap;
+
+/// Pieces that are linked.
+#[derive(Debug, Clone)]
+struct Path {
+    pieces: Vec<usize>,
+    /// How many frames it has.
+    frames: usize,
+    /// How many of them bear which name.
+    named: BTreeMap<usize, usize>,
+    label: Option<usize>,
+    /// Whether it stays as it is.
+    stands: bool,
+}
+
+/// How well a path fits a label.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    /// Nats a frame.
+    mean: f64,
+    /// S: nats in all.
+    score: f64,
+}
+
+/// A move of a path.
+#[derive(Debug, Clone)]
+enum Move {
+    To(usize),
+    Exchange(usize),
+    Oust(usize, Vec<usize>),
+    Out,
+}
+
+/// Which path holds which label when.
+pub(crate) struct Paths<'a> {
+    take: LabeledTake<'a>,
+    pieces: Vec<Piece>,
+    ends: Vec<[End; 2]>,
+    identities: Vec<Option<usize>>,
+    paths: Vec<Path>,
+    path_of: Vec<usize>,
+    /// Where each label is (frames, 3 L), cm.
+    places: Array2<f64>,
+    /// The piece that holds a label in a frame, by label and frame.
+    holder: Vec<Vec<Option<usize>>>,
+    evidence: Evidence,
+}
+
+impl<'a> Paths<'a> {
+    pub(crate) fn new(
+        take: LabeledTake<'a>,
+        pieces: Vec<Piece>,
+        ends: Vec<[End; 2]>,
+        identities: Vec<Option<usize>>,
+    ) -> Paths<'a> {
+        let frames = take.xyz.nrows();
+        Paths {
+            take,
+            path_of: vec![0; pieces.len()],
+            pieces,
+            ends,
+            identities,
+            paths: Vec::new(),
+            places: Array2::from_elem((frames, 3 * take.labels), f64::NAN),
+            holder: vec![vec![None; frames]; take.labels],
+            evidence: Evidence::learn(Array2::zeros((0, 0)).view()),
+        }
+    }
+
+    /// Makes paths of the linked pieces, each with the name that most of its frames have.
+    pub(crate) fn join(&mut self, links: &[Link]) {
+        let mut next = vec![None; self.pieces.len()];
+        let mut is_first = vec![true; self.pieces.len()];
+        // Where nothing says which side of an exchange is right, what was linked stays apart.
+        let is_one = |link: &&Link| {
+            let [from, to] = [link.from, link.to].map(|p| self.identities[p]);
+            from == to || from.is_none() || to.is_none()
+        };
+        for link in links.iter().filter(is_one) {
+            next[link.from] = Some(link.to);
+            is_first[link.to] = false;
+        }
+        for first in (0..self.pieces.len()).filter(|p| is_first[*p]) {
+            let chain: Vec<usize> =
+                std::iter::successors(Some(first), |p: &usize| next[*p]).collect();
+            let mut named = BTreeMap::new();
+            for p in &chain {
+                self.path_of[*p] = self.paths.len();
+                if let Some(label) = self.identities[*p] {
+                    *named.entry(label).or_insert(0) += self.pieces[*p].frames.len();
+                }
+            }
+            let frames = chain.iter().map(|p| self.pieces[*p].frames.len()).sum();
+            self.paths.push(Path {
+                pieces: chain,
+                frames,
+                named,
+                label: None,
+                stands: 2 * frames > self.take.xyz.nrows(),
+            });
+        }
+        let mut longest: Vec<usize> = (0..self.paths.len()).collect();
+        longest.sort_by_key(|p| (std::cmp::Reverse(self.paths[*p].frames), *p));
+        for path in longest {
+            let most = self.paths[path]
+                .named
+                .iter()
+                .max_by_key(|(label, n)| (**n, usize::MAX - **label));
+            if let Some(label) = most
+                .map(|(label, _)| *label)
+                .filter(|l| self.is_free(path, *l, &[]))
+            {
+                self.set(path, Some(label));
+            }
+        }
+    }
+
+    /// Whether no path but some holds a label in the frames of another.
+    fn is_free(&self, path: usize, label: usize, but: &[usize]) -> bool {
+        let is_open = |t: usize| {
+            let holder = self.holder[label][t].map(|piece| self.path_of[piece]);
+            holder.is_none_or(|h| h == path || but.contains(&h))
+        };
+        self.frames(path).all(is_open)
+    }
+
+    fn frames(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
+        self.paths[path]
+            .pieces
+            .iter()
+            .flat_map(|p| self.pieces[*p].frames.clone())
+    }
+
+    /// Gives a path a label, or none.
+    fn set(&mut self, path: usize, label: Option<usize>) {
+        let before = std::mem::replace(&mut self.paths[path].label, label);
+        for &p in &self.paths[path].pieces {
+            let Piece { track, frames, .. } = &self.pieces[p];
+            for t in frames.clone() {
+                if let Some(before) = before {
+                    self.holder[before][t] = None;
+                    (0..3).for_each(|c| self.places[[t, 3 * before + c]] = f64::NAN);
+                }
+            }
+            for t in frames.clone() {
+                if let Some(label) = label {
+                    self.holder[label][t] = Some(p);
+                    let from = 3 * track;
+                    (0..3).for_each(|c| {
+                        self.places[[t, 3 * label + c]] = self.take.xyz[[t, from + c]]
+                    });
+                }
+            }
+        }
+    }
+
+    /// One round over the paths; whether something moved.
+    pub(crate) fn round(&mut self, round: usize) -> bool {
+        self.evidence = Evidence::learn(self.places.view());
+        let mut moved = round == 0 && self.take_out_stretches();
+        let mut labeled: Vec<usize> = Vec::new();
+        let mut loose: Vec<usize> = Vec::new();
+        for (n, path) in self
+            .paths
+            .iter()
+            .enumerate()
+            .filter(|(_, path)| !path.stands)
+        {
+            match path.named.is_empty() && path.label.is_none() {
+                true => loose.push(n),
+                false => labeled.push(n),
+            }
+        }
+        labeled.sort_by_key(|p| (self.paths[*p].frames, *p));
+        loose.sort_by_key(|p| (std::cmp::Reverse(self.paths[*p].frames), *p));
+        for path in labeled.into_iter().chain(loose) {
+            if let Some(step) = self.best_move(path) {
+                self.make(path, step);
+                moved = true;
+            }
+        }
+        moved
+    }
+
+    fn make(&mut self, path: usize, step: Move) {
+        match step {
+            Move::To(label) => self.set(path, Some(label)),
+            Move::Out => self.set(path, None),
+            Move::Oust(label, holders) => {
+                holders.iter().for_each(|h| self.set(*h, None));
+                self.set(path, Some(label));
+            }
+            Move::Exchange(other) => {
+                let labels = [self.paths[path].label, self.paths[other].label];
+                self.set(path, None);
+                self.set(other, None);
+                self.set(path, labels[1]);
+                self.set(other, labels[0]);
+            }
+        }
+    }
+
+    /// Takes out paths that jump off their track and back.
+    fn take_out_stretches(&mut self) -> bool {
+        let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
+        for path in &away {
+            self.make(*path, Move::Out);
+            self.paths[*path].stands = true;
+        }
+        !away.is_empty()
+    }
+
+    fn is_away(&self, path: usize) -> bool {
+        let Path {
+            pieces,
+            frames,
+            label,
+            ..
+        } = &self.paths[path];
+        let [piece] = pieces[..] else { return false };
+        let Piece {
+            track,
+            frames: range,
+            jumps,
+        } = &self.pieces[piece];
+        if label.is_none() || *jumps != [true; 2] || *frames as f64 > AWAY_LONGEST * self.take.rate
+        {
+            return false;
+        }
+        let step = |t: usize| {
+            point_at(self.take.xyz, t, *track).distance(point_at(self.take.xyz, t - 1, *track))
+        };
+        let beside = self.pieces[piece - 1].frames.len() + self.pieces[piece + 1].frames.len();
+        let is_far = step(range.start) >= AWAY && step(range.end) >= AWAY;
+        let fits = |label: usize| {
+            self.fit(path, label, &[])
+                .is_some_and(|f| f.score >= AWAY_SCORE)
+        };
+        is_far && 2 * frames <= beside && !label.is_some_and(fits)
+    }
+
+    /// How well a path fits a label, some labels left out of the neighbors; `None` where too few of
+    /// these are seen.
+    fn fit(&self, path: usize, label: usize, without: &[usize]) -> Option<Fit> {
+        let of = &self.paths[path];
+        let step = of.frames.div_ceil(MOST_FRAMES).max(1);
+        let (mut sum, mut count, mut n) = (0.0, 0, 0);
+        for &p in &of.pieces {
+            let Piece { track, frames, .. } = &self.pieces[p];
+            for t in frames.clone() {
+                n += 1;
+                if (n - 1) % step > 0 {
+                    continue;
+                }
+                let place = point_at(self.take.xyz, t, *track);
+                let nats = self
+                    .evidence
+                    .at(label, place, t, self.places.view(), without);
+                if let Some(nats) = nats {
+                    sum += nats.min(MOST_NATS);
+                    count += 1;
+                }
+            }
+        }
+        if count == 0 {
+            return None;
+        }
+        let mean = sum / count as f64;
+        let share = of
+            .named
+            .get(&label)
+            .map_or(0.0, |n| *n as f64 / of.frames as f64);
+        let weight = (1.0 + of.frames as f64 / (APART * self.take.rate)).min(MOST_WEIGHT);
+        Some(Fit {
+            mean,
+            score: weight * (mean + NAMED * share),
+        })
+    }
+
+    /// How well the ends of a path go on in what holds a label beside it: -30 to 12.
+    fn continuity(&self, path: usize, label: usize) -> f64 {
+        let longest = (super::tuning::links::LONGEST * self.take.rate) as usize;
+        let pieces = &self.paths[path].pieces;
+        let (Some(&first), Some(&last)) = (pieces.first(), pieces.last()) else {
+            return 0.0;
+        };
+        let at = |t: usize| self.holder[label].get(t).copied().flatten();
+        let is_other = |p: &usize| self.path_of[*p] != path;
+        let (start, end) = (
+            self.pieces[first].frames.start,
+            self.pieces[last].frames.end,
+        );
+        let before = (start.saturating_sub(longest + 1)..start)
+            .rev()
+            .find_map(|t| at(t).filter(is_other));
+        let after = (end..end + longest + 1).find_map(|t| at(t).filter(is_other));
+        let clipped = |cost: f64| (LINKED - cost / 2.0).clamp(-UNLINKED, LINKED);
+        let before = before.map(|p| {
+            let gap = start.saturating_sub(self.pieces[p].frames.end);
+            clipped(link_cost(
+                &self.ends[p][1],
+                &self.ends[first][0],
+                gap,
+                self.take.rate,
+            ))
+        });
+        let after = after.map(|p| {
+            let gap = self.pieces[p].frames.start.saturating_sub(end);
+            clipped(link_cost(
+                &self.ends[last][1],
+                &self.ends[p][0],
+                gap,
+                self.take.rate,
+            ))
+        });
+        before.unwrap_or(0.0) + after.unwrap_or(0.0)
+    }
+
+    /// The move of a path that gains most, if it is enough.
+    fn best_move(&self, path: usize) -> Option<Move> {
+        let own = self.paths[path].label;
+        let own_fit = match own {
+            Some(label) => Some(self.fit(path, label, &[])?),
+            None => None,
+        };
+        let old = own
+            .zip(own_fit)
+            .map_or(0.0, |(label, fit)| fit.score + self.continuity(path, label));
+        let mut moves: Vec<(f64, Move)> = Vec::new();
+        for label in (0..self.take.labels).filter(|l| Some(*l) != own) {
+            let holders = self.holders(path, label);
+            if !holders.is_empty() && (own.is_some() || !self.are_shorter(&holders, path)) {
+                continue;
+            }
+            let Some(fit) = self.fit(path, label, &[]) else {
+                continue;
+            };
+            let continuity = self.continuity(path, label);
+            if !self.is_fit(path, label, fit, continuity) {
+                continue;
+            }
+            if holders.is_empty() {
+                moves.push((fit.score + continuity - old, Move::To(label)));
+                continue;
+            }
+            let lost = holders.iter().filter_map(|h| self.fit(*h, label, &[]));
+            let lost: f64 = lost.map(|f| f.score).sum();
+            moves.push((fit.score - lost, Move::Oust(label, holders)));
+        }
+        if let Some((own, fit)) = own.zip(own_fit) {
+            if fit.mean < self.evidence.own[own][1] {
+                moves.extend(self.exchanging(path, own));
+            }
+            let first = self.paths[path]
+                .pieces
+                .first()
+                .map(|p| self.pieces[*p].jumps[0]);
+            let last = self.paths[path]
+                .pieces
+                .last()
+                .map(|p| self.pieces[*p].jumps[1]);
+            let jumps = first == Some(true) || last == Some(true);
+            if fit.score < if jumps { POOR } else { POOREST } {
+                moves.push((-old, Move::Out));
+            }
+        }
+        let best = moves.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        best.filter(|(gain, _)| *gain > LEAST_GAIN)
+            .map(|(_, step)| step)
+    }
+
+    /// The other paths that hold a label in the frames of one.
+    fn holders(&self, path: usize, label: usize) -> Vec<usize> {
+        let frames = self.frames(path);
+        let all = frames.filter_map(|t| self.holder[label][t].map(|p| self.path_of[p]));
+        let mut holders: Vec<usize> = all.filter(|h| *h != path).collect();
+        holders.dedup();
+        holders.sort_unstable();
+        holders.dedup();
+        holders
+    }
+
+    fn are_shorter(&self, holders: &[usize], path: usize) -> bool {
+        let is =
+            |h: &usize| self.paths[*h].frames < self.paths[path].frames && !self.paths[*h].stands;
+        holders.iter().all(is)
+    }
+
+    /// Whether a path is as near to the neighbors of a label as its own places are, or goes on in
+    /// them, or is long and like no other.
+    fn is_fit(&self, path: usize, label: usize, fit: Fit, continuity: f64) -> bool {
+        let [median, few] = self.evidence.own[label];
+        if fit.mean >= few {
+            return true;
+        }
+        if continuity >= GOES_ON && fit.mean >= few - (median - few).max(LOWER) {
+            return true;
+        }
+        let is_long = self.paths[path].frames as f64 >= LASTING * self.take.rate;
+        let is_good = is_long && continuity >= -BROKEN && fit.mean >= GOOD;
+        let mut others = (0..self.take.labels).filter(|other| *other != label);
+        let is_worse = |other| {
+            self.fit(path, other, &[])
+                .is_none_or(|o| fit.mean >= o.mean + BETTER)
+        };
+        is_good && others.all(is_worse)
+    }
+
+    /// A path and another that give each other their labels.
+    fn exchanging(&self, path: usize, own: usize) -> Option<(f64, Move)> {
+        let mut others: Vec<usize> = self
+            .frames(path)
+            .step_by(FRAME_STEP)
+            .flat_map(|t| self.holder.iter().filter_map(move |of| of[t]))
+            .map(|piece| self.path_of[piece])
+            .filter(|other| *other != path && !self.paths[*other].stands)
+            .collect();
+        others.sort_unstable();
+        others.dedup();
+        let gain = |other: usize| {
+            let label = self.paths[other].label?;
+            let both = [own, label];
+            if !self.is_free(path, label, &[other]) || !self.is_free(other, own, &[path]) {
+                return None;
+            }
+            let fit = |path, label| self.fit(path, label, &both).map(|f| f.score);
+            let gain = fit(path, label)? + fit(other, own)? - fit(path, own)? - fit(other, label)?;
+            Some((gain, Move::Exchange(other)))
+        };
+        others
+            .into_iter()
+            .filter_map(gain)
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// The pieces, each with the label that it is.
+    pub(crate) fn assigned(&self) -> Vec<PointMove> {
+        let of = |(p, piece): (usize, &Piece)| PointMove {
+            from: piece.track,
+            frames: piece.frames.clone(),
+            to: self.paths[self.path_of[p]].label,
+        };
+        self.pieces.iter().enumerate().map(of).collect()
+    }
+
+    /// The distances within the take as it is labeled now, and the places of its labels.
+    pub(crate) fn learned(self) -> (Evidence, Array2<f64>) {
+        (self.evidence, self.places)
+    }
+}

@@ -1,0 +1,217 @@
+//! The labels of a table of points put right, take by take and person by person.
+
+use super::changes::{Change, ChangeKind, changes, moves, wanted};
+use super::labeled_take::LabeledTake;
+use super::people::people;
+use super::repair::{Repair, repair};
+use super::sides::{SideBy, Unsure};
+use super::tuning::repair::{APART, MOST_FRAMES, MOST_WEIGHT};
+use super::unlabeled::is_unlabeled;
+use crate::io::PointMove;
+use crate::pose::{Poses, Segment, point_at};
+use ndarray::{Array2, ArrayView2, Axis, s};
+use std::ops::Range;
+
+/// How labels are put right.
+#[derive(Debug, Clone)]
+pub struct LabelSettings {
+    /// Segments of points whose labels stay.
+    pub keep: Vec<Segment>,
+    /// Whether places of a label that are no label's are taken out.
+    pub take_out: bool,
+}
+
+impl Default for LabelSettings {
+    fn default() -> LabelSettings {
+        LabelSettings {
+            keep: Vec::new(),
+            take_out: true,
+        }
+    }
+}
+
+/// What is done to the labels of a table; points and frames are those of the table.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Relabeling {
+    pub changes: Vec<Change>,
+    pub unsure: Vec<Unsure>,
+    /// Why labels were not checked, if they were not.
+    pub unchecked: Option<&'static str>,
+}
+
+/// Labels of more points are not checked.
+const MOST_POINTS: usize = 500;
+/// Fewer labels say nothing of each other.
+const FEWEST_LABELS: usize = 4;
+
+/// Finds what is wrong with the labels of some poses at `rate` frames a second, take by take.
+pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Relabeling {
+    let mut out = Relabeling::default();
+    if poses.points.len() > MOST_POINTS {
+        out.unchecked = Some("there are over 500 points");
+        return out;
+    }
+    let all_runs = poses.runs();
+    for frames in poses.takes() {
+        let own = |r: &&Range<usize>| r.start >= frames.start && r.end <= frames.end;
+        let part = Part {
+            poses,
+            runs: all_runs
+                .iter()
+                .filter(own)
+                .map(|r| r.start - frames.start..r.end - frames.start)
+                .collect(),
+            frames,
+            rate,
+        };
+        out.add(&part);
+    }
+    let kept: Vec<(usize, Vec<usize>)> = (settings.keep.iter())
+        .filter_map(|segment| {
+            let point = poses.points.iter().position(|p| *p == segment.point)?;
+            Some((point, segment.frames(poses, Some(rate))))
+        })
+        .collect();
+    let is_kept = |change: &Change| {
+        let is_of = |m: &PointMove, point: usize| m.from == point || m.to == Some(point);
+        kept.iter().any(|(point, frames)| {
+            let mut moves = change.moves.iter().filter(|m| is_of(m, *point));
+            moves.any(|m| frames.iter().any(|t| m.frames.contains(t)))
+        })
+    };
+    let is_wanted = |c: &Change| (settings.take_out || c.kind != ChangeKind::Out) && !is_kept(c);
+    let has = |point: usize, t: usize| point_at(poses.xyz.view(), t, point).is_finite();
+    out.changes = wanted(std::mem::take(&mut out.changes), is_wanted, has);
+    out
+}
+
+/// The frames of a table that are one take.
+struct Part<'a> {
+    poses: &'a Poses,
+    frames: Range<usize>,
+    /// Ranges of consecutive frames, within it.
+    runs: Vec<Range<usize>>,
+    rate: f64,
+}
+
+impl Relabeling {
+    /// All positions that are another label's, or none's.
+    pub(crate) fn moves(&self) -> Vec<PointMove> {
+        (self.changes.iter())
+            .flat_map(|c| c.moves.iter().cloned())
+            .collect()
+    }
+
+    /// Adds what is wrong in one take, person by person.
+    fn add(&mut self, take: &Part<'_>) {
+        let points = &take.poses.points;
+        let (labels, loose): (Vec<usize>, Vec<usize>) =
+            (0..points.len()).partition(|p| !is_unlabeled(&points[*p]));
+        let mut xyz = take.poses.xyz.slice(s![take.frames.clone(), ..]).to_owned();
+        for person in people(points, &labels, xyz.view()) {
+            if person.points.len() < FEWEST_LABELS {
+                continue;
+            }
+            for taken in self.add_person(take, xyz.view(), &person.points, &loose) {
+                // What is one person's is no other's.
+                (0..3).for_each(|c| {
+                    let own = s![taken.frames.clone(), 3 * taken.from + c];
+                    xyz.slice_mut(own).fill(f64::NAN);
+                });
+            }
+        }
+    }
+
+    /// Adds what is wrong with some labels; the pieces of `loose` tracks that are joined to them,
+    /// in frames of the take.
+    fn add_person(
+        &mut self,
+        take: &Part<'_>,
+        xyz: ArrayView2<'_, f64>,
+        labels: &[usize],
+        loose: &[usize],
+    ) -> Vec<PointMove> {
+        let points = &take.poses.points;
+        let order: Vec<usize> = labels.iter().chain(loose).copied().collect();
+        let columns: Vec<usize> = order.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        let names: Vec<String> = order.iter().map(|p| points[*p].clone()).collect();
+        let xyz = xyz.select(Axis(1), &columns);
+        let found = repair(LabeledTake {
+            names: &names,
+            labels: labels.len(),
+            xyz: xyz.view(),
+            runs: &take.runs,
+            rate: take.rate,
+        });
+        let Some(found) = found else {
+            self.unchecked = Some("most pieces of tracks have under 5 frames");
+            return Vec::new();
+        };
+        let first = take.frames.start;
+        let shifted = |r: &Range<usize>| r.start + first..r.end + first;
+        let mut taken = Vec::new();
+        for change in changes(moves(&found.pieces), labels.len()) {
+            let nats = found.nats(&change, &xyz, take.rate);
+            let side = found.side(&change);
+            let joined = change.moves.iter().filter(|m| m.from >= labels.len());
+            taken.extend(joined.map(|m| PointMove {
+                from: order[m.from],
+                ..m.clone()
+            }));
+            let moved = change.moves.iter().map(|m| PointMove {
+                from: order[m.from],
+                to: m.to.map(|to| order[to]),
+                frames: shifted(&m.frames),
+            });
+            self.changes.push(Change {
+                kind: change.kind,
+                frames: shifted(&change.frames),
+                tracks: change.tracks.iter().map(|t| order[*t]).collect(),
+                moves: moved.collect(),
+                nats,
+                side,
+            });
+        }
+        self.unsure.extend(found.unsure.iter().map(|u| Unsure {
+            labels: u.labels.iter().map(|l| order[*l]).collect(),
+            frames: u.frames.iter().map(shifted).collect(),
+        }));
+        taken
+    }
+}
+
+impl Repair {
+    /// How much likelier the places that a change moves are as they are then than as they were, by
+    /// the distances to other labels, nats. `xyz` are those of the tracks (frames, 3 N).
+    fn nats(&self, change: &Change, xyz: &Array2<f64>, rate: f64) -> f64 {
+        let of = |step: &PointMove| {
+            let every = step.frames.len().div_ceil(MOST_FRAMES).max(1);
+            let at = |label: usize, t: usize| {
+                let place = point_at(xyz.view(), t, step.from);
+                let places = self.places.view();
+                self.evidence
+                    .at(label, place, t, places, &change.tracks)
+                    .unwrap_or(0.0)
+            };
+            let labels = self.places.ncols() / 3;
+            let own = Some(step.from).filter(|from| *from < labels);
+            let gain =
+                |t: usize| step.to.map_or(0.0, |to| at(to, t)) - own.map_or(0.0, |l| at(l, t));
+            let gains: Vec<f64> = step.frames.clone().step_by(every).map(gain).collect();
+            let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
+            mean * (1.0 + step.frames.len() as f64 / (APART * rate)).min(MOST_WEIGHT)
+        };
+        change.moves.iter().map(of).sum()
+    }
+
+    /// What decided which side of an exchange is right.
+    fn side(&self, change: &Change) -> Option<SideBy> {
+        if !matches!(change.kind, ChangeKind::Swap | ChangeKind::Cycle) {
+            return None;
+        }
+        let mut labels = change.tracks.clone();
+        labels.sort_unstable();
+        let of = self.decided.iter().find(|(of, _)| *of == labels);
+        of.map(|(_, by)| *by)
+    }
+}
