@@ -1,9 +1,10 @@
 //! Which point each piece of a labeled track is, by what was exchanged when.
 //!
 //! Links between pieces of different labels count only where they close: a goes on in b and b in a,
-//! or in a ring of up to six, at one time. Such an exchange lasts until another of the same labels.
-//! One that has no other end may end, or begin, in a gap of all its labels nearby: which of these
-//! ends there are, the distances decide, and where they do not, the fewest exchanged frames.
+//! or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
+//! Such an exchange lasts until another of the same labels. One that has no other end may end, or
+//! begin, in a gap of all its labels nearby: which of these ends there are, the distances decide,
+//! and where they do not, the fewest exchanged frames.
 
 use super::evidence::Evidence;
 use super::links::Link;
@@ -43,14 +44,20 @@ pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) 
         if is_used[first] {
             continue;
         }
-        let ring = ring(first, &others, pieces, &by_track, &is_used);
-        let Some(ring) = ring else { continue };
+        let ring = match ring(first, &others, pieces, &by_track, &is_used) {
+            Some(ring) => ring,
+            None if is_handed_over(&others[first], pieces) => vec![first],
+            None => continue,
+        };
         ring.iter().for_each(|n| is_used[*n] = true);
         let track = |p: usize| pieces[p].track;
         let mut pairs: Vec<(usize, usize)> = ring
             .iter()
             .map(|n| (track(others[*n].from), track(others[*n].to)))
             .collect();
+        if let [(from, to)] = pairs[..] {
+            pairs.push((to, from));
+        }
         pairs.sort_unstable();
         found.push(Exchange {
             frame: ring.iter().map(|n| gap(*n).end).min().unwrap_or(0),
@@ -65,6 +72,13 @@ pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) 
     links.retain(is_closed);
     found.sort_by(|a, b| (a.frame, &a.labels).cmp(&(b.frame, &b.labels)));
     found
+}
+
+/// Whether a track ends where another begins, and one goes on in the other: these changed places
+/// while the second point was missing.
+fn is_handed_over(link: &Link, pieces: &[Piece]) -> bool {
+    let (from, to) = (&pieces[link.from], &pieces[link.to]);
+    from.frames.end == to.frames.start && !from.jumps[1] && !to.jumps[0]
 }
 
 /// The links that bring the point of the first back to its track, if there are.
