@@ -44,6 +44,7 @@ impl TakePages {
             rate: file.rate(),
             bones: &file.bones()?,
             figures: vec![Figure::new("take", poses.xyz.view())],
+            table: None,
         }
         .html()?;
         let Some(html) = html else { return Ok(None) };

@@ -3,6 +3,8 @@
 use super::one_file::CleanSettings;
 use super::places::PlaceToSee;
 use crate::Result;
+use crate::draw::href::encoded;
+use crate::draw::scene::Table;
 use crate::io::MotionFile;
 use crate::io::motion_file::ReadOptions;
 use crate::label::{LabelReport, check_labels};
@@ -10,6 +12,8 @@ use ndarray::Array2;
 
 /// Changes that a note tells each.
 const LISTED: usize = 6;
+/// Changes that a page lists.
+const TABLED: usize = 300;
 
 /// What was done to the labels of a capture.
 #[derive(Default)]
@@ -91,4 +95,57 @@ impl Relabeled {
         let is_empty = changes.is_empty() && unsure.is_empty() && unchecked.is_none();
         (!is_empty).then_some(&self.report)
     }
+}
+
+/// The changes of labels as a table for a page, whose rows lead to their frames and points; `None`
+/// where there are none.
+pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
+    let mut out = Table {
+        caption: "Labels that were changed, or are not sure: a row leads to the frame before. \
+                  --keep-labels NAME:FROM-TO keeps a label in another run."
+            .to_string(),
+        header: ["Change", "Label", "Frames", "Nats for it", "Side by"]
+            .map(String::from)
+            .to_vec(),
+        ..Table::default()
+    };
+    let mut add = |cells: [String; 5], point: &str, start: usize| {
+        out.rows.push(cells.to_vec());
+        let frame = start.saturating_sub(1);
+        out.links
+            .push(format!("#frame={frame}&trail={}", encoded(point)));
+    };
+    let frames = |[start, end]: [usize; 2]| format!("{start}\u{2013}{}", end.max(1) - 1);
+    for unsure in &report.unsure {
+        for of in &unsure.frames {
+            let point = unsure.labels.first().map_or("", String::as_str);
+            let cells = ["not sure".into(), unsure.labels.join(", "), frames(*of)];
+            let [change, labels, frames] = cells;
+            add(
+                [change, labels, frames, String::new(), String::new()],
+                point,
+                of[0],
+            );
+        }
+    }
+    for change in report.changes.iter().take(TABLED) {
+        let labels = match (&change.to, change.ring.len()) {
+            (_, 3..) => change.ring.join(", "),
+            (Some(to), _) => format!("{}, {to}", change.from),
+            (None, _) => change.from.clone(),
+        };
+        let cells = [
+            change.kind.name().to_string(),
+            labels,
+            frames(change.frames),
+            format!("{:.0}", change.evidence),
+            change.side.map_or("", |side| side.name()).to_string(),
+        ];
+        add(
+            cells,
+            change.to.as_ref().unwrap_or(&change.from),
+            change.frames[0],
+        );
+    }
+    (!out.rows.is_empty()).then_some(out)
 }

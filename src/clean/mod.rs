@@ -3,6 +3,7 @@
 mod earlier_list;
 mod findings;
 mod held;
+mod label_file;
 mod labels;
 mod list;
 mod one_file;
@@ -16,6 +17,7 @@ mod rotations;
 mod row;
 mod sources;
 
+pub use label_file::write_labeled;
 pub use one_file::{CleanSettings, FileOutcome};
 pub use places::PlaceToSee;
 pub use record::Summary;

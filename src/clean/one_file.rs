@@ -217,7 +217,7 @@ impl CleanSettings {
         }
         summary.findings.extend(self.kept(&file, to, points));
         // The result is whole also where its page is not written.
-        match write_page(job, &file, labels.captured.as_ref(), points, &summary) {
+        match write_page(job, &file, &labels, points, &summary) {
             Ok(note) => summary.notes.extend(note),
             Err(e) => summary.findings.push(format!("page: not written: {e}")),
         }

@@ -1,5 +1,6 @@
 //! The page of a take beside its result.
 
+use super::labels::{Relabeled, label_table};
 use super::record::Summary;
 use super::sources::Job;
 use crate::Result;
@@ -10,21 +11,21 @@ use crate::restore::Restoration;
 use ndarray::Array2;
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands
-/// in its place. `captured` are its positions (frames, 3 P; cm) as they were, where labels changed.
+/// in its place.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
 pub(crate) fn write_page(
     job: &Job,
     file: &MotionFile,
-    captured: Option<&Array2<f64>>,
+    labels: &Relabeled,
     restored: &Restoration<'_>,
     summary: &Summary,
 ) -> Result<Option<String>> {
     let path = page_beside(&job.output);
     let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
     let html = match is_seen {
-        true => take_page(&job.name, file, captured, restored)?,
+        true => take_page(&job.name, file, labels, restored)?,
         false => None,
     };
     let is_written = write_take_page(&path, html.as_deref())?;
@@ -37,7 +38,7 @@ pub(crate) fn write_page(
 fn take_page(
     name: &str,
     file: &MotionFile,
-    captured: Option<&Array2<f64>>,
+    labels: &Relabeled,
     restored: &Restoration<'_>,
 ) -> Result<Option<String>> {
     let poses = &file.table.poses;
@@ -45,7 +46,7 @@ fn take_page(
     let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
     let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let captured = captured.unwrap_or(&poses.xyz);
+    let captured = labels.captured.as_ref().unwrap_or(&poses.xyz);
     let mut figures = vec![Figure::new("capture", captured.view())];
     if restored.xyz() != captured {
         figures.push(Figure {
@@ -62,6 +63,7 @@ fn take_page(
         rate: file.rate(),
         bones: &file.bones()?,
         figures,
+        table: label_table(&labels.report),
     }
     .html()
 }

@@ -63,6 +63,8 @@ pub struct Table {
     pub header: Vec<String>,
     /// The rows, each as long as the header.
     pub rows: Vec<Vec<String>>,
+    /// Where the first cell of a row leads to; may be shorter than the list of rows.
+    pub links: Vec<String>,
 }
 
 /// One or more figures over the same frames.

@@ -1,7 +1,7 @@
 //! The page of one take beside a report of many: it plays the take, with curves and a list of gaps.
 
 use super::player;
-use super::scene::{Figure, Scene, runs};
+use super::scene::{Figure, Scene, Table, runs};
 use crate::Result;
 use crate::io::output::write_file;
 use crate::pose::Poses;
@@ -33,6 +33,8 @@ pub(crate) struct TakePage<'a> {
     pub bones: &'a [(usize, usize)],
     /// How the points stand, over all frames.
     pub figures: Vec<Figure<'a>>,
+    /// A table below it.
+    pub table: Option<Table>,
 }
 
 impl TakePage<'_> {
@@ -57,6 +59,7 @@ impl TakePage<'_> {
             figures: self.figures.iter().map(seen).collect(),
             runs: &runs,
             note: Some(self.note),
+            table: self.table.clone(),
             ..Scene::default()
         };
         player::page(&scene, Some(frames.div_ceil(most.max(1)))).map(Some)

@@ -23,6 +23,19 @@ pub enum ChangeKind {
     Out,
 }
 
+impl ChangeKind {
+    /// Its name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            ChangeKind::Swap => "swap",
+            ChangeKind::Cycle => "ring",
+            ChangeKind::Joined => "joined",
+            ChangeKind::Moved => "moved",
+            ChangeKind::Out => "taken out",
+        }
+    }
+}
+
 /// A change: moves that belong together.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Change {

@@ -87,6 +87,13 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
 }
 
 impl LabelReport {
+    /// What is to be told, a line each: changes, what is not sure, and why nothing was checked.
+    pub fn lines(&self) -> impl Iterator<Item = &str> {
+        let changes = self.changes.iter().map(|c| c.what.as_str());
+        let unsure = self.unsure.iter().map(|u| u.what.as_str());
+        changes.chain(unsure).chain(self.unchecked.as_deref())
+    }
+
     fn new(found: &Relabeling, poses: &Poses) -> LabelReport {
         let all = |labels: &[usize]| labels.iter().map(|l| poses.points[*l].clone()).collect();
         let unsure = found.unsure.iter().map(|u| UnsureLabels {

@@ -111,13 +111,19 @@ impl Links {
                 let tracks = [link.from, link.to].map(|p| pieces[p].track);
                 gaps.start == 0 || tracks[0] == tracks[1] || tracks.iter().all(|t| *t < labels)
             };
-            for link in clearest(&found, pieces.len())
-                .into_iter()
-                .filter(is_allowed)
-            {
-                is_taken[link.from][1] = true;
-                is_taken[link.to][0] = true;
-                links.push(link);
+            // What is clear leaves fewer choices to the others.
+            loop {
+                let mut clear = clearest(&found, pieces.len());
+                clear.retain(is_allowed);
+                for link in &clear {
+                    is_taken[link.from][1] = true;
+                    is_taken[link.to][0] = true;
+                }
+                found.retain(|(link, _)| !is_taken[link.from][1] && !is_taken[link.to][0]);
+                if clear.is_empty() {
+                    break;
+                }
+                links.extend(clear);
             }
         }
         Links { links, ends }

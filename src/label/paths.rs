@@ -242,7 +242,10 @@ impl<'a> Paths<'a> {
         let step = |t: usize| {
             point_at(self.take.xyz, t, *track).distance(point_at(self.take.xyz, t - 1, *track))
         };
-        let beside = self.pieces[piece - 1].frames.len() + self.pieces[piece + 1].frames.len();
+        let beside = [piece - 1, piece + 1].map(|p| self.path_of[p]);
+        let mut beside = beside.to_vec();
+        beside.dedup();
+        let beside: usize = beside.iter().map(|p| self.paths[*p].frames).sum();
         let is_far = step(range.start) >= AWAY && step(range.end) >= AWAY;
         let fits = |label: usize| {
             self.fit(path, label, &[])
@@ -409,7 +412,8 @@ impl<'a> Paths<'a> {
             return true;
         }
         let is_long = self.paths[path].frames as f64 >= LASTING * self.take.rate;
-        let is_good = is_long && continuity >= -BROKEN && fit.mean >= GOOD;
+        let is_good = is_long && continuity >= -BROKEN && fit.mean >= GOOD
+            || fit.score + continuity >= SURE;
         let mut others = (0..self.take.labels).filter(|other| *other != label);
         let is_worse = |other| {
             self.fit(path, other, &[])

@@ -29,6 +29,16 @@ pub enum SideBy {
     Mirror,
 }
 
+impl SideBy {
+    /// Its name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            SideBy::Length => "length",
+            SideBy::Mirror => "mirror image",
+        }
+    }
+}
+
 /// On which side of an exchange the names are right.
 enum Side {
     Named,

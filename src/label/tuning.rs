@@ -120,7 +120,7 @@ pub(crate) mod links {
     /// Speed of a point that hardly moves, cm/s.
     pub(crate) const STILL: f64 = 60.0;
     /// Highest cost of a link, and by how much it is cheaper than others, χ².
-    pub(crate) const HIGHEST: f64 = 25.0;
+    pub(crate) const HIGHEST: f64 = 36.0;
     pub(crate) const CHEAPER: f64 = 12.0;
 }
 
@@ -206,6 +206,8 @@ pub(crate) mod repair {
     pub(crate) const BROKEN: f64 = 6.0;
     pub(crate) const GOOD: f64 = 2.5;
     pub(crate) const BETTER: f64 = 5.0;
+    /// So does one with so many nats in all.
+    pub(crate) const SURE: f64 = 20.0;
     /// A path leaves its label below so many nats in all, where it jumps and where not.
     pub(crate) const POOR: f64 = -4.0;
     pub(crate) const POOREST: f64 = -25.0;

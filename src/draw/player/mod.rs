@@ -236,6 +236,7 @@ mod tests {
             caption: hostile.into(),
             header: vec![hostile.into(), "n".into()],
             rows: vec![vec![hostile.into(), "1.5".into()]; 2],
+            links: vec![hostile.into()],
         };
         let mut scene = Scene {
             title: hostile,

@@ -31,10 +31,14 @@ pub(crate) fn html(table: &Table) -> String {
         ));
     }
     out.push_str("</tr></thead>\n<tbody>\n");
-    for row in &table.rows {
+    for (r, row) in table.rows.iter().enumerate() {
         out.push_str("<tr>");
         for (c, cell) in row.iter().enumerate() {
-            out.push_str(&format!("<td{}>{}</td>", class(c), escape(cell)));
+            let cell = match table.links.get(r).filter(|_| c == 0) {
+                Some(link) => format!("<a href=\"{}\">{}</a>", escape(link), escape(cell)),
+                None => escape(cell),
+            };
+            out.push_str(&format!("<td{}>{cell}</td>", class(c)));
         }
         out.push_str("</tr>\n");
     }

@@ -255,6 +255,7 @@ pub fn text_table(path: &Path, caption: &str) -> Result<Table> {
         caption: caption.into(),
         header,
         rows,
+        links: Vec::new(),
     })
 }
 
