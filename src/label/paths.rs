@@ -168,8 +168,11 @@ impl<'a> Paths<'a> {
 
     /// One round over the paths; whether something moved.
     pub(crate) fn round(&mut self, round: usize) -> bool {
-        self.evidence = Evidence::learn(self.places.view());
-        let mut moved = round == 0 && self.take_out_stretches();
+        let mut moved = false;
+        match round {
+            0 => moved = self.take_out_stretches(),
+            _ => self.evidence = Evidence::learn(self.places.view()),
+        }
         let mut labeled: Vec<usize> = Vec::new();
         let mut loose: Vec<usize> = Vec::new();
         for (n, path) in self
@@ -212,16 +215,28 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Takes out paths that jump off their track and back.
+    /// Takes out paths that jump off their track and back, and fit nothing there; the distances are
+    /// learned from all others. Whether there are some.
     fn take_out_stretches(&mut self) -> bool {
         let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
-        for path in &away {
-            self.make(*path, Move::Out);
-            self.paths[*path].stands = true;
+        let labels: Vec<Option<usize>> = away.iter().map(|p| self.paths[*p].label).collect();
+        away.iter().for_each(|path| self.make(*path, Move::Out));
+        self.evidence = Evidence::learn(self.places.view());
+        let fits = |(path, label): (&usize, &Option<usize>)| {
+            let fit = label.and_then(|label| self.fit(*path, label, &[]));
+            fit.is_some_and(|f| f.score >= AWAY_SCORE)
+        };
+        let fit: Vec<bool> = away.iter().zip(&labels).map(fits).collect();
+        for ((path, label), fits) in away.iter().zip(labels).zip(&fit) {
+            match fits {
+                true => self.set(*path, label),
+                false => self.paths[*path].stands = true,
+            }
         }
-        !away.is_empty()
+        fit.contains(&false)
     }
 
+    /// Whether a path jumps off its track and back.
     fn is_away(&self, path: usize) -> bool {
         let Path {
             pieces,
@@ -239,19 +254,13 @@ impl<'a> Paths<'a> {
         {
             return false;
         }
-        let step = |t: usize| {
-            point_at(self.take.xyz, t, *track).distance(point_at(self.take.xyz, t - 1, *track))
-        };
-        let beside = [piece - 1, piece + 1].map(|p| self.path_of[p]);
-        let mut beside = beside.to_vec();
+        let at = |t: usize| point_at(self.take.xyz, t, *track);
+        let is_far = |t: usize| at(t).distance(at(t - 1)) >= AWAY;
+        // A false cut beside it parts no path.
+        let mut beside = [piece - 1, piece + 1].map(|p| self.path_of[p]).to_vec();
         beside.dedup();
         let beside: usize = beside.iter().map(|p| self.paths[*p].frames).sum();
-        let is_far = step(range.start) >= AWAY && step(range.end) >= AWAY;
-        let fits = |label: usize| {
-            self.fit(path, label, &[])
-                .is_some_and(|f| f.score >= AWAY_SCORE)
-        };
-        is_far && 2 * frames <= beside && !label.is_some_and(fits)
+        is_far(range.start) && is_far(range.end) && 2 * frames <= beside
     }
 
     /// How well a path fits a label, some labels left out of the neighbors; `None` where too few of
@@ -412,8 +421,8 @@ impl<'a> Paths<'a> {
             return true;
         }
         let is_long = self.paths[path].frames as f64 >= LASTING * self.take.rate;
-        let is_good = is_long && continuity >= -BROKEN && fit.mean >= GOOD
-            || fit.score + continuity >= SURE;
+        let is_good =
+            is_long && continuity >= -BROKEN && fit.mean >= GOOD || fit.score + continuity >= SURE;
         let mut others = (0..self.take.labels).filter(|other| *other != label);
         let is_worse = |other| {
             self.fit(path, other, &[])
