@@ -2,12 +2,14 @@
 
 use super::take_pages::TakePages;
 use super::{
-    Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit_points, rotation_findings,
+    Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit_points, labels,
+    rotation_findings,
 };
 use crate::error::with_options;
-use crate::io::MotionFile;
 use crate::io::motion_file::{ReadRules, format_of};
 use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
+use crate::io::{MotionFile, MotionFormat};
+use crate::label::Templates;
 use crate::{Error, Place, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -24,6 +26,8 @@ pub struct FileAuditor {
     pub limits: Limits,
     /// Where pages of takes go, if they are wanted.
     pub pages: Option<TakePages>,
+    /// Labeled takes whose labels those of others are compared with.
+    pub like: Templates,
     /// Files that a given rate may not contradict; others are taken at their own.
     pub named: Vec<PathBuf>,
 }
@@ -46,6 +50,9 @@ impl FileAuditor {
             Ok(file) => {
                 out.takes = audit_motion(&file, &self.limits);
                 out.notes.clone_from(&file.notes);
+                out.notes
+                    .extend(labels::add(&file, &self.like, &mut out.takes));
+                out.has_markers = is_of_markers(file.format);
                 if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
                     out.page = pages.write(number, &out.file, &file)?;
                 }
@@ -69,6 +76,12 @@ impl FileAuditor {
             _ => Ok(file),
         }
     }
+}
+
+/// Whether a format is one of labeled markers.
+fn is_of_markers(format: MotionFormat) -> bool {
+    use MotionFormat::{C3d, MotiveCsv, NexusCsv, QualisysTsv, Trc};
+    matches!(format, C3d | Trc | MotiveCsv | QualisysTsv | NexusCsv)
 }
 
 /// Whether the points of a file are joints that follow from its rotations: only the root has
@@ -134,6 +147,9 @@ pub struct FileAudit {
     pub error: Option<String>,
     /// The takes of the file.
     pub takes: Vec<TakeAudit>,
+    /// Whether its tracks are of markers, each with a label.
+    #[serde(skip)]
+    pub has_markers: bool,
     /// What was odd in it, a line each.
     #[serde(skip)]
     pub notes: Vec<String>,
@@ -271,6 +287,9 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Missing => "missing",
         FindingKind::Zeros => "zeros",
         FindingKind::Swap => "swap",
+        FindingKind::Label => "label",
+        FindingKind::WholeTake => "whole take",
+        FindingKind::Hand => "left and right",
         FindingKind::Jump => "jump",
         FindingKind::Held => "held value",
         FindingKind::Fallen => "fallen",

@@ -8,6 +8,7 @@ mod distances;
 mod file;
 mod gaps;
 mod held_rotations;
+mod labels;
 mod motion;
 mod nearby;
 mod other_speeds;
@@ -90,8 +91,14 @@ pub enum FindingKind {
     Missing,
     /// A point is exactly at the origin: zeros for missing values.
     Zeros,
-    /// Two points change places.
+    /// Points change places.
     Swap,
+    /// A piece of a track is another label's, or no label's.
+    Label,
+    /// Labels are exchanged in every frame.
+    WholeTake,
+    /// Left and right are exchanged altogether in every frame.
+    Hand,
     /// A point leaves its path for some frames.
     Jump,
     /// A point has the very same place, or a joint the very same rotation, for many frames while

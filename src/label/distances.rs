@@ -1,7 +1,10 @@
 //! The distances between points of a take: how long they are, and how steady.
 
 use super::tuning::distances::*;
+use crate::numeric::parallel;
+use crate::pose::point_at;
 use ndarray::ArrayView2;
+use std::ops::Range;
 
 /// The distance of two points over a take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,14 +24,20 @@ impl Distance {
     /// The distance of two points of `xyz` (frames, 3 J; cm, NaN missing). `None` where they are
     /// never seen together.
     pub(crate) fn measure(xyz: ArrayView2<'_, f64>, points: [usize; 2]) -> Option<Distance> {
-        let step = xyz.nrows().div_ceil(MOST_FRAMES).max(1);
-        let [a, b] = points;
-        let length = |row: ndarray::ArrayView1<'_, f64>| {
-            let square = |axis: usize| (row[3 * a + axis] - row[3 * b + axis]).powi(2);
-            (0..3).map(square).sum::<f64>().sqrt()
-        };
-        let all = xyz.rows().into_iter().step_by(step).map(length);
-        Distance::of(all.filter(|l| l.is_finite()).collect())
+        Distance::within(xyz, points, std::slice::from_ref(&(0..xyz.nrows())))
+    }
+
+    /// The distance of two points in some frames.
+    pub(crate) fn within(
+        xyz: ArrayView2<'_, f64>,
+        [a, b]: [usize; 2],
+        frames: &[Range<usize>],
+    ) -> Option<Distance> {
+        let count: usize = frames.iter().map(ExactSizeIterator::len).sum();
+        let step = count.div_ceil(MOST_FRAMES).max(1);
+        let all = frames.iter().cloned().flatten().step_by(step);
+        let lengths = all.map(|t| point_at(xyz, t, a).distance(point_at(xyz, t, b)));
+        Distance::of(lengths.filter(|l| l.is_finite()).collect())
     }
 
     /// How little it says, cm: its spread, and a little for its length.
@@ -48,6 +57,47 @@ impl Distance {
             tails: (at(0.95) - at(0.05)) / 3.29,
             frames: lengths.len(),
         })
+    }
+}
+
+/// The distances of all pairs of points of a take.
+pub(crate) struct Distances {
+    /// Those to later points, by point.
+    rows: Vec<Vec<Option<Distance>>>,
+}
+
+impl Distances {
+    /// Measures those of the points of `xyz` (frames, 3 J; cm, NaN missing).
+    pub(crate) fn measure(xyz: ArrayView2<'_, f64>) -> Distances {
+        let points = xyz.ncols() / 3;
+        let row = |range: Range<usize>| {
+            let later = range.start + 1..points;
+            let known = |d: &Distance| d.frames >= FEWEST_FRAMES;
+            let all = later.map(|b| Distance::measure(xyz, [range.start, b]).filter(known));
+            all.collect::<Vec<_>>()
+        };
+        Distances {
+            rows: parallel::map_chunks(points, 1, row),
+        }
+    }
+
+    pub(crate) fn points(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The distance of two points; `None` where it is known in too few frames, or they are one.
+    pub(crate) fn between(&self, a: usize, b: usize) -> Option<Distance> {
+        let (first, last) = (a.min(b), a.max(b));
+        *self.rows[first].get(last.checked_sub(first + 1)?)?
+    }
+
+    /// The other points and their distances, the most rigid first.
+    pub(crate) fn most_rigid(&self, point: usize) -> Vec<(usize, Distance)> {
+        let others = 0..self.points();
+        let known = others.filter_map(|other| Some((other, self.between(point, other)?)));
+        let mut all: Vec<(usize, Distance)> = known.collect();
+        all.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
+        all
     }
 }
 

@@ -8,7 +8,7 @@
 //! over the ten neighbors with the least s + .004 μ. Half, since neighbors are not independent; one
 //! that is itself wrong costs at most 3.5 nats. It is judged for whole pieces, never for a frame.
 
-use super::distances::{Distance, log_likelihood};
+use super::distances::{Distance, Distances, log_likelihood};
 use super::tuning::evidence::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::quantile;
@@ -28,18 +28,9 @@ impl Evidence {
     /// Learns them from the `places` of labels (frames, 3 L; cm, NaN missing).
     pub(crate) fn learn(places: ArrayView2<'_, f64>) -> Evidence {
         let labels = places.ncols() / 3;
-        let rows = parallel::map_chunks(labels, 1, |range| {
-            let a = range.start;
-            let near = (a + 1..labels).map(|b| Distance::measure(places, [a, b]));
-            near.collect::<Vec<_>>()
-        });
-        let between = |a: usize, b: usize| rows[a.min(b)][a.max(b) - a.min(b) - 1];
+        let distances = Distances::measure(places);
         let of = |label: usize| {
-            let others = (0..labels).filter(|other| *other != label);
-            let known = others.filter_map(|other| Some((other, between(label, other)?)));
-            let mut all: Vec<(usize, Distance)> =
-                known.filter(|(_, d)| d.frames >= FEWEST_FRAMES).collect();
-            all.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
+            let mut all = distances.most_rigid(label);
             all.truncate(NEIGHBORS + SPARE);
             all
         };

@@ -1,10 +1,12 @@
 //! What the body's mirror image says of names: distances on one side of a body are those on the
 //! other, so that the names are right on the side of a long exchange where they fit them.
 
-use super::distances::Distance;
+use super::distances::{Distance, Distances};
 use super::tuning::mirror::*;
+use super::tuning::whole_take::NEAR;
+use super::unlabeled::own_name;
+use super::whole_take::exchanged;
 use crate::pose::joints::mirrored;
-use crate::pose::point_at;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -44,12 +46,9 @@ impl<'a> Mirror<'a> {
             known.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
             known.truncate(NEIGHBORS);
             let terms = known.iter().filter_map(|(other, distance)| {
-                let own = self.median(*label, self.images[*other]?, frames)?;
-                let off = own - distance.median;
-                let variance = distance.spread.powi(2)
-                    + UNEVEN.powi(2)
-                    + (UNEVEN_SHARE * distance.median).powi(2);
-                Some((off * off / variance).min(HIGHEST))
+                let here = [*label, self.images[*other]?];
+                let own = Distance::within(self.places, here, frames)?;
+                Some(cost_of(&own, distance, UNEVEN))
             });
             terms.collect::<Vec<f64>>()
         };
@@ -57,30 +56,77 @@ impl<'a> Mirror<'a> {
         (!terms.is_empty()).then(|| terms.iter().sum())
     }
 
-    /// The median distance of two labels in some frames, cm.
-    fn median(&self, a: usize, b: usize, frames: &[Range<usize>]) -> Option<f64> {
-        let count: usize = frames.iter().map(ExactSizeIterator::len).sum();
-        let step = count.div_ceil(MOST_FRAMES).max(1);
-        let all = frames.iter().cloned().flatten().step_by(step);
-        let lengths =
-            all.map(|t| point_at(self.places, t, a).distance(point_at(self.places, t, b)));
-        Distance::of(lengths.filter(|l| l.is_finite()).collect()).map(|d| d.median)
+    /// Pairs of labels that are exchanged in every frame, or whose mirror images are, the clearest
+    /// first; `distances` are those between the labels.
+    pub(crate) fn exchanged(&self, distances: &Distances) -> Vec<[usize; 2]> {
+        let labels = self.images.len();
+        let rigid: Vec<Vec<(usize, Distance)>> = (0..labels)
+            .map(|track| distances.most_rigid(track))
+            .collect();
+        let gain = |tracks: &[usize], pair: [usize; 2]| {
+            let apart = distances.between(tracks[pair[0]], tracks[pair[1]]);
+            if !apart.is_some_and(|d| (NEAR[0]..=NEAR[1]).contains(&d.median)) {
+                return 0.0;
+            }
+            let mut label_of = vec![0; labels];
+            (0..labels).for_each(|l| label_of[tracks[l]] = l);
+            let of_label = |label: usize, other: usize| {
+                let is_usable = |l: &usize| !pair.contains(l);
+                let image = self.images[label].filter(is_usable)?;
+                let term = |(track, distance): &(usize, Distance)| {
+                    let near = Some(label_of[*track]).filter(is_usable)?;
+                    let across = self.images[near].filter(|l| is_usable(l) && *l != image)?;
+                    let [own, other] = [label, other]
+                        .map(|l| distances.between(tracks[l], tracks[across]))
+                        .map(|d| d.map(|d| cost_of(&d, distance, WHOLE_UNEVEN)));
+                    Some(own? - other?)
+                };
+                let terms = rigid[tracks[image]].iter().filter_map(term);
+                Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
+            };
+            let [a, b] = pair;
+            // Each fits better: else one of them is set elsewhere on the other side.
+            let better: Vec<f64> = [of_label(a, b), of_label(b, a)]
+                .into_iter()
+                .flatten()
+                .collect();
+            if better.iter().any(|gain| *gain <= 0.0) {
+                return 0.0;
+            }
+            better.iter().sum()
+        };
+        exchanged(labels, gain)
     }
+
+    /// The mirror image of each label, itself where it has none.
+    pub(crate) fn images(&self) -> Vec<usize> {
+        let all = self.images.iter().enumerate();
+        all.map(|(label, image)| image.unwrap_or(label)).collect()
+    }
+}
+
+/// z of a distance and that of the mirror images, which differ by so many cm anyway.
+fn cost_of(own: &Distance, image: &Distance, uneven: f64) -> f64 {
+    let variance = image.spread.powi(2) + uneven.powi(2) + (UNEVEN_SHARE * image.median).powi(2);
+    ((own.median - image.median).powi(2) / variance).min(HIGHEST)
 }
 
 /// The mirror image of a point by its name, which may have a subject's prefix.
 pub(super) fn image(names: &[String], point: usize) -> Option<usize> {
-    if let Some(other) = mirrored(names, point) {
+    let name = &names[point];
+    let (prefix, own) = name.split_at(name.len() - own_name(name).len());
+    let of_person: Vec<String> = names
+        .iter()
+        .map(|n| n.strip_prefix(prefix).unwrap_or_default().to_string())
+        .collect();
+    if let Some(other) = mirrored(&of_person, point) {
         return Some(other);
     }
-    let name = &names[point];
-    let own = name.rfind(':').map_or(0, |colon| colon + 1);
-    let (prefix, own) = name.split_at(own);
     let other = match own.chars().next()? {
         'L' => 'R',
         'R' => 'L',
         _ => return Some(point),
     };
-    let other = format!("{prefix}{other}{}", &own[1..]);
-    names.iter().position(|n| *n == other)
+    let other = format!("{other}{}", &own[1..]);
+    of_person.iter().position(|n| *n == other)
 }

@@ -1,10 +1,11 @@
 //! Which track is which point: what the distances within a body say of the labels of a take.
 
-mod changes;
+pub(crate) mod changes;
 pub(crate) mod distances;
 mod evidence;
 pub(crate) mod exchanges;
 mod file;
+mod handedness;
 mod identities;
 mod labeled_take;
 mod links;
@@ -13,13 +14,17 @@ pub(crate) mod out_and_back;
 mod paths;
 pub(crate) mod people;
 pub(crate) mod pieces;
-mod relabeling;
+pub(crate) mod relabeling;
 pub(crate) mod repair;
-mod sides;
+pub(crate) mod sides;
+mod template;
+pub(crate) mod templates;
 mod tuning;
 pub(crate) mod unlabeled;
+mod whole_take;
 
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels};
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;
+pub use templates::Templates;

@@ -10,9 +10,14 @@ use std::borrow::Cow;
 const BEGINNINGS: [&str; 5] = ["*", "unlabeled", "unlabelled", "unnamed", "uname"];
 const BEFORE_DIGITS: [&str; 3] = ["new", "u", "u_"];
 
+/// A name without the subject's prefix.
+pub(crate) fn own_name(name: &str) -> &str {
+    name.rsplit(':').next().unwrap_or(name)
+}
+
 /// Whether a name says that its track has no label.
 pub(crate) fn is_unlabeled(name: &str) -> bool {
-    let own = name.rsplit(':').next().unwrap_or(name).to_lowercase();
+    let own = own_name(name).to_lowercase();
     let is_number = |rest: &str| {
         let digits = rest.strip_prefix([' ', '_']).unwrap_or(rest);
         digits.bytes().all(|b| b.is_ascii_digit())
@@ -21,6 +26,16 @@ pub(crate) fn is_unlabeled(name: &str) -> bool {
     let mut numbered = BEFORE_DIGITS.iter().filter_map(|b| own.strip_prefix(b));
     let ends_in_digit = own.ends_with(|c: char| c.is_ascii_digit());
     rests.any(is_number) || ends_in_digit && numbered.any(is_number)
+}
+
+/// Whether a point is no marker but computed from others, by its name among `all`: the origin and
+/// the axes of a segment (HEDO, HEDA, HEDL, HEDP), or a center of mass.
+pub(crate) fn is_computed(name: &str, all: &[String]) -> bool {
+    let ends = ['O', 'A', 'L', 'P'];
+    let has = |stem: &str, end: char| all.iter().any(|n| n.strip_suffix(end) == Some(stem));
+    let stem = name.strip_suffix(ends);
+    stem.is_some_and(|stem| ends.iter().all(|end| has(stem, *end)))
+        || own_name(name).starts_with("Cent") && name.contains("OfMass")
 }
 
 /// The names of `points` that are labels, as places among them; all, where none is.

@@ -97,3 +97,44 @@ fn files_of_markers_keep_all_else() {
         );
     }
 }
+
+#[test]
+fn audit_says_what_labels_are_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("right.csv"), table(false)).unwrap();
+    fs::write(at("wrong.csv"), table(true)).unwrap();
+    let audit = |args: &[&str], code: i32| {
+        let done = command("audit").args(args).assert().code(code);
+        String::from_utf8_lossy(&done.get_output().stdout).into_owned()
+    };
+    let said = audit(&[text(&at("wrong.csv"))], 3);
+    for line in [
+        "swap: a and b changed places in frames 100 to 139: label puts them back",
+        "label: *7 in frames 200 to 249 is c: label joins it",
+    ] {
+        assert!(said.contains(line), "{said}");
+    }
+    assert_eq!(said.matches("swap:").count(), 1, "{said}");
+    // Exchanged in every frame.
+    let names = table(false)
+        .replace("a.", "A.")
+        .replace("b.", "a.")
+        .replace("A.", "b.");
+    fs::write(at("named.csv"), names).unwrap();
+    audit(&[text(&at("named.csv"))], 0);
+    for flags in [&["--same-person"][..], &[]] {
+        let right = at("right.csv");
+        let like = [&["--like", text(&right)], flags].concat();
+        audit(&[&like[..], &[text(&right)]].concat(), 0);
+        let said = audit(
+            &[&like[..], &["--json", text(&at("named.csv"))]].concat(),
+            3,
+        );
+        let audits: serde_json::Value = serde_json::from_str(&said).unwrap();
+        let found = &audits[0]["takes"][0]["findings"];
+        assert_eq!(found[0]["kind"], "whole-take", "{said}");
+        assert_eq!(found[0]["points"], serde_json::json!(["b", "a"]));
+        assert_eq!(found[1], serde_json::Value::Null);
+    }
+}

@@ -8,7 +8,9 @@ use posing::cli::limit_args::LimitArgs;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
+use posing::io::MotionFile;
 use posing::io::motion_file::LARGEST_MOTION_FILE;
+use posing::label::Templates;
 use posing::{Error, Result};
 use std::path::PathBuf;
 
@@ -17,11 +19,13 @@ use std::path::PathBuf;
 /// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and
 /// reports, take by take: rate, size, what is missing by point and how long, and what is not as it
 /// should be. A rate or a unit by which people would move faster or be larger than they are; a body
-/// that lies; zeros that mean missing; points that change places, jump off their path, hold
-/// their last value, stand far off, or have fallen off; distances that drift; angles that flip.
-/// Nothing is changed. A folder is searched for such files. A page gets pages of the takes beside
-/// it, in a folder of its name with _takes, which play what was found. Exit code 3 if anything was
-/// found; 1 if a file could not be read, the others are read all the same.
+/// that lies; zeros that mean missing; points that jump off their path, hold their last value,
+/// stand far off, or have fallen off; distances that drift; angles that flip; what label would put
+/// right. Labels that are exchanged in every frame show beside labeled takes (--like), and mostly
+/// by how the sides of the body differ. Nothing is changed. A folder is searched for such files. A
+/// page gets pages of the takes beside it, in a folder of its name with _takes, which play what was
+/// found. Exit code 3 if anything was found; 1 if a file could not be read, the others are read all
+/// the same.
 #[derive(Parser)]
 #[command(
     name = "audit",
@@ -30,6 +34,7 @@ use std::path::PathBuf;
         \n  posing audit walk.csv || echo look at it\
         \n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\
         \n  posing audit -o audit.html captures/ || echo see audit.html\
+        \n  posing audit --like old.c3d --same-person gait.c3d || echo look at it\
         \n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\
         \n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
 )]
@@ -40,6 +45,13 @@ pub struct Args {
     files: Vec<PathBuf>,
     #[command(flatten)]
     read: ReadArgs,
+    /// Compare the labels with those of a labeled take of any format; may be given again, and of
+    /// three takes or more the odd one out is wrong
+    #[arg(long, value_name = "LABELED", help_heading = "Labels")]
+    like: Vec<PathBuf>,
+    /// The labeled takes are of the same person: distances must be the same to 2%
+    #[arg(long, requires = "like", help_heading = "Labels")]
+    same_person: bool,
     #[command(flatten)]
     limits: LimitArgs,
     /// Write JSON: a list of files, each with its takes
@@ -63,8 +75,15 @@ pub fn work(args: &Args) -> Result<Outcome> {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("html"))
     });
+    let read = args.read.rules()?;
+    let like = args
+        .like
+        .iter()
+        .map(|path| MotionFile::open_by(path, &read));
+    let like = like.collect::<Result<Vec<MotionFile>>>()?;
     let auditor = FileAuditor {
-        read: args.read.rules()?,
+        like: Templates::learn(&like, args.same_person)?,
+        read,
         limits: args.limits.limits(),
         pages: page_path.map(TakePages::beside),
         named: or_stdin(&args.files),
@@ -79,6 +98,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let audits = files.iter().enumerate().map(one);
     let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
     audits.extend(unreadable);
+    if args.like.is_empty() && audits.iter().any(|audit| audit.has_markers) {
+        messages::info(
+            "labels that are wrong in every frame: only how the sides of the body differ was \
+             looked at; give labeled takes with --like",
+        );
+    }
     let failed = audits.iter().filter_map(|audit| audit.error.as_ref());
     failed.for_each(|error| messages::error(error));
     let text = match (args.json, page_path.is_some()) {
