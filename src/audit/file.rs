@@ -9,7 +9,7 @@ use crate::error::with_options;
 use crate::io::motion_file::{ReadRules, format_of};
 use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
 use crate::io::{MotionFile, MotionFormat};
-use crate::label::Templates;
+use crate::label::LabelSettings;
 use crate::{Error, Place, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -26,8 +26,8 @@ pub struct FileAuditor {
     pub limits: Limits,
     /// Where pages of takes go, if they are wanted.
     pub pages: Option<TakePages>,
-    /// Labeled takes whose labels those of others are compared with.
-    pub like: Templates,
+    /// How labels are checked.
+    pub labels: LabelSettings,
     /// Files that a given rate may not contradict; others are taken at their own.
     pub named: Vec<PathBuf>,
 }
@@ -51,7 +51,7 @@ impl FileAuditor {
                 out.takes = audit_motion(&file, &self.limits);
                 out.notes.clone_from(&file.notes);
                 out.notes
-                    .extend(labels::add(&file, &self.like, &mut out.takes));
+                    .extend(labels::add(&file, &self.labels, &mut out.takes));
                 out.has_markers = is_of_markers(file.format);
                 if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
                     out.page = pages.write(number, &out.file, &file)?;

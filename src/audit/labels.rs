@@ -3,11 +3,11 @@
 use super::{Finding, FindingKind, TakeAudit};
 use crate::error::with_options;
 use crate::io::MotionFile;
+use crate::label::LabelSettings;
 use crate::label::changes::{Change, ChangeKind};
 use crate::label::relabeling::{Relabeling, relabel};
 use crate::label::sides::Unsure;
 use crate::label::templates::WholeTakeKind;
-use crate::label::{LabelSettings, Templates};
 use crate::pose::Poses;
 use std::ops::Range;
 
@@ -18,55 +18,40 @@ const LISTED: usize = 3;
 /// each.
 pub(super) fn add(
     file: &MotionFile,
-    templates: &Templates,
+    settings: &LabelSettings,
     takes: &mut [TakeAudit],
 ) -> Vec<String> {
-    let mut notes = Vec::new();
     if file.motion().is_some() {
-        if !templates.is_empty() {
-            notes.push("holds rotations: its labels were not checked".to_string());
-        }
-        return notes;
+        let what = "holds rotations: its labels were not checked".to_string();
+        return Vec::from_iter((!settings.like.is_empty()).then_some(what));
     }
     let poses = file.poses();
-    let found = file
-        .rate()
-        .map(|rate| relabel(poses, rate, &LabelSettings::default()));
-    notes.extend(found.as_ref().and_then(|found| {
-        let why = found.unchecked?;
-        Some(format!("labels were not checked: {why}"))
-    }));
-    let found = found.filter(|found| found.unchecked.is_none());
+    let Some(rate) = file.rate() else {
+        return Vec::new();
+    };
+    let found = relabel(poses, rate, settings);
+    if let Some(why) = found.unchecked {
+        return vec![format!("labels were not checked: {why}")];
+    }
     for (frames, take) in poses.takes().into_iter().zip(takes) {
-        if let Some(found) = &found {
-            let of_take = Labels {
-                poses,
-                first: frames.start,
+        let of_take = Labels {
+            poses,
+            first: frames.start,
+        };
+        take.findings.retain(|f| f.kind != FindingKind::Swap);
+        let own = of_take.findings(&found, &frames, &take.findings);
+        take.findings.extend(own);
+        let whole = found.whole.iter().filter(|(of, _)| *of == frames);
+        take.findings.extend(whole.map(|(_, whole)| {
+            let kind = match whole.kind {
+                WholeTakeKind::Hand => FindingKind::Hand,
+                _ => FindingKind::WholeTake,
             };
-            take.findings.retain(|f| f.kind != FindingKind::Swap);
-            let own = of_take.findings(found, &frames, &take.findings);
-            take.findings.extend(own);
-        }
-        let (wrong, said) = templates.check(poses, &frames);
-        notes.extend(said);
-        take.findings.extend(wrong.into_iter().map(|wrong| {
-            Finding {
-                kind: match wrong.kind {
-                    WholeTakeKind::Hand => FindingKind::Hand,
-                    _ => FindingKind::WholeTake,
-                },
-                points: wrong
-                    .points
-                    .iter()
-                    .map(|p| poses.points[*p].clone())
-                    .collect(),
-                frames: None,
-                what: with_options(&wrong.sentence(&poses.points)),
-            }
+            let what = with_options(&whole.sentence(&poses.points));
+            of_take.finding(kind, &whole.points, None, what)
         }));
     }
-    notes.dedup();
-    notes
+    found.notes
 }
 
 /// The labels of a take.

@@ -55,6 +55,7 @@ impl Relabeled {
             let more = changes.len() - LISTED;
             out.push(format!("labels: {more} more changes; the record has them"));
         }
+        out.extend(self.report.notes.clone());
         out.extend(self.report.unchecked.clone());
         out
     }
@@ -138,7 +139,9 @@ pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
             change.kind.name().to_string(),
             labels,
             frames(change.frames),
-            format!("{:.0}", change.evidence),
+            change
+                .evidence
+                .map_or(String::new(), |nats| format!("{nats:.0}")),
             change.side.map_or("", |side| side.name()).to_string(),
         ];
         add(

@@ -423,7 +423,11 @@ impl CleanSettings {
             out["smooth"] = json!(false);
         }
         if let Some(settings) = self.labels.as_ref().filter(|_| !is_of_rotations(format)) {
-            out["labels"] = json!({"keep": settings.keep, "take_out": settings.take_out});
+            out["labels"] = json!({
+                "keep": settings.keep,
+                "take_out": settings.take_out,
+                "like": settings.like.digest(),
+            });
         }
         if !self.redo.is_empty() {
             out["redo"] = json!(self.redo);

@@ -18,6 +18,8 @@ pub enum ChangeKind {
     Joined,
     /// A label's places are another's.
     Moved,
+    /// Two labels are exchanged in every frame.
+    WholeTake,
     /// A label's places are no label's.
     #[serde(rename = "taken-out")]
     Out,
@@ -31,6 +33,7 @@ impl ChangeKind {
             ChangeKind::Cycle => "ring",
             ChangeKind::Joined => "joined",
             ChangeKind::Moved => "moved",
+            ChangeKind::WholeTake => "whole take",
             ChangeKind::Out => "taken out",
         }
     }

@@ -3,6 +3,7 @@
 use super::changes::{Change, ChangeKind};
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
+use crate::error::with_options;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
@@ -19,6 +20,9 @@ pub struct LabelReport {
     pub changes: Vec<LabelChange>,
     /// What is not sure and stays.
     pub unsure: Vec<UnsureLabels>,
+    /// What is to be known of the labeled takes that they were compared with.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Why labels were not checked, if they were not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unchecked: Option<String>,
@@ -39,7 +43,8 @@ pub struct LabelChange {
     /// The first frame, from 0 over the file, and the one after the last.
     pub frames: [usize; 2],
     /// How much likelier the places are now, by the distances to other labels, nats.
-    pub evidence: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<f64>,
     /// What says which side of an exchange is right.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub side: Option<SideBy>,
@@ -91,7 +96,11 @@ impl LabelReport {
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         let changes = self.changes.iter().map(|c| c.what.as_str());
         let unsure = self.unsure.iter().map(|u| u.what.as_str());
-        changes.chain(unsure).chain(self.unchecked.as_deref())
+        let notes = self.notes.iter().map(String::as_str);
+        changes
+            .chain(unsure)
+            .chain(notes)
+            .chain(self.unchecked.as_deref())
     }
 
     fn new(found: &Relabeling, poses: &Poses) -> LabelReport {
@@ -101,6 +110,18 @@ impl LabelReport {
             frames: u.frames.iter().map(|f| [f.start, f.end]).collect(),
             what: unsure_line(u, &poses.points),
         });
+        let is_changed = |points: &[usize]| {
+            let of = |c: &Change| {
+                c.kind == ChangeKind::WholeTake && c.tracks.iter().all(|t| points.contains(t))
+            };
+            found.changes.iter().any(of)
+        };
+        let open = (found.whole.iter()).filter(|(_, whole)| !is_changed(&whole.points));
+        let wrong = open.map(|(take, whole)| UnsureLabels {
+            labels: all(&whole.points),
+            frames: vec![[take.start, take.end]],
+            what: with_options(&whole.sentence(&poses.points)),
+        });
         LabelReport {
             moves: found.moves(),
             changes: found
@@ -108,7 +129,8 @@ impl LabelReport {
                 .iter()
                 .map(|c| LabelChange::new(c, poses))
                 .collect(),
-            unsure: unsure.collect(),
+            unsure: unsure.chain(wrong).collect(),
+            notes: found.notes.clone(),
             unchecked: found
                 .unchecked
                 .map(|why| format!("labels were not checked: {why}")),
@@ -130,7 +152,7 @@ impl LabelChange {
             to: names.get(1).cloned(),
             ring: if names.len() > 2 { names } else { Vec::new() },
             frames: [change.frames.start, change.frames.end],
-            evidence: (10.0 * change.nats).round() / 10.0,
+            evidence: Some((10.0 * change.nats).round() / 10.0).filter(|nats| nats.is_finite()),
             side: change.side,
             positions: places
                 .map(|(t, p)| point_at(poses.xyz.view(), t, p).to_array())
@@ -158,6 +180,11 @@ fn line(change: &Change, names: &[String]) -> String {
         }
         ChangeKind::Joined => format!("{} in {frames} is {}: joined", name(0), name(1)),
         ChangeKind::Moved => format!("{} in {frames} is {}: moved", name(0), name(1)),
+        ChangeKind::WholeTake => format!(
+            "{} and {} are exchanged in every frame: put back",
+            name(0),
+            name(1)
+        ),
         ChangeKind::Out => format!("{} in {frames} is not {}: taken out", name(0), name(0)),
     }
 }

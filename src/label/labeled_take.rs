@@ -1,10 +1,11 @@
 //! A take as its labels are put right: labels first, then the tracks without one.
 
+use super::templates::Templates;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
 /// A take whose labels are to be put right.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct LabeledTake<'a> {
     /// The tracks' names (N): labels first, then those that have none.
     pub names: &'a [String],
@@ -16,4 +17,7 @@ pub(crate) struct LabeledTake<'a> {
     pub runs: &'a [Range<usize>],
     /// Frames a second.
     pub rate: f64,
+    /// The person whose labels these are, and labeled takes to compare them with.
+    pub person: &'a str,
+    pub like: &'a Templates,
 }

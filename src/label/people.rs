@@ -7,6 +7,7 @@
 use super::distances::Distance;
 use super::mirror::image;
 use super::tuning::people::*;
+use super::unlabeled::own_name;
 use crate::numeric::parallel;
 use ndarray::ArrayView2;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,6 +19,17 @@ pub(crate) struct Person {
     pub name: String,
     /// The points, in their order.
     pub points: Vec<usize>,
+}
+
+impl Person {
+    /// A name of this person's without what tells the person: `Ann:LFHD`, `Ann_LFHD`, or `LFHD_2`.
+    pub(crate) fn own_name<'n>(&self, name: &'n str) -> &'n str {
+        let person = self.name.as_str();
+        let before = name.strip_prefix(person).and_then(|n| n.strip_prefix('_'));
+        let behind = name.strip_suffix(person).and_then(|n| n.strip_suffix('_'));
+        let own = before.or(behind).filter(|_| !person.is_empty());
+        own_name(own.unwrap_or(name))
+    }
 }
 
 /// The people whose points are the `labels` among `points`, at `xyz` (frames, 3 P; cm): one of all,

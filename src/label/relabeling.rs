@@ -2,23 +2,28 @@
 
 use super::changes::{Change, ChangeKind, changes, moves, wanted};
 use super::labeled_take::LabeledTake;
-use super::people::people;
+use super::people::{Person, people};
 use super::repair::{Repair, repair};
 use super::sides::{SideBy, Unsure};
+use super::templates::{Templates, WholeTake, WholeTakeKind};
 use super::tuning::repair::{APART, MOST_FRAMES, MOST_WEIGHT};
-use super::unlabeled::is_unlabeled;
+use super::unlabeled::{is_computed, is_unlabeled};
 use crate::io::PointMove;
 use crate::pose::{Poses, Segment, point_at};
 use ndarray::{Array2, ArrayView2, Axis, s};
+use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// How labels are put right.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct LabelSettings {
     /// Segments of points whose labels stay.
     pub keep: Vec<Segment>,
     /// Whether places of a label that are no label's are taken out.
     pub take_out: bool,
+    /// Labeled takes to compare with.
+    pub like: Arc<Templates>,
 }
 
 impl Default for LabelSettings {
@@ -26,6 +31,7 @@ impl Default for LabelSettings {
         LabelSettings {
             keep: Vec::new(),
             take_out: true,
+            like: Arc::default(),
         }
     }
 }
@@ -35,6 +41,11 @@ impl Default for LabelSettings {
 pub(crate) struct Relabeling {
     pub changes: Vec<Change>,
     pub unsure: Vec<Unsure>,
+    /// What is wrong in every frame of a take, and the take; some of it may be put right by
+    /// changes.
+    pub whole: Vec<(Range<usize>, WholeTake)>,
+    /// What is to be known of labeled takes, a line each.
+    pub notes: Vec<String>,
     /// Why labels were not checked, if they were not.
     pub unchecked: Option<&'static str>,
 }
@@ -63,6 +74,7 @@ pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Rel
                 .collect(),
             frames,
             rate,
+            like: &settings.like,
         };
         out.add(&part);
     }
@@ -82,6 +94,15 @@ pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Rel
     let is_wanted = |c: &Change| (settings.take_out || c.kind != ChangeKind::Out) && !is_kept(c);
     let has = |point: usize, t: usize| point_at(poses.xyz.view(), t, point).is_finite();
     out.changes = wanted(std::mem::take(&mut out.changes), is_wanted, has);
+    if out.unchecked.is_none() {
+        let is_kept = |point: usize, take: &Range<usize>| {
+            let of = |(p, frames): &(usize, Vec<usize>)| {
+                *p == point && frames.iter().any(|t| take.contains(t))
+            };
+            kept.iter().any(of)
+        };
+        out.check_whole_takes(poses, &settings.like, is_kept);
+    }
     out
 }
 
@@ -92,6 +113,7 @@ struct Part<'a> {
     /// Ranges of consecutive frames, within it.
     runs: Vec<Range<usize>>,
     rate: f64,
+    like: &'a Templates,
 }
 
 impl Relabeling {
@@ -102,17 +124,94 @@ impl Relabeling {
             .collect()
     }
 
+    /// Adds what is wrong in every frame of a take once these changes are made. Labels that are
+    /// exchanged in takes of the same people are put right, unless one `is_kept` in a take.
+    fn check_whole_takes(
+        &mut self,
+        poses: &Poses,
+        like: &Templates,
+        is_kept: impl Fn(usize, &Range<usize>) -> bool,
+    ) {
+        let mut poses = Cow::Borrowed(poses);
+        if !self.changes.is_empty() {
+            PointMove::make_all(&self.moves(), &mut poses.to_mut().xyz);
+        }
+        for take in poses.takes() {
+            let (found, notes) = like.check(&poses, &take);
+            self.notes.extend(notes);
+            for whole in found {
+                let is_pair = matches!(whole.kind, WholeTakeKind::Hand)
+                    || whole.kind == WholeTakeKind::Exchanged && whole.points.len() == 2;
+                let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
+                if like.are_same_person() && is_pair && is_free {
+                    self.exchange(&whole.points, &take);
+                }
+                self.whole.push((take.clone(), whole));
+            }
+        }
+        self.notes.dedup();
+    }
+
+    /// Exchanges pairs of points in a take, after all other changes in it.
+    fn exchange(&mut self, pairs: &[usize], take: &Range<usize>) {
+        let other = |point: usize| {
+            let k = pairs.iter().position(|p| *p == point)?;
+            pairs.get(k ^ 1).copied()
+        };
+        let mut left: Vec<Vec<Range<usize>>> = vec![vec![take.clone()]; pairs.len()];
+        for change in &mut self.changes {
+            for step in change
+                .moves
+                .iter_mut()
+                .filter(|m| take.contains(&m.frames.start))
+            {
+                if let Some(k) = pairs.iter().position(|p| *p == step.from) {
+                    left[k] = (left[k].iter())
+                        .flat_map(|r| {
+                            let first = r.start..step.frames.start.clamp(r.start, r.end);
+                            [first, step.frames.end.clamp(r.start, r.end)..r.end]
+                        })
+                        .filter(|r| !r.is_empty())
+                        .collect();
+                }
+                step.to = step.to.map(|to| other(to).unwrap_or(to));
+            }
+            change.moves.retain(|m| m.to != Some(m.from));
+        }
+        for (k, pair) in pairs.chunks_exact(2).enumerate() {
+            let moves = [0, 1].into_iter().flat_map(|n| {
+                let of = |frames: &Range<usize>| PointMove {
+                    from: pair[n],
+                    to: Some(pair[1 - n]),
+                    frames: frames.clone(),
+                };
+                left[2 * k + n].iter().map(of).collect::<Vec<_>>()
+            });
+            self.changes.push(Change {
+                kind: ChangeKind::WholeTake,
+                frames: take.clone(),
+                tracks: pair.to_vec(),
+                moves: moves.collect(),
+                nats: f64::NAN,
+                side: Some(SideBy::Template),
+            });
+        }
+    }
+
     /// Adds what is wrong in one take, person by person.
     fn add(&mut self, take: &Part<'_>) {
         let points = &take.poses.points;
         let (labels, loose): (Vec<usize>, Vec<usize>) =
             (0..points.len()).partition(|p| !is_unlabeled(&points[*p]));
+        let labels: Vec<usize> = (labels.into_iter())
+            .filter(|p| !is_computed(&points[*p], points))
+            .collect();
         let mut xyz = take.poses.xyz.slice(s![take.frames.clone(), ..]).to_owned();
         for person in people(points, &labels, xyz.view()) {
             if person.points.len() < FEWEST_LABELS {
                 continue;
             }
-            for taken in self.add_person(take, xyz.view(), &person.points, &loose) {
+            for taken in self.add_person(take, xyz.view(), &person, &loose) {
                 // What is one person's is no other's.
                 (0..3).for_each(|c| {
                     let own = s![taken.frames.clone(), 3 * taken.from + c];
@@ -128,13 +227,17 @@ impl Relabeling {
         &mut self,
         take: &Part<'_>,
         xyz: ArrayView2<'_, f64>,
-        labels: &[usize],
+        person: &Person,
         loose: &[usize],
     ) -> Vec<PointMove> {
+        let labels = &person.points;
         let points = &take.poses.points;
         let order: Vec<usize> = labels.iter().chain(loose).copied().collect();
         let columns: Vec<usize> = order.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-        let names: Vec<String> = order.iter().map(|p| points[*p].clone()).collect();
+        let names: Vec<String> = order
+            .iter()
+            .map(|p| person.own_name(&points[*p]).to_string())
+            .collect();
         let xyz = xyz.select(Axis(1), &columns);
         let found = repair(LabeledTake {
             names: &names,
@@ -142,6 +245,8 @@ impl Relabeling {
             xyz: xyz.view(),
             runs: &take.runs,
             rate: take.rate,
+            person: &person.name,
+            like: take.like,
         });
         let Some(found) = found else {
             self.unchecked = Some("most pieces of tracks have under 5 frames");

@@ -86,6 +86,7 @@ fn point_in(track: usize, frame: usize, stretches: &[Exchanged]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::super::changes::{Change, ChangeKind, changes, moves};
+    use super::super::templates::Templates;
     use super::*;
     use crate::pose::point_at;
     use glam::{DMat3, DVec3};
@@ -156,6 +157,8 @@ mod tests {
             xyz: xyz.view(),
             runs: std::slice::from_ref(&run),
             rate: 120.0,
+            person: "",
+            like: &Templates::default(),
         })
         .unwrap();
         (changes(moves(&repair.pieces), NAMES.len()), repair.unsure)

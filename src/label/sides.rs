@@ -27,6 +27,8 @@ pub enum SideBy {
     Length,
     /// The body's mirror image.
     Mirror,
+    /// A labeled take.
+    Template,
 }
 
 impl SideBy {
@@ -35,6 +37,7 @@ impl SideBy {
         match self {
             SideBy::Length => "length",
             SideBy::Mirror => "mirror image",
+            SideBy::Template => "labeled take",
         }
     }
 }
@@ -113,20 +116,26 @@ impl LabeledTake<'_> {
         let (within, without) = (seen(&exchanged), seen(&rest));
         let share = within / (within + without).max(1.0);
         let shorter = share.min(1.0 - share);
+        let side = |named: Option<f64>, exchanged: Option<f64>| match exchanged? - named? {
+            better if better > CLEAR => Some(Side::Named),
+            // Labels in a ring are not put back by its inverse.
+            better if better < -CLEAR && labels.len() == 2 => Some(Side::Exchanged),
+            _ => None,
+        };
+        let (names, places) = (&self.names[..self.labels], self.xyz);
+        let like =
+            |frames: &[Range<usize>]| (self.like).cost(self.person, names, places, labels, frames);
+        if let Some(side) = side(like(&rest), like(&exchanged)) {
+            return Some((side, SideBy::Template));
+        }
         if shorter < LONG {
             return Some((Side::Named, SideBy::Length));
         }
-        let costs = mirror
-            .cost(labels, &rest)
-            .zip(mirror.cost(labels, &exchanged));
-        match costs.map(|(named, exchanged)| exchanged - named) {
-            Some(better) if better > CLEAR => Some((Side::Named, SideBy::Mirror)),
-            // Labels in a ring are not put back by its inverse.
-            Some(better) if better < -CLEAR && labels.len() == 2 => {
-                Some((Side::Exchanged, SideBy::Mirror))
-            }
-            _ if shorter > OPEN => None,
-            _ => Some((Side::Named, SideBy::Length)),
+        let mirrored = |frames: &[Range<usize>]| mirror.cost(labels, frames);
+        match side(mirrored(&rest), mirrored(&exchanged)) {
+            Some(side) => Some((side, SideBy::Mirror)),
+            None if shorter > OPEN => None,
+            None => Some((Side::Named, SideBy::Length)),
         }
     }
 

@@ -6,12 +6,13 @@ use super::people::{Person, people};
 use super::template::{Labels, Template};
 use super::tuning::template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
-use super::unlabeled::{is_computed, is_unlabeled, own_name};
+use super::unlabeled::{is_computed, is_unlabeled};
 use super::whole_take::groups;
 use crate::io::MotionFile;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis, s};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -19,6 +20,8 @@ use std::ops::Range;
 #[derive(Default)]
 pub struct Templates {
     all: Vec<Named>,
+    are_same_person: bool,
+    digest: Sha256,
 }
 
 /// A person of a labeled take.
@@ -41,7 +44,7 @@ struct Labeled {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct WholeTake {
     pub kind: WholeTakeKind,
-    /// The labels, as points of the table.
+    /// The labels, as points of the table: those that are exchanged, or pairs of them.
     pub points: Vec<usize>,
     /// The labeled takes that say it.
     pub like: Vec<String>,
@@ -65,10 +68,18 @@ impl Templates {
     /// # Errors
     /// [`Error::Data`]: a file has too few labels, or too many.
     pub fn learn(files: &[MotionFile], are_same_person: bool) -> Result<Templates> {
-        let mut out = Templates::default();
+        let mut out = Templates {
+            are_same_person,
+            ..Templates::default()
+        };
         for file in files {
             let poses = file.poses();
             let before = out.all.len();
+            poses.points.iter().for_each(|name| out.digest.update(name));
+            poses
+                .xyz
+                .iter()
+                .for_each(|v| out.digest.update(v.to_le_bytes()));
             for take in poses.takes() {
                 for labeled in labeled_people(poses, &take) {
                     let (names, places) = (&labeled.names, labeled.places.view());
@@ -92,6 +103,22 @@ impl Templates {
 
     pub(crate) fn is_empty(&self) -> bool {
         self.all.is_empty()
+    }
+
+    /// What tells these takes, and how they are compared, from others; nothing where there are
+    /// none.
+    pub(crate) fn digest(&self) -> Option<String> {
+        let digest = self.digest.clone().finalize();
+        let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        (!self.all.is_empty()).then(|| match self.are_same_person {
+            true => format!("same person {hex}"),
+            false => hex,
+        })
+    }
+
+    /// Whether the takes are of those people that others are compared with.
+    pub(crate) fn are_same_person(&self) -> bool {
+        self.are_same_person
     }
 
     /// What is wrong in every frame of a take of a table, and notes on the templates.
@@ -131,7 +158,6 @@ impl Templates {
 
     /// How badly the distances of some labels of a person, which were exchanged with each other,
     /// fit those of the templates in some frames, χ², in the mean; `None` where these say nothing.
-    #[allow(dead_code)]
     pub(crate) fn cost(
         &self,
         person: &str,
@@ -178,9 +204,16 @@ impl Templates {
                 labels.len() >= FEWEST_LABELS && group.iter().all(|l| labels.contains(l))
             };
             let all = known.iter().filter(knows).count();
+            let sided: Vec<usize> = match kind {
+                WholeTakeKind::Hand => (0..mirrored.len())
+                    .filter(|l| mirrored[*l] > *l)
+                    .flat_map(|l| [l, mirrored[l]])
+                    .collect(),
+                _ => group.clone(),
+            };
             let one = WholeTake {
                 kind,
-                points: group.iter().map(|l| person.points[*l]).collect(),
+                points: sided.iter().map(|l| person.points[*l]).collect(),
                 like: by.iter().map(|n| templates[*n].take.clone()).collect(),
             };
             // The odd one out is wrong: a template, where most others are like the take.
@@ -225,7 +258,7 @@ fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
             .iter()
             .flat_map(|p| 3 * p..3 * p + 3)
             .collect();
-        let own = |p: &usize| own_name_of(&names[*p], &person.name).to_string();
+        let own = |p: &usize| person.own_name(&names[*p]).to_string();
         Labeled {
             names: person.points.iter().map(own).collect(),
             places: xyz.select(Axis(1), &columns),
@@ -234,14 +267,6 @@ fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
     };
     let all = people(names, &labels, xyz).into_iter().filter(are_enough);
     all.map(one).collect()
-}
-
-/// A name without what tells a person: `Ann:LFHD`, `Ann_LFHD`, or `LFHD_2`.
-fn own_name_of<'a>(name: &'a str, person: &str) -> &'a str {
-    let before = name.strip_prefix(person).and_then(|n| n.strip_prefix('_'));
-    let behind = name.strip_suffix(person).and_then(|n| n.strip_suffix('_'));
-    let own = before.or(behind).filter(|_| !person.is_empty());
-    own_name(own.unwrap_or(name))
 }
 
 impl WholeTake {

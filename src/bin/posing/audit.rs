@@ -4,13 +4,13 @@ use clap::Parser;
 use posing::audit::{FileAudit, FileAuditor, TakePages, files_to_audit, page};
 use posing::cli::args::CommonArgs;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
+use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::LimitArgs;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::io::MotionFile;
 use posing::io::motion_file::LARGEST_MOTION_FILE;
-use posing::label::Templates;
+use posing::label::LabelSettings;
 use posing::{Error, Result};
 use std::path::PathBuf;
 
@@ -45,13 +45,8 @@ pub struct Args {
     files: Vec<PathBuf>,
     #[command(flatten)]
     read: ReadArgs,
-    /// Compare the labels with those of a labeled take of any format; may be given again, and of
-    /// three takes or more the odd one out is wrong
-    #[arg(long, value_name = "LABELED", help_heading = "Labels")]
-    like: Vec<PathBuf>,
-    /// The labeled takes are of the same person: distances must be the same to 2%
-    #[arg(long, requires = "like", help_heading = "Labels")]
-    same_person: bool,
+    #[command(flatten)]
+    like: LikeArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// Write JSON: a list of files, each with its takes
@@ -76,13 +71,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
                 .is_some_and(|e| e.eq_ignore_ascii_case("html"))
     });
     let read = args.read.rules()?;
-    let like = args
-        .like
-        .iter()
-        .map(|path| MotionFile::open_by(path, &read));
-    let like = like.collect::<Result<Vec<MotionFile>>>()?;
     let auditor = FileAuditor {
-        like: Templates::learn(&like, args.same_person)?,
+        labels: LabelSettings {
+            like: args.like.templates(&args.read)?,
+            ..LabelSettings::default()
+        },
         read,
         limits: args.limits.limits(),
         pages: page_path.map(TakePages::beside),
@@ -98,7 +91,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let audits = files.iter().enumerate().map(one);
     let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
     audits.extend(unreadable);
-    if args.like.is_empty() && audits.iter().any(|audit| audit.has_markers) {
+    if args.like.like.is_empty() && audits.iter().any(|audit| audit.has_markers) {
         messages::info(
             "labels that are wrong in every frame: only how the sides of the body differ was \
              looked at; give labeled takes with --like",

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, clean};
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
+use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::name_maps::name_map;
 use posing::cli::progress::Progress;
@@ -127,6 +128,8 @@ pub struct Args {
         help_heading = "Method"
     )]
     keep_labels: Vec<Segment>,
+    #[command(flatten)]
+    like: LikeArgs,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
@@ -233,6 +236,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         true => args.outliers != Some(OutlierDetection::None),
         false => args.outliers == Some(OutlierDetection::Auto),
     };
+    let like = args.like.templates(&args.read)?;
     let limit = |of: fn(NoiseLimit) -> Option<f64>| args.noise_limit.and_then(of);
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
@@ -251,6 +255,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         labels: (!args.no_labels).then(|| LabelSettings {
             keep: args.keep_labels.clone(),
             take_out: outliers,
+            like,
         }),
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,

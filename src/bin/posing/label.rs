@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::clean::write_labeled;
 use posing::cli::args::CommonArgs;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each};
+use posing::cli::label_args::LikeArgs;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
@@ -65,6 +66,8 @@ pub struct Args {
     )]
     keep_labels: Vec<Segment>,
     #[command(flatten)]
+    like: LikeArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
@@ -77,16 +80,17 @@ pub fn work(args: &Args) -> Result<Outcome> {
         let what = "--keep-labels is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));
     }
-    each(&jobs, |one| label(args, one))
-}
-
-fn label(args: &Args, job: &BatchJob) -> Result<Outcome> {
-    let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
     let settings = LabelSettings {
         keep: args.keep_labels.clone(),
+        like: args.like.templates(&args.read)?,
         ..LabelSettings::default()
     };
-    let report = check_labels(&file, &settings)?;
+    each(&jobs, |one| label(args, &settings, one))
+}
+
+fn label(args: &Args, settings: &LabelSettings, job: &BatchJob) -> Result<Outcome> {
+    let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
+    let report = check_labels(&file, settings)?;
     let name = job.input.display().to_string();
     match args.json {
         true => {

@@ -1,0 +1,38 @@
+//! Labeled takes that labels are compared with.
+
+use super::read_args::ReadArgs;
+use crate::Result;
+use crate::io::MotionFile;
+use crate::label::Templates;
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The flags of commands that check labels.
+#[derive(Args, Debug, Clone, Default)]
+pub struct LikeArgs {
+    /// Compare the labels with those of a labeled take of any format; may be given again, and of
+    /// three takes or more the odd one out is wrong
+    #[arg(long, value_name = "LABELED", help_heading = "Labels")]
+    pub like: Vec<PathBuf>,
+    /// The labeled takes are of the same person: distances must be the same to 2%, and label puts
+    /// right what is exchanged in every frame
+    #[arg(long, requires = "like", help_heading = "Labels")]
+    pub same_person: bool,
+}
+
+impl LikeArgs {
+    /// What the takes tell, read as `read` says.
+    ///
+    /// # Errors
+    /// Those of reading a file; [`crate::Error::Data`]: one has too few labels.
+    pub fn templates(&self, read: &ReadArgs) -> Result<Arc<Templates>> {
+        let rules = read.rules()?;
+        let files = self
+            .like
+            .iter()
+            .map(|path| MotionFile::open_by(path, &rules));
+        let files = files.collect::<Result<Vec<MotionFile>>>()?;
+        Templates::learn(&files, self.same_person).map(Arc::new)
+    }
+}
