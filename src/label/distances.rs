@@ -3,6 +3,7 @@
 use super::tuning::distances::*;
 use crate::numeric::parallel;
 use crate::pose::point_at;
+use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -48,13 +49,21 @@ impl Distance {
     /// The distance whose measured lengths, cm, these are; `None` of none.
     pub(crate) fn of(mut lengths: Vec<f64>) -> Option<Distance> {
         let last = lengths.len().checked_sub(1)?;
-        lengths.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| lengths[(share * last as f64).round() as usize];
+        // From the highest down: what is below a quantile stays before it.
+        let mut open = lengths.len();
+        let [most, high, median, low, least] = [0.95, 0.9, 0.5, 0.1, 0.05].map(|share| {
+            let at = (share * last as f64).round() as usize;
+            if at < open {
+                lengths[..open].select_nth_unstable_by(at, f64::total_cmp);
+                open = at;
+            }
+            lengths[at]
+        });
         Some(Distance {
-            median: at(0.5),
+            median,
             // Of a Gaussian these are 2.56 standard deviations apart.
-            spread: (at(0.9) - at(0.1)) / 2.563,
-            tails: (at(0.95) - at(0.05)) / 3.29,
+            spread: (high - low) / 2.563,
+            tails: (most - least) / 3.29,
             frames: lengths.len(),
         })
     }
@@ -70,11 +79,20 @@ impl Distances {
     /// Measures those of the points of `xyz` (frames, 3 J; cm, NaN missing).
     pub(crate) fn measure(xyz: ArrayView2<'_, f64>) -> Distances {
         let points = xyz.ncols() / 3;
+        let step = xyz.nrows().div_ceil(MOST_FRAMES).max(1);
+        let track = |point: usize| -> Vec<DVec3> {
+            let frames = (0..xyz.nrows()).step_by(step);
+            frames.map(|t| point_at(xyz, t, point)).collect()
+        };
+        let tracks: Vec<Vec<DVec3>> = (0..points).map(track).collect();
         let row = |range: Range<usize>| {
-            let later = range.start + 1..points;
-            let known = |d: &Distance| d.frames >= FEWEST_FRAMES;
-            let all = later.map(|b| Distance::measure(xyz, [range.start, b]).filter(known));
-            all.collect::<Vec<_>>()
+            let own = &tracks[range.start];
+            let of = |other: &Vec<DVec3>| {
+                let lengths = own.iter().zip(other).map(|(a, b)| a.distance(*b));
+                let known = Distance::of(lengths.filter(|l| l.is_finite()).collect());
+                known.filter(|d| d.frames >= FEWEST_FRAMES)
+            };
+            tracks[range.start + 1..].iter().map(of).collect::<Vec<_>>()
         };
         Distances {
             rows: parallel::map_chunks(points, 1, row),

@@ -25,6 +25,7 @@ mod whole_take;
 
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels};
+pub use people::points_of_person;
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;
 pub use templates::Templates;

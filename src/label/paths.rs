@@ -420,6 +420,10 @@ impl<'a> Paths<'a> {
         if continuity >= GOES_ON && fit.mean >= few - (median - few).max(LOWER) {
             return true;
         }
+        // It goes on at both ends.
+        if continuity >= 2.0 * GOES_ON && fit.mean > 0.0 {
+            return true;
+        }
         let is_long = self.paths[path].frames as f64 >= LASTING * self.take.rate;
         let is_good =
             is_long && continuity >= -BROKEN && fit.mean >= GOOD || fit.score + continuity >= SURE;

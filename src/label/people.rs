@@ -7,7 +7,8 @@
 use super::distances::Distance;
 use super::mirror::image;
 use super::tuning::people::*;
-use super::unlabeled::own_name;
+use super::unlabeled::{labeled, own_name};
+use crate::Result;
 use crate::numeric::parallel;
 use ndarray::ArrayView2;
 use std::collections::{BTreeMap, BTreeSet};
@@ -44,6 +45,24 @@ pub(crate) fn people(points: &[String], labels: &[usize], xyz: ArrayView2<'_, f6
         points,
     });
     bodies.collect()
+}
+
+/// The points of a person by what tells that person in their names, and their own names.
+///
+/// # Errors
+/// [`crate::Error::Unfit`]: the names tell no such person.
+pub fn points_of_person(points: &[String], name: &str) -> Result<Vec<(usize, String)>> {
+    let people = named(points, &labeled(points));
+    let Some(person) = people.iter().find(|p| p.name == name && people.len() > 1) else {
+        let all: Vec<&str> = people.iter().map(|p| p.name.as_str()).collect();
+        return Err(match people.len() {
+            0 | 1 => "names no people, such as Ann:LFHD and Ben:LFHD".to_string(),
+            _ => format!("has no person \"{name}\", but {}", all.join(", ")),
+        }
+        .into());
+    };
+    let own = |p: &usize| (*p, person.own_name(&points[*p]).to_string());
+    Ok(person.points.iter().map(own).collect())
 }
 
 /// The people that names tell apart.

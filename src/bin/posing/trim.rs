@@ -8,6 +8,7 @@ use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
 use posing::io::{Table, TableFormat, parse_point_names};
+use posing::label::points_of_person;
 use posing::pose::Poses;
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
@@ -26,6 +27,7 @@ use posing::{Error, Place, Result};
         \n  posing trim --from 1.5 --to 4 walk.csv > part.csv\
         \n  posing trim --butterworth 6Hz walk.csv > smooth.csv\
         \n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\
+        \n  posing trim --person Ann both.csv > ann.csv\
         \n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
 )]
 pub struct Args {
@@ -57,6 +59,10 @@ pub struct Args {
     /// Comma-separated points, in the order of the result
     #[arg(long, value_name = "LIST")]
     points: Option<String>,
+    /// The points of one of several people, without what tells people apart in their names: Ann of
+    /// Ann:LFHD and Ben:LFHD, 2 of LFHD and LFHD_2
+    #[arg(long, value_name = "NAME")]
+    person: Option<String>,
     /// Comma-separated new names of points
     #[arg(long, value_name = "OLD=NEW,...", value_delimiter = ',', value_parser = parse_rename)]
     rename: Vec<(String, String)>,
@@ -146,6 +152,13 @@ pub fn work(args: &Args) -> Result<()> {
             poses.time = Some((0..poses.frames()).map(|t| t as f64 / fps).collect());
         }
         poses = poses.resampled(rate).map_err(bad)?;
+    }
+    if let Some(name) = &args.person {
+        let own = points_of_person(&poses.points, name).map_err(bad)?;
+        let names: Vec<String> = own.iter().map(|(p, _)| poses.points[*p].clone()).collect();
+        let with = poses.with_points(&names);
+        poses = with.map_err(|name| bad(format!("has no point \"{name}\"").into()))?;
+        poses.points = own.into_iter().map(|(_, name)| name).collect();
     }
     if let Some(list) = &args.points {
         let names = parse_point_names(list)?;
