@@ -36,7 +36,7 @@ impl Distance {
     ) -> Option<Distance> {
         let count: usize = frames.iter().map(ExactSizeIterator::len).sum();
         let step = count.div_ceil(MOST_FRAMES).max(1);
-        let all = frames.iter().cloned().flatten().step_by(step);
+        let all = frames.iter().flat_map(|r| r.clone().step_by(step));
         let lengths = all.map(|t| point_at(xyz, t, a).distance(point_at(xyz, t, b)));
         Distance::of(lengths.filter(|l| l.is_finite()).collect())
     }

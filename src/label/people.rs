@@ -4,13 +4,12 @@
 //! Names part people as `Ann:LFHD` and `Ben:LFHD` do, `Ann_LFHD` and `Ben_LFHD`, or `LFHD` and
 //! `LFHD_2`, which is how readers tell repeated names apart.
 
-use super::distances::Distance;
+use super::distances::Distances;
 use super::mirror::image;
 use super::tuning::people::*;
 use super::unlabeled::{labeled, own_name};
 use crate::Result;
-use crate::numeric::parallel;
-use ndarray::ArrayView2;
+use ndarray::{ArrayView2, Axis};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The points of one person.
@@ -123,15 +122,9 @@ fn bodies(labels: &[usize], xyz: ArrayView2<'_, f64>) -> Vec<Vec<usize>> {
     if !(2 * FEWEST_OF_BODY..=MOST_LABELS).contains(&count) {
         return vec![labels.to_vec()];
     }
-    let rows = parallel::map_chunks(count, 1, |range| {
-        let a = range.start;
-        let of = |b: usize| Distance::measure(xyz, [labels[a], labels[b]]);
-        (a + 1..count).map(of).collect::<Vec<_>>()
-    });
-    let between = |a: usize, b: usize| {
-        let known = rows[a.min(b)][a.max(b) - a.min(b) - 1];
-        known.filter(|d| d.frames >= FEWEST_FRAMES)
-    };
+    let columns: Vec<usize> = labels.iter().flat_map(|l| 3 * l..3 * l + 3).collect();
+    let distances = Distances::measure(xyz.select(Axis(1), &columns).view());
+    let between = |a: usize, b: usize| distances.between(a, b);
     let is_steady =
         |a: usize, b: usize| between(a, b).is_some_and(|d| d.spread < STEADY && d.median < NEAR);
     let mut body_of: Vec<Option<usize>> = vec![None; count];

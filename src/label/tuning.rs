@@ -79,8 +79,6 @@ pub(crate) mod people {
     pub(crate) const FEWEST_OF_BODY: usize = 8;
     pub(crate) const LARGEST_SHARE: usize = 4;
     pub(crate) const MOST_LABELS: usize = 250;
-    /// Frames that a distance is known in, at least.
-    pub(crate) const FEWEST_FRAMES: usize = 20;
     /// Distances within a body are no longer, and spread less, cm.
     pub(crate) const NEAR: f64 = 70.0;
     pub(crate) const STEADY: f64 = 4.0;
