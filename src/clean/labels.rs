@@ -102,8 +102,8 @@ impl Relabeled {
 /// where there are none.
 pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
     let mut out = Table {
-        caption: "Labels that were changed, or are not sure: a row leads to the frame before. \
-                  --keep-labels NAME:FROM-TO keeps a label in another run."
+        caption: "Labels that were changed, or are not sure (frames count from 0): a row leads to \
+                  the frame before. --keep-labels NAME:FROM-TO keeps a label in another run."
             .to_string(),
         header: ["Change", "Label", "Frames", "Nats for it", "Side by"]
             .map(String::from)

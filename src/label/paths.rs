@@ -6,6 +6,7 @@ use super::evidence::Evidence;
 use super::labeled_take::LabeledTake;
 use super::links::{End, Link, link_cost};
 use super::pieces::Piece;
+use super::tuning::out_and_back;
 use super::tuning::repair::*;
 use crate::io::PointMove;
 use crate::pose::point_at;
@@ -250,12 +251,14 @@ impl<'a> Paths<'a> {
             frames: range,
             jumps,
         } = &self.pieces[piece];
-        if label.is_none() || *jumps != [true; 2] || *frames as f64 > AWAY_LONGEST * self.take.rate
+        if label.is_none()
+            || *jumps != [true; 2]
+            || *frames as f64 > out_and_back::LONGEST * self.take.rate
         {
             return false;
         }
         let at = |t: usize| point_at(self.take.xyz, t, *track);
-        let is_far = |t: usize| at(t).distance(at(t - 1)) >= AWAY;
+        let is_far = |t: usize| at(t).distance(at(t - 1)) >= out_and_back::LEAST;
         // A false cut beside it parts no path.
         let mut beside = [piece - 1, piece + 1].map(|p| self.path_of[p]).to_vec();
         beside.dedup();

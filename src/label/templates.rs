@@ -368,6 +368,7 @@ mod tests {
         };
         Templates {
             all: takes.iter().enumerate().map(one).collect(),
+            ..Templates::default()
         }
     }
 

@@ -212,10 +212,8 @@ pub(crate) mod repair {
     /// A path leaves its label below so many nats in all, where it jumps and where not.
     pub(crate) const POOR: f64 = -4.0;
     pub(crate) const POOREST: f64 = -25.0;
-    /// Away from its point: seconds at most, jumps at least, cm, and the nats that speak against
-    /// it.
-    pub(crate) const AWAY_LONGEST: f64 = 0.6;
-    pub(crate) const AWAY: f64 = 4.0;
+    /// Nats that speak for a path that jumps off its point and back ([`super::out_and_back`] says
+    /// how far and how long).
     pub(crate) const AWAY_SCORE: f64 = 15.0;
     /// Every so many frames of a path it is asked who else is there.
     pub(crate) const FRAME_STEP: usize = 3;

@@ -30,6 +30,8 @@ cut_takes 09 run.csv > my-takes.csv
 cp truth.csv mine.csv
 posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
 awk -F, -v OFS=, 'NR > 160 { $1 = "rest" } 1' truth.csv > two-takes.csv
+# Two people side by side.
+awk -F, -v OFS=, 'NR == 1 { for (i = 3; i <= NF; i++) { a = a ",Ann:" $i; b = b ",Ben:" $i } print $1, $2 a b; next } { a = ""; for (i = 3; i <= NF; i++) a = a "," $i; print $1, $2 a a }' truth.csv > both.csv
 # Labeled pairs of the frames of poses.csv.
 { echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 30); do echo "07_01,$k,07_01,$((k + 100)),1"; echo "07_01,$k,07_01,$((k + 60)),0"; done; } > pairs.csv
 posing rdsr-train -q --unlabelled 100 --pairs pairs.csv -o metric.npz poses.csv
