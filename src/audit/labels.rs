@@ -30,15 +30,14 @@ pub(super) fn add(
         return Vec::new();
     };
     let found = relabel(poses, rate, settings);
-    if let Some(why) = found.unchecked {
-        return vec![format!("labels were not checked: {why}")];
-    }
     for (frames, take) in poses.takes().into_iter().zip(takes) {
         let of_take = Labels {
             poses,
             first: frames.start,
         };
-        take.findings.retain(|f| f.kind != FindingKind::Swap);
+        if found.unchecked.is_none() {
+            take.findings.retain(|f| f.kind != FindingKind::Swap);
+        }
         let own = of_take.findings(&found, &frames, &take.findings);
         take.findings.extend(own);
         let whole = found.whole.iter().filter(|(of, _)| *of == frames);
@@ -51,7 +50,8 @@ pub(super) fn add(
             of_take.finding(kind, &whole.points, None, what)
         }));
     }
-    found.notes
+    let unchecked = (found.unchecked).map(|why| format!("labels were not checked: {why}"));
+    found.notes.into_iter().chain(unchecked).collect()
 }
 
 /// The labels of a take.

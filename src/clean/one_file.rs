@@ -232,7 +232,7 @@ impl CleanSettings {
             audit: before,
             summary: &summary,
             redone: &self.redo,
-            labels: labels.record(),
+            labels: labels.record().cloned(),
             gaps: gap_lines(points),
             gaps_by_point: Vec::new(),
             outliers: replaced(points),

@@ -144,7 +144,7 @@ pub(crate) struct Record<'a> {
     pub redone: &'a [Segment],
     /// What was done to its labels.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub labels: Option<&'a LabelReport>,
+    pub labels: Option<LabelReport>,
     /// Every gap, and how it was filled; none where that would take more room than the take.
     pub gaps: Vec<GapLine<'a>>,
     /// Instead, the gaps of each point together.
@@ -367,6 +367,11 @@ impl Record<'_> {
         self.outliers.truncate(FEW);
         if let Some(rotations) = &mut self.rotations {
             rotations.cut(FEW);
+        }
+        if let Some(labels) = &mut self.labels {
+            cut(labels.changes.len());
+            labels.changes.truncate(FEW);
+            labels.changes.iter_mut().for_each(|c| c.positions.clear());
         }
         for take in &mut self.audit {
             cut(take.findings.len());

@@ -17,19 +17,27 @@ pub struct PointMove {
 impl PointMove {
     /// Makes some moves at once in `xyz` (frames, 3 P); what is left without others is NaN.
     pub(crate) fn make_all(moves: &[PointMove], xyz: &mut Array2<f64>) {
-        let was = xyz.clone();
+        PointMove::make_all_of(moves, xyz, 3);
+    }
+
+    /// [`PointMove::make_all`] in values of which each point has so many (frames, width P).
+    pub(crate) fn make_all_of(moves: &[PointMove], values: &mut Array2<f64>, width: usize) {
+        let was = values.clone();
         for step in moves {
-            xyz.slice_mut(step.cells(step.from)).fill(f64::NAN);
+            values
+                .slice_mut(step.cells(step.from, width))
+                .fill(f64::NAN);
         }
         for step in moves {
             if let Some(to) = step.to {
-                xyz.slice_mut(step.cells(to))
-                    .assign(&was.slice(step.cells(step.from)));
+                values
+                    .slice_mut(step.cells(to, width))
+                    .assign(&was.slice(step.cells(step.from, width)));
             }
         }
     }
 
-    fn cells(&self, point: usize) -> SliceInfo<[SliceInfoElem; 2], Ix2, Ix2> {
-        s![self.frames.clone(), 3 * point..3 * point + 3]
+    fn cells(&self, point: usize, width: usize) -> SliceInfo<[SliceInfoElem; 2], Ix2, Ix2> {
+        s![self.frames.clone(), width * point..width * (point + 1)]
     }
 }

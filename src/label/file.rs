@@ -110,13 +110,7 @@ impl LabelReport {
             frames: u.frames.iter().map(|f| [f.start, f.end]).collect(),
             what: unsure_line(u, &poses.points),
         });
-        let is_changed = |points: &[usize]| {
-            let of = |c: &Change| {
-                c.kind == ChangeKind::WholeTake && c.tracks.iter().all(|t| points.contains(t))
-            };
-            found.changes.iter().any(of)
-        };
-        let open = (found.whole.iter()).filter(|(_, whole)| !is_changed(&whole.points));
+        let open = found.whole.iter().filter(|(_, whole)| !whole.is_put_back);
         let wrong = open.map(|(take, whole)| UnsureLabels {
             labels: all(&whole.points),
             frames: vec![[take.start, take.end]],

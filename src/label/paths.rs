@@ -1,6 +1,6 @@
-//! Pieces that are linked, and the label of each: in some rounds, every path moves to the label that
-//! fits it far better: one that nobody holds then, one that shorter paths hold, one that another path
-//! gives for its own, or none.
+//! Pieces that are linked, and the label of each: in some rounds, every path moves to the label
+//! that fits it far better: one that nobody holds then, one that shorter paths hold, one that
+//! another path gives for its own, or none.
 
 use super::evidence::Evidence;
 use super::labeled_take::LabeledTake;

@@ -97,13 +97,18 @@ pub(crate) fn named(points: &[String], labels: &[usize]) -> Vec<Person> {
             let (a, b) = (own(a), own(b));
             let both: Vec<String> = a.intersection(&b).map(|n| n.to_string()).collect();
             let sided = (0..both.len()).filter(|k| image(&both, *k).is_some_and(|i| i != *k));
-            2 * both.len() > a.len().min(b.len()) && sided.count() >= FEWEST_SIDED
+            both.len() >= FEWEST_SHARED
+                && 2 * both.len() > a.len().min(b.len())
+                && sided.count() >= FEWEST_SIDED
         };
         let has_two = people.iter().enumerate().any(|(k, a)| {
-            let is_marked = way == 0 && by_mark.get("").is_none_or(|of| of != *a);
-            people[k + 1..]
-                .iter()
-                .any(|b| is_marked && !by_mark.contains_key("") || is_alike(a, b))
+            let has_mark = by_mark.get("").is_none_or(|of| of != *a);
+            people[k + 1..].iter().any(|b| match way {
+                0 => has_mark && !by_mark.contains_key("") || is_alike(a, b),
+                1 => is_alike(a, b),
+                // A repeated name has a number; so have the markers of a cluster.
+                _ => !has_mark && is_alike(a, b),
+            })
         });
         has_two.then_some(by_mark)
     });
@@ -191,9 +196,9 @@ mod tests {
 
     #[test]
     fn names_part_people() {
-        let set = "LFHD RFHD C7 T10 LSHO RSHO";
+        let set = "LFHD RFHD C7 T10 LSHO RSHO LELB RELB LWRA RWRA LKNE RKNE";
         let both = |a: [&str; 2], b: [&str; 2]| [marked(a, set), marked(b, set)].concat();
-        let two = |a: &str, b: &str| vec![(a.to_string(), 6), (b.to_string(), 6)];
+        let two = |a: &str, b: &str| vec![(a.to_string(), 12), (b.to_string(), 12)];
         assert_eq!(of(&both(["Ann:", ""], ["Ben:", ""])), two("Ann", "Ben"));
         assert_eq!(of(&both(["Ann_", ""], ["Ben_", ""])), two("Ann", "Ben"));
         assert_eq!(of(&both(["", ""], ["", "_2"])), two("", "2"));

@@ -139,12 +139,18 @@ impl Relabeling {
         for take in poses.takes() {
             let (found, notes) = like.check(&poses, &take);
             self.notes.extend(notes);
-            for whole in found {
-                let is_pair = matches!(whole.kind, WholeTakeKind::Hand)
-                    || whole.kind == WholeTakeKind::Exchanged && whole.points.len() == 2;
+            // Pairs are those of a body whose hand is right.
+            let has_hand = found.iter().any(|w| w.kind == WholeTakeKind::Hand);
+            for mut whole in found {
+                let is_pair = match whole.kind {
+                    WholeTakeKind::Hand => true,
+                    WholeTakeKind::Exchanged => whole.points.len() == 2 && !has_hand,
+                    WholeTakeKind::EitherSide => false,
+                };
                 let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
                 if like.are_same_person() && is_pair && is_free {
                     self.exchange(&whole.points, &take);
+                    whole.is_put_back = true;
                 }
                 self.whole.push((take.clone(), whole));
             }
@@ -177,7 +183,14 @@ impl Relabeling {
                 step.to = step.to.map(|to| other(to).unwrap_or(to));
             }
             change.moves.retain(|m| m.to != Some(m.from));
+            if matches!(change.kind, ChangeKind::Joined | ChangeKind::Moved) {
+                change.tracks.truncate(1);
+                change
+                    .tracks
+                    .extend(change.moves.first().and_then(|m| m.to));
+            }
         }
+        self.changes.retain(|change| !change.moves.is_empty());
         for (k, pair) in pairs.chunks_exact(2).enumerate() {
             let moves = [0, 1].into_iter().flat_map(|n| {
                 let of = |frames: &Range<usize>| PointMove {
@@ -258,12 +271,22 @@ impl Relabeling {
         for change in changes(moves(&found.pieces), labels.len()) {
             let nats = found.nats(&change, &xyz, take.rate);
             let side = found.side(&change);
-            let joined = change.moves.iter().filter(|m| m.from >= labels.len());
+            // A gap between two pieces stays where it is: another may be there.
+            let pieces = change.moves.iter().flat_map(|step| {
+                let is_of = |p: &&PointMove| {
+                    (p.from, p.to) == (step.from, step.to)
+                        && step.frames.start <= p.frames.start
+                        && p.frames.end <= step.frames.end
+                };
+                found.pieces.iter().filter(is_of)
+            });
+            let pieces: Vec<&PointMove> = pieces.collect();
+            let joined = pieces.iter().filter(|m| m.from >= labels.len());
             taken.extend(joined.map(|m| PointMove {
                 from: order[m.from],
-                ..m.clone()
+                ..(*m).clone()
             }));
-            let moved = change.moves.iter().map(|m| PointMove {
+            let moved = pieces.iter().map(|m| PointMove {
                 from: order[m.from],
                 to: m.to.map(|to| order[to]),
                 frames: shifted(&m.frames),
@@ -302,7 +325,9 @@ impl Repair {
             let own = Some(step.from).filter(|from| *from < labels);
             let gain =
                 |t: usize| step.to.map_or(0.0, |to| at(to, t)) - own.map_or(0.0, |l| at(l, t));
-            let gains: Vec<f64> = step.frames.clone().step_by(every).map(gain).collect();
+            let is_seen = |t: &usize| point_at(xyz.view(), *t, step.from).is_finite();
+            let seen = step.frames.clone().step_by(every).filter(is_seen);
+            let gains: Vec<f64> = seen.map(gain).collect();
             let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
             mean * (1.0 + step.frames.len() as f64 / (APART * rate)).min(MOST_WEIGHT)
         };

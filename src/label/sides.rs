@@ -1,5 +1,5 @@
-//! Which side of an exchange is right: the longer one, of long exchanges the one that fits the body's
-//! mirror image.
+//! Which side of an exchange is right: the longer one, of long exchanges the one that fits the
+//! body's mirror image.
 
 use super::evidence::Evidence;
 use super::identities::{Course, Exchange, Exchanged};
@@ -125,7 +125,10 @@ impl LabeledTake<'_> {
         let (names, places) = (&self.names[..self.labels], self.xyz);
         let like =
             |frames: &[Range<usize>]| (self.like).cost(self.person, names, places, labels, frames);
-        if let Some(side) = side(like(&rest), like(&exchanged)) {
+        // Another person's take says nothing against most frames.
+        if (shorter >= LONG || self.like.are_same_person())
+            && let Some(side) = side(like(&rest), like(&exchanged))
+        {
             return Some((side, SideBy::Template));
         }
         if shorter < LONG {

@@ -48,6 +48,8 @@ pub(crate) struct WholeTake {
     pub points: Vec<usize>,
     /// The labeled takes that say it.
     pub like: Vec<String>,
+    /// Whether changes put it right.
+    pub is_put_back: bool,
 }
 
 /// How labels are wrong in every frame.
@@ -211,10 +213,13 @@ impl Templates {
                     .collect(),
                 _ => group.clone(),
             };
+            let mut like: Vec<String> = by.iter().map(|n| templates[*n].take.clone()).collect();
+            like.dedup();
             let one = WholeTake {
                 kind,
+                is_put_back: false,
                 points: sided.iter().map(|l| person.points[*l]).collect(),
-                like: by.iter().map(|n| templates[*n].take.clone()).collect(),
+                like,
             };
             // The odd one out is wrong: a template, where most others are like the take.
             if 2 * by.len() > all {
@@ -239,6 +244,7 @@ impl Labeled {
                 kind: WholeTakeKind::EitherSide,
                 points: labels.iter().map(|l| self.person.points[*l]).collect(),
                 like: Vec::new(),
+                is_put_back: false,
             }
         };
         mirror.exchanged(distances).into_iter().map(one).collect()
@@ -400,7 +406,8 @@ mod tests {
             take = exchanged(take, [k, k + 6]);
         }
         let like = templates(&[person(1.0, 0.0)], true);
-        let hand = (WholeTakeKind::Hand, vec![]);
+        let sides = (0..6).flat_map(|k| [k, k + 6]).collect();
+        let hand = (WholeTakeKind::Hand, sides);
         assert_eq!(check(&like, &take), (vec![hand.clone()], 0));
         let want = (WholeTakeKind::Exchanged, vec![2, 4]);
         let (mut found, _) = check(&like, &exchanged(take, [2, 4]));

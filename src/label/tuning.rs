@@ -72,6 +72,8 @@ pub(crate) mod out_and_back {
 pub(crate) mod people {
     /// Points that names tell to be a person, at least.
     pub(crate) const FEWEST_NAMED: usize = 4;
+    /// Names that two people share, at least, where no colon parts them.
+    pub(crate) const FEWEST_SHARED: usize = 12;
     /// Names with a left and a right among those that two people share, at least.
     pub(crate) const FEWEST_SIDED: usize = 4;
     /// Points of a body that distances tell, at least; it has one in so many of all, and of more
@@ -163,9 +165,9 @@ pub(crate) mod mirror {
     pub(crate) const UNEVEN_SHARE: f64 = 0.05;
     /// Highest cost of a distance.
     pub(crate) const HIGHEST: f64 = 9.0;
-    /// Neighbors and unevenness where exchanges in every frame are looked for. Chosen on eight takes
-    /// (85_02, 06_01, HDM dg, arnold 01, SprintCalib, Eb015pr, two static ones of Plug-in Gait), in
-    /// which no pair gains over 10.6 then.
+    /// Neighbors and unevenness where exchanges in every frame are looked for. Chosen on eight
+    /// takes (85_02, 06_01, HDM dg, arnold 01, SprintCalib, Eb015pr, two static ones of Plug-in
+    /// Gait), in which no pair gains over 10.6 then.
     pub(crate) const WHOLE_NEIGHBORS: usize = 6;
     pub(crate) const WHOLE_UNEVEN: f64 = 2.0;
 }
@@ -232,8 +234,8 @@ pub(crate) mod whole_take {
 
 /// Distances of a labeled take beside those of another. Chosen among some fifty variants on three
 /// takes of three people by each other (06_01, 85_02, HDM dg; 126 exchanges): 120 found, 3 others
-/// beside them, 2 in the takes as they are. Not tried on takes that the choice did not see. Within a
-/// person (85_02, three takes of arnold) all of 224, none beside them.
+/// beside them, 2 in the takes as they are. Not tried on takes that the choice did not see. Within
+/// a person (85_02, three takes of arnold) all of 224, none beside them.
 pub(crate) mod template {
     /// Fewer labels say nothing of each other.
     pub(crate) const FEWEST_LABELS: usize = 4;

@@ -25,7 +25,7 @@ use super::restoration::Restoration;
 use super::take::{Method, PointMapping, Take};
 use crate::io::Model;
 use crate::io::Table;
-use crate::label::people::people;
+use crate::label::people::{Person, people};
 use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
@@ -226,40 +226,43 @@ impl<'m> Restorer<'m> {
         let mut out = Restoration::unchanged(table);
         let poses = &table.poses;
         let people = people(&poses.points, &labeled(&poses.points), poses.xyz.view());
-        let all = Restored {
-            table,
-            method,
-            rate,
-            hidden,
-            progress,
-        };
-        let mut unknown = Ok(());
-        let mut is_known = people.is_empty();
-        for person in &people {
-            let labeled = Labeled::of(table, &person.points);
+        let of_person = |person: &Person| Labeled::of(table, &person.points);
+        let people: Vec<Labeled<'_>> = people.iter().map(of_person).collect();
+        let mapped = people.iter().map(|labeled| {
             let mapped = self.model.map(|model| self.mapping(model, &labeled.poses));
-            // The model need not know a second person's points.
-            let mapped = match mapped.transpose() {
-                Ok(mapped) => mapped,
-                Err(e) => {
-                    unknown = Err(e);
-                    None
+            mapped.transpose()
+        });
+        let mut mapped: Vec<Result<_>> = mapped.collect();
+        // The model need not know a second person's points.
+        if !mapped.is_empty() && mapped.iter().all(Result::is_err) {
+            mapped.swap_remove(0)?;
+        }
+        for (n, (labeled, mapped)) in people.iter().zip(mapped).enumerate() {
+            let mapped = mapped.unwrap_or_default();
+            let (mapping, names) = match &mapped {
+                Some((mapping, names)) => (Some(mapping), &names[..]),
+                None => (None, &labeled.poses.points[..]),
+            };
+            if rate.is_none() && mapping.is_none() && self.model.is_some() {
+                continue;
+            }
+            let is_first = n == 0;
+            let count = |frames: usize| {
+                if is_first {
+                    progress(frames);
                 }
             };
-            is_known |= self.model.is_none() || mapped.is_some();
-            let mapping = mapped.as_ref().map(|(mapping, _)| mapping);
-            let names = match &mapped {
-                Some((_, names)) => names,
-                None => &labeled.poses.points[..],
+            let all = Restored {
+                table,
+                method,
+                rate,
+                hidden,
+                progress: &count,
             };
-            all.restore(&labeled, mapping, names, &mut out)?;
+            all.restore(labeled, mapping, names, &mut out)?;
         }
         out.count_people(people.len());
-        if is_known {
-            Ok(out)
-        } else {
-            unknown.map(|()| out)
-        }
+        Ok(out)
     }
 }
 

@@ -25,9 +25,10 @@ use std::path::PathBuf;
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
 /// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
-/// format, with all else that the file says. Labels are put right first, as label does. Gaps are filled as by complete, outliers replaced (the
-/// record keeps them), and takes with more noise than --noise-limit are denoised; all else stays to
-/// the last digit. With --to, BVH and AMC files become positions, which are cleaned as others are.
+/// format, with all else that the file says. Labels are put right first, as label does. Gaps are
+/// filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
+/// --noise-limit are denoised; all else stays to the last digit. With --to, BVH and AMC files
+/// become positions, which are cleaned as others are.
 ///
 /// Else these keep their own rotations, which are cleaned joint by joint, without a model: any rig,
 /// hands too. Where the joints tremble more than the limit, each is smoothed as strongly as it
@@ -116,7 +117,7 @@ pub struct Args {
     #[arg(long, value_enum, help_heading = "Method")]
     outliers: Option<OutlierDetection>,
     /// Leave labels as they are: markers that changed places, pieces without a label
-    #[arg(long, help_heading = "Method")]
+    #[arg(long, conflicts_with = "like", help_heading = "Method")]
     no_labels: bool,
     /// Keep the label of a point in a stretch, in seconds as the file has them, also where label
     /// would change it (may be given again)
@@ -254,7 +255,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             .map_or(RotationCleaning::default().noise_limit, f64::to_radians),
         labels: (!args.no_labels).then(|| LabelSettings {
             keep: args.keep_labels.clone(),
-            take_out: outliers,
+            take_out: args.outliers != Some(OutlierDetection::None),
             like,
         }),
         smooth: !args.no_smooth,

@@ -26,8 +26,8 @@ use std::path::{Path, PathBuf};
 /// as it was, and is told. Several people (Ann:LFHD, Ben:LFHD) are looked at one by one.
 ///
 /// Beside each result, RESULT.json has every change with the evidence for it and the positions that
-/// were taken out, and, where something changed, RESULT.html plays the take before and after. Exit
-/// code 3: something is not sure.
+/// were taken out, and, where something changed or is not sure, RESULT.html plays the take before
+/// and after. Exit code 3: something is not sure.
 #[derive(Parser)]
 #[command(
     name = "label",
@@ -75,7 +75,8 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     // A dry run has places for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
-    let jobs = batch(&args.inputs, output, &EXTENSIONS, None, &[])?;
+    let kept: Vec<&Path> = args.like.like.iter().map(|path| path.as_path()).collect();
+    let jobs = batch(&args.inputs, output, &EXTENSIONS, None, &kept)?;
     if jobs.len() > 1 && !args.keep_labels.is_empty() {
         let what = "--keep-labels is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));

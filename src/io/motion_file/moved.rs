@@ -7,6 +7,7 @@ use crate::io::output::write_file;
 use crate::io::table_writer::TableFormat;
 use crate::io::{PointMove, Table};
 use crate::{Error, Place, Result};
+use std::collections::HashSet;
 use std::path::Path;
 
 impl MotionFile {
@@ -89,11 +90,22 @@ impl MotionFile {
 fn moved_table(table: &Table, moves: &[PointMove]) -> Table {
     let mut out = table.clone();
     PointMove::make_all(moves, &mut out.poses.xyz);
+    if let Some(sd) = &mut out.sd {
+        PointMove::make_all_of(moves, sd, 1);
+    }
     let names = &table.columns.names;
+    let points: HashSet<&str> = table.poses.points.iter().map(String::as_str).collect();
+    // hand.l.x is of hand.l where there is such a point.
+    let parted = |name: &'_ str| -> Option<usize> {
+        let mut dots = name.rmatch_indices('.').map(|(at, _)| at);
+        dots.find(|at| points.contains(&name[..*at]))
+    };
     let of_point = |p: usize| {
-        let prefix = format!("{}.", table.poses.points[p]);
         let columns = names.iter().enumerate();
-        let own = columns.filter_map(move |(c, n)| Some((c, n.strip_prefix(&prefix)?)));
+        let own = columns.filter_map(|(c, n)| {
+            let at = parted(n).filter(|at| n[..*at] == table.poses.points[p])?;
+            Some((c, &n[at + 1..]))
+        });
         own.collect::<Vec<_>>()
     };
     let columns: Vec<Vec<(usize, Option<usize>)>> = moves
