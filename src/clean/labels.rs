@@ -1,13 +1,13 @@
 //! The labels of a capture, put right before it is cleaned.
 
-use super::one_file::CleanSettings;
 use super::places::PlaceToSee;
 use crate::Result;
 use crate::draw::href::encoded;
 use crate::draw::scene::Table;
+use crate::error::with_options;
 use crate::io::MotionFile;
 use crate::io::motion_file::ReadOptions;
-use crate::label::{LabelReport, check_labels};
+use crate::label::{LabelReport, LabelSettings, check_labels};
 use ndarray::Array2;
 
 /// Changes that a note tells each.
@@ -23,25 +23,23 @@ pub(super) struct Relabeled {
     pub captured: Option<Array2<f64>>,
 }
 
-impl CleanSettings {
-    /// The file with its labels put right, and what was changed; rotations have no labels.
-    pub(super) fn relabeled(
-        &self,
-        file: MotionFile,
-        read: &ReadOptions,
-    ) -> Result<(MotionFile, Relabeled)> {
-        let Some(settings) = self.labels.as_ref().filter(|_| file.motion().is_none()) else {
-            return Ok((file, Relabeled::default()));
-        };
-        let report = check_labels(&file, settings)?;
-        if report.moves.is_empty() {
-            let captured = None;
-            return Ok((file, Relabeled { report, captured }));
-        }
-        let moved = file.moved(&report.moves, read)?;
-        let captured = Some(file.table.poses.xyz);
-        Ok((moved, Relabeled { report, captured }))
+/// The file with its labels put right, and what was changed; rotations have no labels.
+pub(super) fn relabeled(
+    settings: Option<&LabelSettings>,
+    file: MotionFile,
+    read: &ReadOptions,
+) -> Result<(MotionFile, Relabeled)> {
+    let Some(settings) = settings.filter(|_| file.motion().is_none()) else {
+        return Ok((file, Relabeled::default()));
+    };
+    let report = check_labels(&file, settings)?;
+    if report.moves.is_empty() {
+        let captured = None;
+        return Ok((file, Relabeled { report, captured }));
     }
+    let moved = file.moved(&report.moves, read)?;
+    let captured = Some(file.table.poses.xyz);
+    Ok((moved, Relabeled { report, captured }))
 }
 
 impl Relabeled {
@@ -102,9 +100,10 @@ impl Relabeled {
 /// where there are none.
 pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
     let mut out = Table {
-        caption: "Labels that were changed, or are not sure (frames count from 0): a row leads to \
-                  the frame before. --keep-labels NAME:FROM-TO keeps a label in another run."
-            .to_string(),
+        caption: with_options(
+            "Labels that were changed, or are not sure (frames count from 0): a row leads to the \
+             frame before. The option `keep_labels NAME:FROM-TO` keeps a label in another run.",
+        ),
         header: ["Change", "Label", "Frames", "Nats for it", "Side by"]
             .map(String::from)
             .to_vec(),

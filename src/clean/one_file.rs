@@ -1,6 +1,7 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
 use super::held::empty_held;
+use super::labels::relabeled;
 use super::page::write_page;
 use super::places::PlaceToSee;
 use super::record::{
@@ -178,7 +179,7 @@ impl CleanSettings {
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
-        let (mut file, labels) = self.relabeled(file, &capture.read)?;
+        let (mut file, labels) = relabeled(self.labels.as_ref(), file, &capture.read)?;
         if self.held_is_missing {
             empty_held(&mut file)?;
         }

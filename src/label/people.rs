@@ -64,6 +64,9 @@ pub fn points_of_person(points: &[String], name: &str) -> Result<Vec<(usize, Str
     Ok(person.points.iter().map(own).collect())
 }
 
+/// What tells a person in a name, and the person's own name.
+type Parting = fn(&str) -> (&str, &str);
+
 /// The people that names tell apart.
 pub(crate) fn named(points: &[String], labels: &[usize]) -> Vec<Person> {
     let one = || {
@@ -72,7 +75,7 @@ pub(crate) fn named(points: &[String], labels: &[usize]) -> Vec<Person> {
             points: labels.to_vec(),
         }]
     };
-    let ways: [fn(&str) -> (&str, &str); 3] = [
+    let ways: [Parting; 3] = [
         |name| name.rsplit_once(':').unwrap_or(("", name)),
         |name| name.split_once('_').unwrap_or(("", name)),
         |name| match name.rsplit_once('_') {

@@ -245,7 +245,7 @@ fn a_labeled_take_of_the_person_puts_back_what_no_frame_shows() {
         .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
     assert!(
-        said.contains("LELB and LWRA are exchanged in every frame: put back"),
+        said.contains("LWRA and LELB are exchanged in every frame: put back"),
         "{said}"
     );
     let cells = |csv: &str| -> Vec<Vec<String>> {
@@ -268,7 +268,7 @@ fn a_labeled_take_of_the_person_puts_back_what_no_frame_shows() {
         .code(3);
     let said = String::from_utf8_lossy(&told.get_output().stderr).into_owned();
     assert!(
-        said.contains("LELB and LWRA are exchanged in every frame, here or in"),
+        said.contains("LWRA and LELB are exchanged in every frame, here or in"),
         "{said}"
     );
 }
