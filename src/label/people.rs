@@ -210,7 +210,7 @@ mod tests {
         let one = vec![(String::new(), 12)];
         assert_eq!(
             of(&[marked(["A:", ""], set), marked(["", ""], "a b c d e f")].concat()),
-            one
+            vec![(String::new(), 18)]
         );
         assert_eq!(
             of(&marked(
