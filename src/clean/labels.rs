@@ -104,7 +104,7 @@ pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
             "Labels that were changed, or are not sure (frames count from 0): a row leads to the \
              frame before. The option `keep_labels NAME:FROM-TO` keeps a label in another run.",
         ),
-        header: ["Change", "Label", "Frames", "Nats for it", "Side by"]
+        header: ["Change", "Label", "Frames", "Evidence, nats", "Side by"]
             .map(String::from)
             .to_vec(),
         ..Table::default()

@@ -37,7 +37,7 @@ pub struct LabelChange {
     pub from: String,
     /// The label whose these are; none's where it is missing.
     pub to: Option<String>,
-    /// Of three and more that changed places, all, each moving to the next.
+    /// All labels, where three or more changed places, each moving to the next.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ring: Vec<String>,
     /// The first frame, from 0 over the file, and the one after the last.

@@ -43,7 +43,7 @@ impl MotionFile {
         })
     }
 
-    /// The same file of another table; only of one that is a table.
+    /// A file that is a table, with another table.
     fn of_table(&self, table: Table) -> MotionFile {
         MotionFile {
             format: self.format,
