@@ -89,26 +89,44 @@ impl GapSummary {
     }
 }
 
-/// Points that are exactly at the origin in some frames: nothing that is measured is.
+/// What to do where zeros are no positions.
+const EMPTIED: &str =
+    "if that means missing, make these cells empty (the option `zeros_are_missing`)";
+/// So many points that are at the origin in every frame are none of a skeleton's root.
+const MANY_AT_ORIGIN: usize = 5;
+
+/// Points that are exactly at the origin: nothing that is measured is.
 pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
     let frames = take.xyz.nrows();
-    let mut out = Vec::new();
+    let (mut out, mut always) = (Vec::new(), Vec::new());
     for p in 0..take.points.len() {
         let is_zero = |t: &usize| take.at(*t, p) == Some(glam::DVec3::ZERO);
         let zeros: Vec<usize> = (0..frames).filter(is_zero).collect();
         let others = (0..frames).any(|t| take.at(t, p).is_some_and(|at| at != glam::DVec3::ZERO));
-        // A root that is at the origin all the time is there on purpose.
-        if zeros.is_empty() || !others {
+        if zeros.is_empty() {
+            continue;
+        }
+        if !others {
+            always.push(p);
             continue;
         }
         let what = format!(
-            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty \
-             (the option `zeros_are_missing`)",
+            "{} is exactly 0, 0, 0 in {} frames: {EMPTIED}",
             take.points[p],
             zeros.len()
         );
         let range = ranges(zeros.iter().copied())[0].clone();
         out.push(take.finding(FindingKind::Zeros, &[p], Some(range), what));
+    }
+    // A root that is at the origin all the time, and joints at its place, are there on purpose.
+    if always.len() >= MANY_AT_ORIGIN && !take.are_joints {
+        let what = format!(
+            "{}, {} and {} more are exactly 0, 0, 0 in every frame: {EMPTIED}",
+            take.points[always[0]],
+            take.points[always[1]],
+            always.len() - 2
+        );
+        out.push(take.finding(FindingKind::Zeros, &always, None, what));
     }
     out
 }

@@ -73,6 +73,12 @@ fn gaps_and_zeros_are_found() {
     poses.xyz.slice_mut(s![20..60, 9..12]).fill(0.0);
     let kinds: Vec<FindingKind> = found(&poses).iter().map(|f| f.0).collect();
     assert!(kinds.contains(&FindingKind::Zeros), "{kinds:?}");
+    let mut poses = walk();
+    poses.xyz.slice_mut(s![.., ..15]).fill(0.0);
+    let zeros = found(&poses)
+        .into_iter()
+        .filter(|f| f.0 == FindingKind::Zeros);
+    assert_eq!(zeros.map(|f| f.1.len()).collect::<Vec<_>>(), [5]);
 }
 
 #[test]

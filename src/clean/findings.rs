@@ -1,18 +1,18 @@
 //! What became of a file, and what of its result somebody should look at.
 
-use super::one_file::{CleanSettings, CleanedTake, keeps_rotations};
+use super::one_file::{CleanSettings, CleanedTake, Known, keeps_rotations};
 use super::places::{PlaceToSee, places};
 use super::record::Summary;
-use super::replaced::{ReplacedPosition, replaced};
+use super::replaced::ReplacedPosition;
 use super::sources::OutputFormat;
 use crate::audit::{
-    Finding, FindingKind, TakeAudit, are_joints, audit_points, count, kind_name, rotation_findings,
+    Finding, FindingKind, are_joints, audit_points, count, kind_name, rotation_findings,
 };
 use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
 use crate::label::unlabeled::{labeled, left_alone};
-use crate::pose::{PointNaming, Poses, point_at};
+use crate::pose::{PointNaming, Poses, Status, point_at};
 use crate::restore::{Restoration, typical_noise};
 use ndarray::ArrayView2;
 
@@ -20,8 +20,7 @@ use ndarray::ArrayView2;
 const LISTED: usize = 4;
 
 impl CleanSettings {
-    /// What became of a file, of which `unheld` positions or values are not in the result; `redone`
-    /// are the places that were done again, `before` the audit of the capture.
+    /// What became of a file, of which `unheld` positions or values are not in the result.
     pub(super) fn summary(
         &self,
         file: &MotionFile,
@@ -29,14 +28,18 @@ impl CleanSettings {
         naming: &PointNaming,
         cleaned: &CleanedTake<'_>,
         unheld: usize,
-        (redone, before): (Vec<PlaceToSee>, &[TakeAudit]),
+        known: Known<'_>,
     ) -> Summary {
         let (poses, restored) = (&file.table.poses, &cleaned.points);
         let rotations = cleaned.rotations.as_ref();
         let keeps = keeps_rotations(file, to);
         let points = labeled(&poses.points);
         let missing = |xyz: ArrayView2<'_, f64>| {
-            let of_frame = |t: usize| points.iter().filter(move |p| !is_seen(xyz, t, **p)).count();
+            // What was taken out is an outlier.
+            let is_missing = |t: usize, p: usize| {
+                !is_seen(xyz, t, p) && restored.status(t, p) != Status::Rejected
+            };
+            let of_frame = |t: usize| points.iter().filter(move |p| is_missing(t, **p)).count();
             (0..poses.frames()).map(of_frame).sum::<usize>()
         };
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
@@ -63,7 +66,7 @@ impl CleanSettings {
                 place
             }));
         }
-        let moved = replaced(restored);
+        let moved = known.replaced;
         let doubtful = restored.counts().rejected.saturating_sub(moved.len());
         if self.method.outliers && !keeps && doubtful > 0 {
             findings.push(format!(
@@ -87,7 +90,7 @@ impl CleanSettings {
             }
         }
         let mut notes = notes(file, naming, restored);
-        notes.extend(replacements(&moved));
+        notes.extend(replacements(moved));
         notes.extend(rotations.iter().flat_map(|r| r.notes()));
         Summary {
             format: file.format.name().to_string(),
@@ -104,7 +107,11 @@ impl CleanSettings {
             copied: false,
             findings: findings.iter().map(|line| with_options(line)).collect(),
             notes: notes.iter().map(|line| with_options(line)).collect(),
-            places: places(redone.into_iter().chain(found).collect(), before, &moved),
+            places: places(
+                known.places.into_iter().chain(found).collect(),
+                known.audit,
+                moved,
+            ),
         }
     }
 

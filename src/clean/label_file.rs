@@ -1,9 +1,10 @@
 //! The labels of a file put right by themselves: the result, its record, and a page to look at.
 
 use super::labels::label_table;
+use super::page::write_page_of;
 use super::record::{Fingerprint, make_folder_of, record_path};
 use crate::draw::scene::Figure;
-use crate::draw::take_page::{TakePage, page_beside, write_take_page};
+use crate::draw::take_page::TakePage;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
 use crate::io::{MotionFile, PointMove};
@@ -28,7 +29,8 @@ struct Record<'a> {
 
 /// Writes a file with its labels put right, as [`check_labels`](crate::label::check_labels) found
 /// them, to `output`, with the record `OUTPUT.json`, and, where something changed or is not sure,
-/// the page `OUTPUT.html`. `input` is where the file came from.
+/// the page `OUTPUT.html`. `input` is where the file came from. Returns a line to be told: another
+/// file stands in the place of the page.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails. [`Error::Data`]: the file holds rotations, or something that is no
@@ -38,7 +40,7 @@ pub fn write_labeled(
     output: &Path,
     file: &MotionFile,
     labels: &LabelReport,
-) -> Result<()> {
+) -> Result<Option<String>> {
     let record = record_path(output);
     let is_ours = |text: Vec<u8>| {
         let json: Option<Value> = serde_json::from_slice(&text).ok();
@@ -51,7 +53,7 @@ pub fn write_labeled(
     }
     make_folder_of(output)?;
     file.write_moved(output, &labels.moves)?;
-    write_take_page(&page_beside(output), page(input, file, labels)?.as_deref())?;
+    let note = write_page_of(output, page(input, file, labels)?.as_deref())?;
     let written = Record {
         command: "label",
         posing: env!("CARGO_PKG_VERSION"),
@@ -61,7 +63,8 @@ pub fn write_labeled(
         output: Fingerprint::read(output)?,
     };
     let text = serde_json::to_string_pretty(&written).map_err(|e| Error::usage(e.to_string()))?;
-    write_file(record, (text + "\n").as_bytes())
+    write_file(record, (text + "\n").as_bytes())?;
+    Ok(note)
 }
 
 /// The page of a take whose labels were changed; `None` where there is nothing to see.

@@ -8,7 +8,7 @@ use crate::error::with_options;
 use crate::io::MotionFile;
 use crate::io::motion_file::ReadOptions;
 use crate::label::{LabelReport, LabelSettings, check_labels};
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 /// Changes that a note tells each.
 const LISTED: usize = 6;
@@ -43,6 +43,20 @@ pub(super) fn relabeled(
 }
 
 impl Relabeled {
+    /// The positions of a file as they were captured (frames, 3 points), cm.
+    pub(super) fn captured<'a>(&'a self, file: &'a MotionFile) -> ArrayView2<'a, f64> {
+        self.captured
+            .as_ref()
+            .unwrap_or(&file.table.poses.xyz)
+            .view()
+    }
+
+    /// The frames and labels of positions that were taken out.
+    pub(super) fn taken_out(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let out = self.report.moves.iter().filter(|m| m.to.is_none());
+        out.flat_map(|m| m.frames.clone().map(|t| (t, m.from)))
+    }
+
     /// What was changed, a line each, the first of them.
     pub(super) fn notes(&self) -> Vec<String> {
         let changes = &self.report.changes;

@@ -9,10 +9,10 @@ use super::record::{
     may_write, unchanged,
 };
 use super::redo;
-use super::replaced::replaced;
+use super::replaced::{ReplacedPosition, replaced};
 use super::rotations::CleanedFile;
 use super::sources::{Job, OutputFormat};
-use crate::audit::{Limits, audit_motion};
+use crate::audit::{Limits, TakeAudit, audit_motion};
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skeleton_of};
 use crate::io::motion_folder::name_of;
@@ -87,6 +87,16 @@ pub enum FileOutcome {
         /// Whether there is one.
         old_result: bool,
     },
+}
+
+/// What is known of a file beside its result.
+pub(super) struct Known<'a> {
+    /// Places that were done again, and those where labels changed or are not sure.
+    pub places: Vec<PlaceToSee>,
+    /// The audit of the capture.
+    pub audit: &'a [TakeAudit],
+    /// Its positions that were replaced as outliers.
+    pub replaced: &'a [ReplacedPosition],
 }
 
 impl CleanSettings {
@@ -190,7 +200,8 @@ impl CleanSettings {
         }
         let (redone, mut notes) = self.redo(&mut file, keeps)?;
         let naming = self.naming(&file.table.poses);
-        let restored = self.restored(&file, to, &naming)?;
+        let mut restored = self.restored(&file, to, &naming)?;
+        restored.points.reject(labels.taken_out());
         let (restored, smoothed) = self.smoothed(&file, keeps, restored)?;
         notes.extend(smoothed);
         let points = &restored.points;
@@ -200,9 +211,13 @@ impl CleanSettings {
         let old = begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
         let unheld = written.inspect_err(|_| give_up(&job.output, old.as_deref()))?;
-        let seen = redone.into_iter().chain(labels.places()).collect();
-        let found = (seen, &before[..]);
-        let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
+        let outliers = replaced(points, labels.captured(&file));
+        let known = Known {
+            places: redone.into_iter().chain(labels.places()).collect(),
+            audit: &before,
+            replaced: &outliers,
+        };
+        let mut summary = self.summary(&file, to, &naming, &restored, unheld, known);
         summary.notes.extend(notes);
         summary.notes.extend(labels.notes());
         summary.findings.extend(labels.findings());
@@ -236,7 +251,7 @@ impl CleanSettings {
             labels: labels.record().cloned(),
             gaps: gap_lines(points),
             gaps_by_point: Vec::new(),
-            outliers: replaced(points),
+            outliers,
             rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
             left_out: 0,
             output: Fingerprint::read(&job.output)?,

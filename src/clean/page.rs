@@ -9,6 +9,7 @@ use crate::draw::take_page::{TakePage, page_beside, write_take_page};
 use crate::io::MotionFile;
 use crate::restore::Restoration;
 use ndarray::Array2;
+use std::path::Path;
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands
 /// in its place.
@@ -22,15 +23,24 @@ pub(crate) fn write_page(
     restored: &Restoration<'_>,
     summary: &Summary,
 ) -> Result<Option<String>> {
-    let path = page_beside(&job.output);
     let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
     let html = match is_seen {
         true => take_page(&job.name, file, labels, restored)?,
         false => None,
     };
-    let is_written = write_take_page(&path, html.as_deref())?;
+    write_page_of(&job.output, html.as_deref())
+}
+
+/// Writes the page of a result, or removes its old one. Returns a line to be told: another file
+/// stands in its place.
+///
+/// # Errors
+/// [`crate::Error::Io`]: writing fails.
+pub(super) fn write_page_of(output: &Path, html: Option<&str>) -> Result<Option<String>> {
+    let path = page_beside(output);
+    let is_written = write_take_page(&path, html)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let in_the_way = || format!("no page of the take: {name} is there and is none of clean's");
+    let in_the_way = || format!("no page of the take: {name} is there and is none of posing's");
     Ok((html.is_some() && !is_written).then(in_the_way))
 }
 
@@ -46,8 +56,8 @@ fn take_page(
     let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
     let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let captured = labels.captured.as_ref().unwrap_or(&poses.xyz);
-    let mut figures = vec![Figure::new("capture", captured.view())];
+    let captured = labels.captured(file);
+    let mut figures = vec![Figure::new("capture", captured)];
     if restored.xyz() != captured {
         figures.push(Figure {
             status: Some(status.view()),

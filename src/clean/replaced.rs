@@ -19,8 +19,12 @@ pub(crate) struct ReplacedPosition {
     pub moved: f64,
 }
 
-/// The measured positions that were replaced as outliers.
-pub(crate) fn replaced(restored: &Restoration<'_>) -> Vec<ReplacedPosition> {
+/// The measured positions that were replaced as outliers; `captured` are those of the file (frames,
+/// 3 points).
+pub(crate) fn replaced(
+    restored: &Restoration<'_>,
+    captured: ArrayView2<'_, f64>,
+) -> Vec<ReplacedPosition> {
     let poses = &restored.source().poses;
     let mut out = Vec::new();
     for t in 0..poses.frames() {
@@ -29,7 +33,7 @@ pub(crate) fn replaced(restored: &Restoration<'_>) -> Vec<ReplacedPosition> {
                 continue;
             }
             let at = |xyz: ArrayView2<'_, f64>| [0, 1, 2].map(|c| xyz[[t, 3 * p + c]]);
-            let (was, now) = (at(poses.xyz.view()), at(restored.xyz()));
+            let (was, now) = (at(captured), at(restored.xyz()));
             let moved = DVec3::from_array(was).distance(DVec3::from_array(now));
             if moved > 0.0 {
                 out.push(ReplacedPosition {

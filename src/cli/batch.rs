@@ -21,7 +21,7 @@ pub struct BatchJob {
 /// is the worst of all.
 ///
 /// # Errors
-/// That of the only job.
+/// Fails as the only job does.
 pub fn each(
     jobs: &[BatchJob],
     mut work: impl FnMut(&BatchJob) -> Result<Outcome>,

@@ -11,6 +11,7 @@ use crate::Result;
 use crate::pose::Poses;
 use crate::pose::one_take::{one_take, take_rows};
 use ndarray::{Array2, Axis};
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -219,12 +220,11 @@ pub(crate) fn deviations(
     cells: &[Cells],
     centimeters: f64,
 ) -> Option<Array2<f64>> {
-    let column = |point: &String| {
-        columns
-            .names
-            .iter()
-            .position(|c| *c == format!("{point}.sd"))
-    };
+    // Of columns of one name the first.
+    let by_point: HashMap<&str, usize> = (columns.names.iter().enumerate().rev())
+        .filter_map(|(n, name)| Some((name.strip_suffix(".sd")?, n)))
+        .collect();
+    let column = |point: &String| by_point.get(point.as_str()).copied();
     let of_points: Vec<Option<usize>> = columns.points.iter().map(column).collect();
     if cells.is_empty() || of_points.iter().all(Option::is_none) {
         return None;

@@ -121,7 +121,7 @@ pub(crate) fn changes(moves: Vec<PointMove>, labels: usize) -> Vec<Change> {
     out
 }
 
-/// Those of some changes that are wanted, and that can be made without the others: none brings a
+/// Keeps of some changes what is wanted, and can be made without the others: none brings a
 /// position to where another stays. `has(track, frame)`: whether the track is seen there.
 pub(crate) fn wanted(
     mut changes: Vec<Change>,
@@ -149,6 +149,59 @@ pub(crate) fn wanted(
         }
         let mut open = open.into_iter();
         changes.retain(|_| open.next() == Some(true));
+    }
+}
+
+/// Exchanges pairs of tracks in every frame of a take, after all other changes in it.
+pub(crate) fn exchange_in_take(changes: &mut Vec<Change>, pairs: &[usize], take: &Range<usize>) {
+    let other = |point: usize| {
+        let k = pairs.iter().position(|p| *p == point)?;
+        pairs.get(k ^ 1).copied()
+    };
+    let mut left: Vec<Vec<Range<usize>>> = vec![vec![take.clone()]; pairs.len()];
+    for change in changes.iter_mut() {
+        for step in change
+            .moves
+            .iter_mut()
+            .filter(|m| take.contains(&m.frames.start))
+        {
+            if let Some(k) = pairs.iter().position(|p| *p == step.from) {
+                left[k] = (left[k].iter())
+                    .flat_map(|r| {
+                        let first = r.start..step.frames.start.clamp(r.start, r.end);
+                        [first, step.frames.end.clamp(r.start, r.end)..r.end]
+                    })
+                    .filter(|r| !r.is_empty())
+                    .collect();
+            }
+            step.to = step.to.map(|to| other(to).unwrap_or(to));
+        }
+        change.moves.retain(|m| m.to != Some(m.from));
+        if matches!(change.kind, ChangeKind::Joined | ChangeKind::Moved) {
+            change.tracks.truncate(1);
+            change
+                .tracks
+                .extend(change.moves.first().and_then(|m| m.to));
+        }
+    }
+    changes.retain(|change| !change.moves.is_empty());
+    for (k, pair) in pairs.chunks_exact(2).enumerate() {
+        let moves = [0, 1].into_iter().flat_map(|n| {
+            let of = |frames: &Range<usize>| PointMove {
+                from: pair[n],
+                to: Some(pair[1 - n]),
+                frames: frames.clone(),
+            };
+            left[2 * k + n].iter().map(of).collect::<Vec<_>>()
+        });
+        changes.push(Change {
+            kind: ChangeKind::WholeTake,
+            frames: take.clone(),
+            tracks: pair.to_vec(),
+            moves: moves.collect(),
+            nats: f64::NAN,
+            side: Some(SideBy::Template),
+        });
     }
 }
 

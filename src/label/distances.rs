@@ -71,7 +71,7 @@ impl Distance {
 
 /// The distances of all pairs of points of a take.
 pub(crate) struct Distances {
-    /// Those to later points, by point.
+    /// Distances to later points, by point.
     rows: Vec<Vec<Option<Distance>>>,
 }
 

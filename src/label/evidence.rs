@@ -79,3 +79,9 @@ impl Evidence {
         (seen >= FEWEST_SEEN).then(|| 0.5 * sum * NEIGHBORS as f64 / seen as f64)
     }
 }
+
+/// How many frames that say something of their own an interval of so many has: those nearby say
+/// the same.
+pub(crate) fn independent_frames(frames: usize, rate: f64) -> f64 {
+    1.0 + frames as f64 / (APART * rate)
+}

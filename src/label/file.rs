@@ -51,7 +51,7 @@ pub struct LabelChange {
     /// Positions that were taken out, frame by frame, cm, y up.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub positions: Vec<[f64; 3]>,
-    /// A line for people, who count frames from 1.
+    /// A line for people.
     pub what: String,
 }
 
@@ -62,7 +62,7 @@ pub struct UnsureLabels {
     pub labels: Vec<String>,
     /// The first frame, from 0 over the file, and the one after the last, of each stretch.
     pub frames: Vec<[usize; 2]>,
-    /// A line for people, who count frames from 1.
+    /// A line for people.
     pub what: String,
 }
 
@@ -194,10 +194,10 @@ fn unsure_line(unsure: &Unsure, names: &[String]) -> String {
     )
 }
 
-/// Frames as people count them, from 1.
+/// Frames in words, counted from 0.
 fn frames(range: &Range<usize>) -> String {
     match range.len() {
-        1 => format!("frame {}", range.end),
-        _ => format!("frames {}-{}", range.start + 1, range.end),
+        1 => format!("frame {}", range.start),
+        _ => format!("frames {} to {}", range.start, range.end.saturating_sub(1)),
     }
 }

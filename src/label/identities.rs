@@ -6,7 +6,7 @@
 //! begin, in a gap of all its labels nearby: which of these ends there are, the distances decide,
 //! and where they do not, the fewest exchanged frames.
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, independent_frames};
 use super::links::Link;
 use super::pieces::Piece;
 use super::tuning::identities::*;
@@ -242,7 +242,7 @@ impl Course<'_> {
                 .all(|l| point_at(self.places, *t, *l).is_finite())
         };
         let seen: Vec<usize> = frames.clone().filter(is_seen).collect();
-        let weight = 1.0 + seen.len() as f64 / (APART * self.rate);
+        let weight = independent_frames(seen.len(), self.rate);
         let step = seen.len().div_ceil(MOST_FRAMES).max(1);
         let sampled: Vec<usize> = seen.into_iter().step_by(step).collect();
         let of = |state: &Vec<usize>| {

@@ -130,7 +130,7 @@ impl Links {
     }
 }
 
-/// Those of some links that are cheap, and far cheaper than every other of both ends.
+/// Keeps of some links what is cheap, and far cheaper than every other of both ends.
 fn clearest(found: &[(Link, f64)], pieces: usize) -> Vec<Link> {
     // The cheapest two of each end.
     let mut cheapest = vec![[[f64::INFINITY; 2]; 2]; pieces];

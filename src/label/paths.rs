@@ -2,7 +2,7 @@
 //! that fits it far better: one that nobody holds then, one that shorter paths hold, one that
 //! another path gives for its own, or none.
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, independent_frames};
 use super::labeled_take::LabeledTake;
 use super::links::{End, Link, link_cost};
 use super::pieces::Piece;
@@ -10,6 +10,7 @@ use super::tuning::out_and_back;
 use super::tuning::repair::*;
 use crate::io::PointMove;
 use crate::pose::point_at;
+use glam::DVec3;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
@@ -221,20 +222,22 @@ impl<'a> Paths<'a> {
     fn take_out_stretches(&mut self) -> bool {
         let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
         let labels: Vec<Option<usize>> = away.iter().map(|p| self.paths[*p].label).collect();
-        away.iter().for_each(|path| self.make(*path, Move::Out));
+        away.iter().for_each(|path| self.set(*path, None));
         self.evidence = Evidence::learn(self.places.view());
-        let fits = |(path, label): (&usize, &Option<usize>)| {
+        // What jumps with its neighbors, as where a frame was dropped, is with them still.
+        let back = away.iter().zip(&labels);
+        back.for_each(|(path, label)| self.set(*path, *label));
+        let is_out = |path: &usize| {
+            let label = self.paths[*path].label;
             let fit = label.and_then(|label| self.fit(*path, label, &[]));
-            fit.is_some_and(|f| f.score >= AWAY_SCORE)
+            fit.is_none_or(|f| f.score < AWAY_SCORE)
         };
-        let fit: Vec<bool> = away.iter().zip(&labels).map(fits).collect();
-        for ((path, label), fits) in away.iter().zip(labels).zip(&fit) {
-            match fits {
-                true => self.set(*path, label),
-                false => self.paths[*path].stands = true,
-            }
+        let out: Vec<usize> = away.into_iter().filter(is_out).collect();
+        for path in &out {
+            self.set(*path, None);
+            self.paths[*path].stands = true;
         }
-        fit.contains(&false)
+        !out.is_empty()
     }
 
     /// Whether a path jumps off its track and back.
@@ -258,7 +261,18 @@ impl<'a> Paths<'a> {
             return false;
         }
         let at = |t: usize| point_at(self.take.xyz, t, *track);
-        let is_far = |t: usize| at(t).distance(at(t - 1)) >= out_and_back::LEAST;
+        // A frame that was dropped is no jump: all goes on.
+        let is_far = |t: usize| {
+            let step = |t: usize| at(t) - at(t - 1);
+            let beside = [t.checked_sub(1).filter(|t| *t > 0), Some(t + 1)];
+            let usual = beside
+                .into_iter()
+                .flatten()
+                .filter(|t| *t < self.take.xyz.nrows());
+            let usual: Vec<DVec3> = usual.map(step).filter(|s| s.is_finite()).collect();
+            let usual = usual.iter().sum::<DVec3>() / usual.len().max(1) as f64;
+            step(t).distance(usual) >= out_and_back::LEAST
+        };
         // A false cut beside it parts no path.
         let mut beside = [piece - 1, piece + 1].map(|p| self.path_of[p]).to_vec();
         beside.dedup();
@@ -297,7 +311,7 @@ impl<'a> Paths<'a> {
             .named
             .get(&label)
             .map_or(0.0, |n| *n as f64 / of.frames as f64);
-        let weight = (1.0 + of.frames as f64 / (APART * self.take.rate)).min(MOST_WEIGHT);
+        let weight = independent_frames(of.frames, self.take.rate).min(MOST_WEIGHT);
         Some(Fit {
             mean,
             score: weight * (mean + NAMED * share),

@@ -7,9 +7,9 @@
 use super::distances::Distances;
 use super::mirror::image;
 use super::tuning::people::*;
-use super::unlabeled::{labeled, own_name};
+use super::unlabeled::{is_computed, labeled, own_name};
 use crate::Result;
-use ndarray::{ArrayView2, Axis};
+use ndarray::{ArrayView2, Axis, s};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The points of one person.
@@ -44,6 +44,38 @@ pub(crate) fn people(points: &[String], labels: &[usize], xyz: ArrayView2<'_, f6
         points,
     });
     bodies.collect()
+}
+
+/// The people whose markers some points are: labels that are not computed from others, nor at the
+/// origin in every frame.
+pub(crate) fn people_of_markers(points: &[String], xyz: ArrayView2<'_, f64>) -> Vec<Person> {
+    let mut labels = labeled(points);
+    let is_somewhere = |p: usize| {
+        xyz.slice(s![.., 3 * p..3 * p + 3])
+            .iter()
+            .any(|v| *v != 0.0)
+    };
+    labels.retain(|p| !is_computed(&points[*p], points) && is_somewhere(*p));
+    people(points, &labels, xyz)
+}
+
+/// What to say of people whom their names do not part.
+pub(crate) fn parted_by_distances(points: &[String], people: &[Person]) -> Option<String> {
+    let is_named = people.iter().any(|person| !person.name.is_empty());
+    let first = people.first().filter(|_| people.len() > 1 && !is_named)?;
+    let some: Vec<&str> = first
+        .points
+        .iter()
+        .take(3)
+        .map(|p| points[*p].as_str())
+        .collect();
+    Some(format!(
+        "{} people by the distances between points, as no names part them: {}, … ({} points) move \
+         as one body",
+        people.len(),
+        some.join(", "),
+        first.points.len()
+    ))
 }
 
 /// The points of a person by what tells that person in their names, and their own names.

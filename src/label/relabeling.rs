@@ -1,16 +1,15 @@
 //! The labels of a table of points put right, take by take and person by person.
 
-use super::changes::{Change, ChangeKind, changes, moves, wanted};
+use super::changes::{Change, ChangeKind, changes, exchange_in_take, moves, wanted};
 use super::labeled_take::LabeledTake;
-use super::people::{Person, people};
-use super::repair::{Repair, repair};
-use super::sides::{SideBy, Unsure};
+use super::people::{Person, parted_by_distances, people_of_markers};
+use super::repair::repair;
+use super::sides::Unsure;
 use super::templates::{Templates, WholeTake, WholeTakeKind};
-use super::tuning::repair::{APART, MOST_FRAMES, MOST_WEIGHT};
-use super::unlabeled::{is_computed, is_unlabeled};
+use super::unlabeled::is_unlabeled;
 use crate::io::PointMove;
 use crate::pose::{Poses, Segment, point_at};
-use ndarray::{Array2, ArrayView2, Axis, s};
+use ndarray::{ArrayView2, Axis, s};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -149,7 +148,7 @@ impl Relabeling {
                 };
                 let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
                 if like.are_same_person() && is_pair && is_free {
-                    self.exchange(&whole.points, &take);
+                    exchange_in_take(&mut self.changes, &whole.points, &take);
                     whole.is_put_back = true;
                 }
                 self.whole.push((take.clone(), whole));
@@ -158,69 +157,15 @@ impl Relabeling {
         self.notes.dedup();
     }
 
-    /// Exchanges pairs of points in a take, after all other changes in it.
-    fn exchange(&mut self, pairs: &[usize], take: &Range<usize>) {
-        let other = |point: usize| {
-            let k = pairs.iter().position(|p| *p == point)?;
-            pairs.get(k ^ 1).copied()
-        };
-        let mut left: Vec<Vec<Range<usize>>> = vec![vec![take.clone()]; pairs.len()];
-        for change in &mut self.changes {
-            for step in change
-                .moves
-                .iter_mut()
-                .filter(|m| take.contains(&m.frames.start))
-            {
-                if let Some(k) = pairs.iter().position(|p| *p == step.from) {
-                    left[k] = (left[k].iter())
-                        .flat_map(|r| {
-                            let first = r.start..step.frames.start.clamp(r.start, r.end);
-                            [first, step.frames.end.clamp(r.start, r.end)..r.end]
-                        })
-                        .filter(|r| !r.is_empty())
-                        .collect();
-                }
-                step.to = step.to.map(|to| other(to).unwrap_or(to));
-            }
-            change.moves.retain(|m| m.to != Some(m.from));
-            if matches!(change.kind, ChangeKind::Joined | ChangeKind::Moved) {
-                change.tracks.truncate(1);
-                change
-                    .tracks
-                    .extend(change.moves.first().and_then(|m| m.to));
-            }
-        }
-        self.changes.retain(|change| !change.moves.is_empty());
-        for (k, pair) in pairs.chunks_exact(2).enumerate() {
-            let moves = [0, 1].into_iter().flat_map(|n| {
-                let of = |frames: &Range<usize>| PointMove {
-                    from: pair[n],
-                    to: Some(pair[1 - n]),
-                    frames: frames.clone(),
-                };
-                left[2 * k + n].iter().map(of).collect::<Vec<_>>()
-            });
-            self.changes.push(Change {
-                kind: ChangeKind::WholeTake,
-                frames: take.clone(),
-                tracks: pair.to_vec(),
-                moves: moves.collect(),
-                nats: f64::NAN,
-                side: Some(SideBy::Template),
-            });
-        }
-    }
-
     /// Adds what is wrong in one take, person by person.
     fn add(&mut self, take: &Part<'_>) {
         let points = &take.poses.points;
-        let (labels, loose): (Vec<usize>, Vec<usize>) =
-            (0..points.len()).partition(|p| !is_unlabeled(&points[*p]));
-        let labels: Vec<usize> = (labels.into_iter())
-            .filter(|p| !is_computed(&points[*p], points))
-            .collect();
+        let all = 0..points.len();
+        let loose: Vec<usize> = all.filter(|p| is_unlabeled(&points[*p])).collect();
         let mut xyz = take.poses.xyz.slice(s![take.frames.clone(), ..]).to_owned();
-        for person in people(points, &labels, xyz.view()) {
+        let people = people_of_markers(points, xyz.view());
+        self.notes.extend(parted_by_distances(points, &people));
+        for person in people {
             if person.points.len() < FEWEST_LABELS {
                 continue;
             }
@@ -305,43 +250,5 @@ impl Relabeling {
             frames: u.frames.iter().map(shifted).collect(),
         }));
         taken
-    }
-}
-
-impl Repair {
-    /// How much likelier the places that a change moves are as they are then than as they were, by
-    /// the distances to other labels, nats. `xyz` are those of the tracks (frames, 3 N).
-    fn nats(&self, change: &Change, xyz: &Array2<f64>, rate: f64) -> f64 {
-        let of = |step: &PointMove| {
-            let every = step.frames.len().div_ceil(MOST_FRAMES).max(1);
-            let at = |label: usize, t: usize| {
-                let place = point_at(xyz.view(), t, step.from);
-                let places = self.places.view();
-                self.evidence
-                    .at(label, place, t, places, &change.tracks)
-                    .unwrap_or(0.0)
-            };
-            let labels = self.places.ncols() / 3;
-            let own = Some(step.from).filter(|from| *from < labels);
-            let gain =
-                |t: usize| step.to.map_or(0.0, |to| at(to, t)) - own.map_or(0.0, |l| at(l, t));
-            let is_seen = |t: &usize| point_at(xyz.view(), *t, step.from).is_finite();
-            let seen = step.frames.clone().step_by(every).filter(is_seen);
-            let gains: Vec<f64> = seen.map(gain).collect();
-            let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
-            mean * (1.0 + step.frames.len() as f64 / (APART * rate)).min(MOST_WEIGHT)
-        };
-        change.moves.iter().map(of).sum()
-    }
-
-    /// What decided which side of an exchange is right.
-    fn side(&self, change: &Change) -> Option<SideBy> {
-        if !matches!(change.kind, ChangeKind::Swap | ChangeKind::Cycle) {
-            return None;
-        }
-        let mut labels = change.tracks.clone();
-        labels.sort_unstable();
-        let of = self.decided.iter().find(|(of, _)| *of == labels);
-        of.map(|(_, by)| *by)
     }
 }

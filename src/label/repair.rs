@@ -9,15 +9,17 @@
 //!
 //! No position changes. What is not sure stays as it was and is told.
 
-use super::evidence::Evidence;
+use super::changes::{Change, ChangeKind};
+use super::evidence::{Evidence, independent_frames};
 use super::identities::{Exchanged, exchanges};
 use super::labeled_take::LabeledTake;
 use super::links::Links;
 use super::paths::Paths;
 use super::pieces::{Piece, pieces};
 use super::sides::{SideBy, Sides, Unsure};
-use super::tuning::repair::{FEWEST_FRAMES, ROUNDS};
+use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
+use crate::pose::point_at;
 use ndarray::Array2;
 
 /// What becomes of the tracks of a take.
@@ -70,6 +72,44 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     })
 }
 
+impl Repair {
+    /// How much likelier the places that a change moves are as they are then than as they were, by
+    /// the distances to other labels, nats. `xyz` are those of the tracks (frames, 3 N).
+    pub(crate) fn nats(&self, change: &Change, xyz: &Array2<f64>, rate: f64) -> f64 {
+        let of = |step: &PointMove| {
+            let every = step.frames.len().div_ceil(MOST_FRAMES).max(1);
+            let at = |label: usize, t: usize| {
+                let place = point_at(xyz.view(), t, step.from);
+                let places = self.places.view();
+                self.evidence
+                    .at(label, place, t, places, &change.tracks)
+                    .unwrap_or(0.0)
+            };
+            let labels = self.places.ncols() / 3;
+            let own = Some(step.from).filter(|from| *from < labels);
+            let gain =
+                |t: usize| step.to.map_or(0.0, |to| at(to, t)) - own.map_or(0.0, |l| at(l, t));
+            let is_seen = |t: &usize| point_at(xyz.view(), *t, step.from).is_finite();
+            let seen = step.frames.clone().step_by(every).filter(is_seen);
+            let gains: Vec<f64> = seen.map(gain).collect();
+            let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
+            mean * independent_frames(step.frames.len(), rate).min(MOST_WEIGHT)
+        };
+        change.moves.iter().map(of).sum()
+    }
+
+    /// What decided which side of an exchange is right.
+    pub(crate) fn side(&self, change: &Change) -> Option<SideBy> {
+        if !matches!(change.kind, ChangeKind::Swap | ChangeKind::Cycle) {
+            return None;
+        }
+        let mut labels = change.tracks.clone();
+        labels.sort_unstable();
+        let of = self.decided.iter().find(|(of, _)| *of == labels);
+        of.map(|(_, by)| *by)
+    }
+}
+
 /// The point whose places a track has from a frame on.
 fn point_in(track: usize, frame: usize, stretches: &[Exchanged]) -> usize {
     let mut point = track;
@@ -85,10 +125,9 @@ fn point_in(track: usize, frame: usize, stretches: &[Exchanged]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::changes::{Change, ChangeKind, changes, moves};
+    use super::super::changes::{changes, moves};
     use super::super::templates::Templates;
     use super::*;
-    use crate::pose::point_at;
     use glam::{DMat3, DVec3};
     use std::ops::Range;
 

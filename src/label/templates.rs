@@ -2,11 +2,10 @@
 
 use super::distances::Distances;
 use super::mirror::Mirror;
-use super::people::{Person, people};
+use super::people::{Person, people_of_markers};
 use super::template::{Labels, Template};
 use super::tuning::template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
-use super::unlabeled::{is_computed, is_unlabeled};
 use super::whole_take::groups;
 use crate::io::MotionFile;
 use crate::pose::Poses;
@@ -57,7 +56,7 @@ pub(crate) struct WholeTake {
 pub(crate) enum WholeTakeKind {
     /// Left and right are exchanged altogether.
     Hand,
-    /// They are exchanged.
+    /// Some labels are exchanged with each other.
     Exchanged,
     /// The first two are exchanged, or the other two, their mirror images.
     EitherSide,
@@ -254,8 +253,6 @@ impl Labeled {
 /// The people of a take that have labels enough.
 fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
     let names = &poses.points;
-    let is_label = |p: &usize| !is_unlabeled(&names[*p]) && !is_computed(&names[*p], names);
-    let labels: Vec<usize> = (0..names.len()).filter(is_label).collect();
     let xyz = poses.xyz.slice(s![take.clone(), ..]);
     let are_enough = |p: &Person| (FEWEST_LABELS..=MOST_LABELS).contains(&p.points.len());
     let one = |person: Person| {
@@ -271,7 +268,7 @@ fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
             person,
         }
     };
-    let all = people(names, &labels, xyz).into_iter().filter(are_enough);
+    let all = people_of_markers(names, xyz).into_iter().filter(are_enough);
     all.map(one).collect()
 }
 

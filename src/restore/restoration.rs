@@ -171,6 +171,21 @@ impl<'t> Restoration<'t> {
         }
     }
 
+    /// Tells positions that were measured, and taken out before, from those that were missing: they
+    /// are outliers, and replaced where they are filled. `positions` are frames and points.
+    pub(crate) fn reject(&mut self, positions: impl Iterator<Item = (usize, usize)>) {
+        let points = self.frames.points();
+        for (t, p) in positions {
+            let status = &mut self.frames.states[t * points + p].status;
+            if *status == Status::Inferred {
+                *status = Status::Rejected;
+                self.counts.filled -= 1;
+                self.counts.rejected += 1;
+                self.counts.replaced += 1;
+            }
+        }
+    }
+
     pub(super) fn count_cuts(&mut self, cuts: usize) {
         self.counts.cuts += cuts;
     }

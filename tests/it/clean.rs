@@ -796,7 +796,7 @@ fn the_page_links_to_takes_records_and_places() {
     );
     let notes = folder.row("mine", "Lab 1/a#.csv")["notes"].to_string();
     assert!(
-        notes.contains("is there and is none of clean's"),
+        notes.contains("is there and is none of posing's"),
         "{said} {notes}"
     );
 }

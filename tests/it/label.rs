@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// A take of markers as a table, whose cells have digits of their own; two markers changed places
-/// in frames 101 to 140, and a third has a piece without a label.
+/// in frames 100 to 139, and a third has a piece without a label.
 fn table(is_wrong: bool) -> String {
     let names = ["a", "b", "c", "d", "e", "*7"];
     let mut text = "time".to_string();
@@ -52,10 +52,13 @@ fn labels_are_put_back_digit_for_digit() {
         .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
     assert!(
-        said.contains("a and b changed places in frames 101-140: put back"),
+        said.contains("a and b changed places in frames 100 to 139: put back"),
         "{said}"
     );
-    assert!(said.contains("*7 in frames 201-250 is c: joined"), "{said}");
+    assert!(
+        said.contains("*7 in frames 200 to 249 is c: joined"),
+        "{said}"
+    );
     assert_eq!(fs::read_to_string(&to).unwrap(), table(false));
     let said = command("label")
         .args(["--dry-run", text(&from)])

@@ -104,7 +104,9 @@ fn label(args: &Args, settings: &LabelSettings, job: &BatchJob) -> Result<Outcom
         }
     }
     if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {
-        write_labeled(&job.input, path, &file, &report)?;
+        let note = write_labeled(&job.input, path, &file, &report)?;
+        note.iter()
+            .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
     Ok(match report.unsure.is_empty() {
         true => Outcome::Done,
