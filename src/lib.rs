@@ -138,6 +138,7 @@ pub mod prior;
 pub mod restore;
 #[cfg(feature = "server")]
 pub mod server;
+pub mod solve;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};

@@ -247,7 +247,7 @@ impl OutputArgs {
     }
 
     /// The unit and the axis of the output, given those of the input table.
-    pub(crate) fn table_units(&self, input: Units) -> Units {
+    pub fn table_units(&self, input: Units) -> Units {
         Units {
             unit: self.out_units.unwrap_or(input.unit),
             up: self.out_up.unwrap_or(input.up),

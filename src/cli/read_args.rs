@@ -12,6 +12,22 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Input")]
 pub struct ReadArgs {
+    #[command(flatten)]
+    takes: TakeReadArgs,
+    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
+    /// 07.asf for 07_01.amc]
+    #[arg(long, value_name = "SUBJECT.asf")]
+    asf: Option<PathBuf>,
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
+    /// comma-separated list
+    #[arg(long, value_name = "LIST")]
+    joints: Option<String>,
+}
+
+/// What is taken for takes of points that do not say it.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Input")]
+pub struct TakeReadArgs {
     /// Frames per second of files that do not say it; c3d=100 is for files of a format, FOLDER=100
     /// for those of a folder, which counts first; several parted by commas, or the flag again
     #[arg(
@@ -39,14 +55,6 @@ pub struct ReadArgs {
         value_parser = parse_scoped_up
     )]
     up: Vec<Scoped<UpAxis>>,
-    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
-    /// 07.asf for 07_01.amc]
-    #[arg(long, value_name = "SUBJECT.asf")]
-    asf: Option<PathBuf>,
-    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
-    /// comma-separated list
-    #[arg(long, value_name = "LIST")]
-    joints: Option<String>,
     /// Accept files that end early (not tables): the whole frames before that are kept
     #[arg(long)]
     keep_whole: bool,
@@ -60,18 +68,26 @@ impl ReadArgs {
     /// # Errors
     /// [`crate::Error::Usage`]: names of points that cannot be.
     pub fn rules(&self) -> Result<ReadRules> {
-        Ok(ReadRules {
+        let mut rules = self.takes.rules();
+        rules.all.asf.clone_from(&self.asf);
+        rules.all.joints = self.joints.as_deref().map(parse_point_names).transpose()?;
+        Ok(rules)
+    }
+}
+
+impl TakeReadArgs {
+    /// What is taken for each file.
+    pub fn rules(&self) -> ReadRules {
+        ReadRules {
             fps: self.fps.clone(),
             units: self.units.clone(),
             up: self.up.clone(),
             all: ReadOptions {
-                asf: self.asf.clone(),
-                joints: self.joints.as_deref().map(parse_point_names).transpose()?,
                 keep_whole: self.keep_whole,
                 zeros_are_missing: self.zeros.zeros_are_missing,
                 ..ReadOptions::default()
             },
-        })
+        }
     }
 }
 

@@ -63,6 +63,22 @@ pub(crate) struct FrameFit {
     pub converged: bool,
 }
 
+/// The normal equations of a frame at a state, half the gradient on their right.
+#[derive(Debug)]
+pub(crate) struct Linearized {
+    pub energy: f64,
+    /// (columns, columns).
+    pub normal: Array2<f64>,
+    pub gradient: Vec<f64>,
+    /// The weight that each point has there, 1/cm².
+    pub weights: Vec<f64>,
+    /// How far each joint is from its point, cm; NaN where that is missing.
+    pub off: Vec<DVec3>,
+    /// By joint, the columns that move it, and how.
+    pub derivatives: Vec<Vec<(usize, DVec3)>>,
+    pub posture: Posture,
+}
+
 /// A value that is solved for.
 #[derive(Debug, Clone, Copy)]
 enum Column {
@@ -94,6 +110,8 @@ pub(crate) struct FrameSolver<'a> {
     /// The weight of each joint at the start: the less the prior lets it move against the root, the
     /// more.
     start_weights: Vec<f64>,
+    /// c²; infinite where no point is an outlier.
+    outlier: f64,
 }
 
 impl<'a> FrameSolver<'a> {
@@ -131,6 +149,7 @@ impl<'a> FrameSolver<'a> {
             precision: Vec::new(),
             held: Vec::new(),
             start_weights: Vec::new(),
+            outlier: f64::INFINITY,
         };
         for &n in &with_prior {
             let (bone, first) = (prior.bones[n], solver.columns.len());
@@ -147,6 +166,25 @@ impl<'a> FrameSolver<'a> {
         solver.set_moving();
         solver.set_start_weights(prior);
         Ok(solver)
+    }
+
+    /// The same, where points may be far off.
+    pub(crate) fn with_outliers(mut self) -> FrameSolver<'a> {
+        self.outlier = OUTLIER * OUTLIER;
+        self
+    }
+
+    /// What a point that is off by so many squared deviations costs.
+    fn cost(&self, square: f64) -> f64 {
+        match self.outlier.is_finite() {
+            true => self.outlier * (square / self.outlier).ln_1p(),
+            false => square,
+        }
+    }
+
+    /// The share of its weight that such a point has.
+    fn share(&self, square: f64) -> f64 {
+        1.0 / (1.0 + square / self.outlier)
     }
 
     /// Appends the columns of a bone's turns.
@@ -327,6 +365,9 @@ impl<'a> FrameSolver<'a> {
         fit: FrameFit,
         scratch: &mut Scratch,
     ) -> FrameFit {
+        if weights.iter().all(|w| *w < MEASURED) {
+            return fit;
+        }
         let heavier = |w: &f64| if *w >= MEASURED { w * SURE } else { *w };
         let heavier: Vec<f64> = weights.iter().map(heavier).collect();
         let end = (LAST_STEPS, LAST_TOLERANCE);
@@ -370,6 +411,73 @@ impl<'a> FrameSolver<'a> {
             energy,
             converged,
         }
+    }
+
+    /// The normal equations of a frame at a state.
+    pub(crate) fn linearized(
+        &self,
+        state: &FrameState,
+        targets: &[f64],
+        weights: &[f64],
+        scratch: &mut Scratch,
+    ) -> Linearized {
+        let energy = self.energy(state, targets, weights, scratch);
+        self.set_equations(state, targets, weights, scratch);
+        let n = self.columns.len();
+        let at = |t: usize| scratch.posture.ends[self.joints[t]];
+        let off = targets.chunks_exact(3).enumerate();
+        let off: Vec<DVec3> = off.map(|(t, y)| at(t) - DVec3::from_slice(y)).collect();
+        let shares = off.iter().zip(weights);
+        Linearized {
+            energy,
+            normal: Array2::from_shape_fn((n, n), |(i, j)| scratch.normal[i.max(j) * n + i.min(j)]),
+            gradient: scratch.gradient.clone(),
+            weights: shares
+                .map(|(off, w)| w * self.share(w * off.length_squared()))
+                .collect(),
+            derivatives: (self.moving.iter().enumerate())
+                .map(|(t, moving)| {
+                    let of = |&c: &usize| (c, scratch.motions[c].derivative(at(t)));
+                    moving.iter().map(of).collect()
+                })
+                .collect(),
+            posture: scratch.posture.clone(),
+            off,
+        }
+    }
+
+    /// How far each value that is solved for moves the end of a bone.
+    pub(crate) fn derivatives(
+        &self,
+        bone: usize,
+        at: &Linearized,
+        scratch: &Scratch,
+    ) -> Vec<DVec3> {
+        let bones = self.skeleton.bones();
+        let above: Vec<usize> = std::iter::successors(Some(bone), |&b| bones[b].parent).collect();
+        let place = at.posture.ends[bone];
+        let of = |(c, column): (usize, &Column)| match above.contains(&column.bone()) {
+            true => scratch.motions[c].derivative(place),
+            false => DVec3::ZERO,
+        };
+        self.columns.iter().enumerate().map(of).collect()
+    }
+
+    /// The state that has some values of the skeleton.
+    pub(crate) fn state_of(&self, values: &[f64]) -> FrameState {
+        let own = |b: usize| {
+            let dofs = self.skeleton.dofs_of(b);
+            self.skeleton.local_rotation(b, &values[dofs])
+        };
+        FrameState {
+            rotations: (0..self.is_ball.len()).map(own).collect(),
+            values: values.to_vec(),
+        }
+    }
+
+    /// The state after a step that a linearization gives.
+    pub(crate) fn after(&self, state: &FrameState, step: &[f64]) -> FrameState {
+        self.applied(state, |c| step[c])
     }
 
     /// Whether each value of a state is an angle that is read there.
@@ -431,7 +539,7 @@ impl<'a> FrameSolver<'a> {
         for ((&joint, y), w) in self.joints.iter().zip(targets.chunks_exact(3)).zip(weights) {
             let off = (scratch.posture.ends[joint] - DVec3::from_slice(y)).length_squared();
             if off.is_finite() {
-                sum += w * off;
+                sum += self.cost(w * off);
             }
         }
         self.set_deviations(state, &mut scratch.deviations);
@@ -499,11 +607,12 @@ impl<'a> FrameSolver<'a> {
             if !off.is_finite() {
                 continue;
             }
+            let weight = weights[t] * self.share(weights[t] * off.length_squared());
             let moving = &self.moving[t];
             derivatives.clear();
             derivatives.extend(moving.iter().map(|&c| motions[c].derivative(end)));
             for (m, (&a, v)) in moving.iter().zip(derivatives.iter()).enumerate() {
-                let weighted = *v * weights[t];
+                let weighted = *v * weight;
                 gradient[a] += weighted.dot(off);
                 let row = &mut normal[a * n..][..=a];
                 for (&b, other) in moving[..=m].iter().zip(derivatives.iter()) {
@@ -587,8 +696,13 @@ impl<'a> FrameSolver<'a> {
         factorize(&mut scratch.factor, n);
         forward(&scratch.factor, n, &mut scratch.step);
         backward(&scratch.factor, n, &mut scratch.step);
-        let step = |c: usize| scratch.step[c];
-        // Nothing turns by more than a radian: beyond that the linear model says nothing.
+        self.applied(state, |c| -scratch.step[c])
+    }
+
+    /// The state after a step, none of whose turns is over a radian: beyond that the linear model
+    /// says nothing.
+    fn applied(&self, state: &FrameState, step: impl Fn(usize) -> f64) -> FrameState {
+        let n = self.columns.len();
         let is_turn = |c: &usize| match self.columns[*c] {
             Column::Turn(..) => true,
             Column::Dof(bone, n) => self.skeleton.bones()[bone].dofs[n].channel.is_angle(),
@@ -602,12 +716,12 @@ impl<'a> FrameSolver<'a> {
         while c < n {
             match self.columns[c] {
                 Column::Turn(bone, _) => {
-                    let turn = DVec3::new(step(c), step(c + 1), step(c + 2)) * -scale;
+                    let turn = DVec3::new(step(c), step(c + 1), step(c + 2)) * scale;
                     next.rotations[bone] = from_rotation_vector(turn) * next.rotations[bone];
                     c += 3;
                 }
                 Column::Dof(bone, k) => {
-                    next.values[self.skeleton.dofs_of(bone).start + k] -= scale * step(c);
+                    next.values[self.skeleton.dofs_of(bone).start + k] += scale * step(c);
                     c += 1;
                 }
             }

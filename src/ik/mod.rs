@@ -3,7 +3,7 @@
 pub(crate) mod bone_normalization;
 pub mod correspondence;
 pub(crate) mod fit_quality;
-mod frame_solver;
+pub(crate) mod frame_solver;
 pub(crate) mod initial_pose;
 mod missing_channels;
 mod named_skeleton;

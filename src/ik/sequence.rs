@@ -92,11 +92,25 @@ pub(crate) fn fit_sequence(
     let labeled = joints.iter().zip(targets.cmu);
     let labeled: Vec<(usize, usize)> = labeled.filter_map(|(&j, cmu)| Some((j, (*cmu)?))).collect();
     let joint_prior = JointPrior::new(prior, skeleton, root, &labeled);
+    let solver = FrameSolver::new(skeleton, joints, root, &joint_prior)?;
+    Ok(fit_frames(skeleton, targets, root, solver, limits, watch))
+}
+
+/// Fits a skeleton to a take with the solver of its frames; the body turns at the bone `root`.
+pub(crate) fn fit_frames(
+    skeleton: &Skeleton,
+    targets: &Targets<'_>,
+    root: usize,
+    solver: FrameSolver<'_>,
+    limits: bool,
+    watch: &mut dyn FnMut(usize),
+) -> SequenceFit {
+    let Targets { joints, xyz, .. } = *targets;
     let fitter = TakeFitter {
         skeleton,
         joints,
         root,
-        solver: FrameSolver::new(skeleton, joints, root, &joint_prior)?,
+        solver,
         frames: Observed::new(skeleton, targets),
     };
     let stride = targets
@@ -115,7 +129,7 @@ pub(crate) fn fit_sequence(
         fitter.carry_into_limits(&mut out.values);
     }
     out.measure(skeleton, joints, xyz);
-    Ok(out)
+    out
 }
 
 /// The bone at which the body turns: the nearest that moves all points that are joints of CMU's, or

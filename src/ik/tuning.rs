@@ -74,6 +74,8 @@ pub(crate) mod frame_solver {
     pub(crate) const SLIDE_SD: f64 = 2.0;
     /// Standard deviation of a point at the start that is rigid with the root, cm.
     pub(crate) const START_SD: f64 = 0.3;
+    /// Deviations from which on a point counts as an outlier, where some are.
+    pub(crate) const OUTLIER: f64 = 4.0;
     /// Rounds in which the angles nearest to a mean rotation are found.
     pub(crate) const ANGLE_ROUNDS: usize = 20;
 }

@@ -2,6 +2,7 @@
 
 pub mod amc;
 pub(crate) mod asf;
+mod asf_writer;
 mod block_reader;
 pub mod bvh;
 pub(crate) mod c3d;

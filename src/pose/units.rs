@@ -178,7 +178,7 @@ impl Units {
     }
 
     /// A length of so many centimeters.
-    pub(crate) fn length(self, cm: f64) -> f64 {
+    pub fn length(self, cm: f64) -> f64 {
         cm / self.unit.centimeters()
     }
 }

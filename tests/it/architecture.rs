@@ -30,6 +30,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "label", "io",
         ],
     ),
+    ("solve", &["pose", "numeric", "prior", "label", "io", "ik"]),
     ("draw", &["pose", "numeric", "io"]),
     (
         "evaluate",

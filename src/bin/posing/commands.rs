@@ -64,6 +64,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
             entry!("c3d2xyz", c3d2xyz),
             entry!("trc2xyz", trc2xyz),
             entry!("csv2xyz", csv2xyz),
+            entry!("solve", solve),
             entry!("amc2xyz", amc2xyz, true),
         ],
     ),

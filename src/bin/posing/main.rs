@@ -36,6 +36,7 @@ mod retarget;
 mod retrieve;
 mod rotations_train;
 mod score;
+mod solve;
 mod transition;
 mod trc2xyz;
 mod trim;

@@ -6,6 +6,7 @@ use posing::cli::input::open;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::io::{Amc, Asf};
+use posing::pose::Skeleton;
 use posing::prior::provenance::{entry, hex};
 use posing::prior::rotations::{LocalRotations, RotationPrior, local_rotations};
 use posing::{Error, Place, Result};
@@ -46,14 +47,21 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let bar = Progress::new("rotations-train", args.folders.len() as u64);
-    let mut subjects = Vec::new();
+    let (mut subjects, mut skeletons) = (Vec::new(), Vec::new());
     let mut digests = Vec::new();
     for (n, folder) in args.folders.iter().enumerate() {
-        subjects.push(person(folder, args.frames, &mut digests)?);
+        let (skeleton, frames) = person(folder, args.frames, &mut digests)?;
+        skeletons.push(skeleton);
+        subjects.push(frames);
         bar.set(n as u64 + 1);
     }
     drop(bar);
-    let mut model = RotationPrior::train(&subjects)?.to_model();
+    let mut prior = RotationPrior::train(&subjects)?;
+    // Fewer people tell nothing of how people differ.
+    if skeletons.len() >= FEWEST_PEOPLE {
+        prior = prior.with_bones(&skeletons)?;
+    }
+    let mut model = prior.to_model();
     model.meta.credit.clone_from(&args.credit);
     let flags = [("frames", args.frames.to_string())];
     model
@@ -63,8 +71,15 @@ pub fn work(args: &Args) -> Result<()> {
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }
 
-/// The rotations of a person's takes, at most `most` frames of each.
-fn person(folder: &Path, most: usize, digests: &mut Vec<String>) -> Result<Vec<LocalRotations>> {
+/// People from whom the bones of others are learned, at least.
+const FEWEST_PEOPLE: usize = 3;
+
+/// The skeleton of a person, and the rotations of the takes, at most `most` frames of each.
+fn person(
+    folder: &Path,
+    most: usize,
+    digests: &mut Vec<String>,
+) -> Result<(Skeleton, Vec<LocalRotations>)> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
     files.sort();
@@ -95,7 +110,7 @@ fn person(folder: &Path, most: usize, digests: &mut Vec<String>) -> Result<Vec<L
         })?);
         digests.push(of_file(file)?);
     }
-    Ok(frames)
+    Ok((asf.skeleton, frames))
 }
 
 /// The digest of a file, by which a model tells what it was made from.

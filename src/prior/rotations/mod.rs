@@ -7,9 +7,11 @@
 //! the head to the chest and shares the twist of the spine. The root, and the hip joints that are
 //! rigid with it, have no rotation here.
 
+pub(crate) mod bones;
 mod carried;
 mod tuning;
 
+use self::bones::BonePrior;
 use self::tuning::*;
 use crate::io::Model;
 use crate::pose::Skeleton;
@@ -38,6 +40,8 @@ pub struct RotationPrior {
     mean: [DMat3; BONES],
     /// Covariance of the rotation vectors r, (3 bones, 3 bones), squared radians.
     covariance: Array2<f64>,
+    /// The bones of the people, where they were learned.
+    bones: Option<BonePrior>,
 }
 
 impl RotationPrior {
@@ -78,6 +82,10 @@ impl RotationPrior {
         Ok(RotationPrior {
             mean: std::array::from_fn(|b| from_rotation_vector(vector(b))),
             covariance: covariance.mapv(f64::from),
+            bones: match model.get("bones").is_some() {
+                true => Some(BonePrior::from_model(model, source)?),
+                false => None,
+            },
         })
     }
 
@@ -89,7 +97,22 @@ impl RotationPrior {
         });
         model.insert("mean", mean);
         model.insert("covariance", self.covariance.mapv(|v| v as f32));
+        self.bones.iter().for_each(|bones| bones.add_to(&mut model));
         model
+    }
+
+    /// Learns how long the bones of people are, too, from their skeletons.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: fewer than three skeletons, or one without CMU's bones.
+    pub fn with_bones(mut self, skeletons: &[Skeleton]) -> Result<RotationPrior> {
+        self.bones = Some(BonePrior::train(skeletons)?);
+        Ok(self)
+    }
+
+    /// The bones of people; `None` where they were not learned.
+    pub(crate) fn bones(&self) -> Option<&BonePrior> {
+        self.bones.as_ref()
     }
 
     /// Learns from the frames of several subjects. Each weighs as the square root of its frames, so
@@ -134,7 +157,11 @@ impl RotationPrior {
                     .for_each(|(c, b)| *c += weight / all * a * b);
             }
         }
-        Ok(RotationPrior { mean, covariance })
+        Ok(RotationPrior {
+            mean,
+            covariance,
+            bones: None,
+        })
     }
 }
 

@@ -1,0 +1,213 @@
+//! Joints from labeled markers.
+
+use clap::{Parser, ValueEnum};
+use posing::cli::args::{CommonArgs, OutputArgs};
+use posing::cli::input::open;
+use posing::cli::progress::Progress;
+use posing::cli::read_args::TakeReadArgs;
+use posing::cli::streams::{write_bytes, write_table};
+use posing::cli::{Outcome, messages};
+use posing::io::csv::{AddedColumn, After};
+use posing::io::{Amc, Asf, MotionFile, Table};
+use posing::pose::Units;
+use posing::pose::one_take::first_frame_number;
+use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, solve};
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+
+/// Turn labeled markers into joints, a skeleton and its motion
+///
+/// Reads a take of markers (C3D, TRC, Motive CSV, Qualisys TSV, NPZ, pose table). Bones, the places
+/// of the markers on them and the poses of 24 frames are fitted together, by what is known of
+/// people; then every frame by itself. The marker set is that whose names cover most of the
+/// markers. Markers may be missing, and some may be wrong. Frames with fewer than three markers
+/// have no joints (exit code 3).
+///
+/// Joints are the 23 of the built-in model, so that complete, denoise, edit and retarget go on from
+/// them, or the centers of hips, knees, ankles, shoulders, elbows and wrists.
+#[derive(Parser)]
+#[command(
+    name = "solve",
+    version,
+    after_help = "Examples:\
+        \n  posing solve markers.c3d -o joints.csv\
+        \n  posing solve markers.c3d --joints anatomical --sd -o centers.csv\
+        \n  posing solve markers.c3d --bvh walk.bvh -o joints.csv"
+)]
+pub struct Args {
+    /// Take of labeled markers
+    #[arg(value_name = "TAKE")]
+    take: PathBuf,
+    #[command(flatten)]
+    read: TakeReadArgs,
+    /// Joints: the 23 of the built-in model, or joint centers
+    #[arg(long, value_enum, default_value = "23", help_heading = "Method")]
+    joints: Joints,
+    /// Marker set: auto, cmu41, pig, rajagopal, opencap, motive, isb or sprint
+    #[arg(
+        long,
+        value_name = "SET",
+        default_value = "auto",
+        help_heading = "Method"
+    )]
+    set: String,
+    /// Marker set of your own: a file of lines such as LKNE = "KNL", marker and landmark (see
+    /// posing-solve(1))
+    #[arg(
+        long,
+        value_name = "FILE.toml",
+        conflicts_with = "set",
+        help_heading = "Method"
+    )]
+    map: Option<PathBuf>,
+    /// Skeleton of the person, with CMU's bones, whose lengths are kept
+    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Method")]
+    asf: Option<PathBuf>,
+    /// Write the standard deviation of each joint into columns NAME.sd
+    #[arg(long, help_heading = "Output")]
+    sd: bool,
+    /// Also write the motion as AMC, for the skeleton of --asf-out
+    #[arg(long, value_name = "OUT.amc", help_heading = "Output")]
+    amc: Option<PathBuf>,
+    /// Also write the skeleton as ASF
+    #[arg(long, value_name = "OUT.asf", help_heading = "Output")]
+    asf_out: Option<PathBuf>,
+    /// Also write skeleton and motion as BVH
+    #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
+    bvh: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutputArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+/// Joints by their name on the command line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Joints {
+    /// The 23 of the built-in model
+    #[value(name = "23")]
+    Cmu,
+    /// LHJC, LKJC, LAJC, LSJC, LEJC, LWJC and those of the right side
+    Anatomical,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let file = MotionFile::open_by(&args.take, &args.read.rules())?;
+    let name = args.take.display().to_string();
+    let place = |e: Error| e.at(Place::file(&name));
+    if file.poses().takes().len() > 1 {
+        let what = "holds several takes; cut one out with trim --take";
+        return Err(Error::data(Place::file(&name), what));
+    }
+    let own = args.map.as_ref().map(MarkerSet::open).transpose()?;
+    let set = match (&own, args.set.as_str()) {
+        (Some(own), _) => Some(own),
+        (None, "auto") => None,
+        (None, name) => Some(shipped(name)?),
+    };
+    let given = args
+        .asf
+        .as_ref()
+        .map(|p| Asf::read(open(p)?, None))
+        .transpose()?;
+    let settings = SolveSettings {
+        joints: match args.joints {
+            Joints::Cmu => JointSet::Cmu,
+            Joints::Anatomical => JointSet::Anatomical,
+        },
+        set,
+        skeleton: given.as_ref().map(|asf| &asf.skeleton),
+        deviations: args.sd,
+    };
+    let bar = Progress::new("solve", file.poses().frames() as u64);
+    let solved = solve(file.poses(), &settings, &mut |t| bar.set(t as u64)).map_err(place)?;
+    drop(bar);
+    report(&name, &solved);
+    write(args, &file, &solved)?;
+    Ok(match solved.unsolved {
+        0 => Outcome::Done,
+        n => {
+            messages::info(&format!(
+                "{name}: {n} frames have too few markers: no joints there"
+            ));
+            Outcome::Findings
+        }
+    })
+}
+
+/// The built-in set of a name.
+fn shipped(name: &str) -> Result<&'static MarkerSet> {
+    MarkerSet::find(name).ok_or_else(|| {
+        let all: Vec<&str> = MarkerSet::shipped()
+            .iter()
+            .map(|s| s.name.as_str())
+            .collect();
+        Error::usage(format!(
+            "there is no marker set {name}; there are {}",
+            all.join(", ")
+        ))
+    })
+}
+
+/// Says which markers were used.
+fn report(name: &str, solved: &SolvedTake) {
+    messages::info(&format!(
+        "{name}: {} markers of the set {}",
+        solved.used.len(),
+        solved.set
+    ));
+    if !solved.left_out.is_empty() {
+        let shown: Vec<&str> = solved.left_out.iter().take(5).map(String::as_str).collect();
+        let more = if solved.left_out.len() > 5 {
+            ", …"
+        } else {
+            ""
+        };
+        messages::info(&format!(
+            "{name}: {} points are none of its markers: {}{more}",
+            solved.left_out.len(),
+            shown.join(", ")
+        ));
+    }
+}
+
+fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
+    let table = Table::from_poses(solved.joints.clone());
+    let names = table.poses.points.iter().enumerate();
+    let added: Vec<AddedColumn> = match args.sd {
+        true => names
+            .map(|(p, n)| AddedColumn::new(format!("{n}.sd"), After::Point(p)))
+            .collect(),
+        false => Vec::new(),
+    };
+    let units = args.out.table_units(Units::CM_Y);
+    write_table(
+        &args.out,
+        Units::CM_Y,
+        &table,
+        table.poses.xyz.view(),
+        &added,
+        |t| {
+            let row = solved.sd.iter().flat_map(|sd| sd.row(t).to_vec());
+            row.map(|sd| match sd.is_finite() {
+                true => format!("{:.4}", units.length(sd)),
+                false => String::new(),
+            })
+            .collect()
+        },
+    )?;
+    if let Some(path) = &args.asf_out {
+        write_bytes(Some(path), &solved.skeleton.to_bytes(), false)?;
+    }
+    if let Some(path) = &args.amc {
+        let first = first_frame_number(&solved.joints, file.rate());
+        let amc = Amc::from_values(&solved.skeleton, first, solved.values.view());
+        write_bytes(Some(path), &amc.to_bytes(), false)?;
+    }
+    if let Some(path) = &args.bvh {
+        let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
+        write_bytes(Some(path), &bvh.to_bytes(1.0), false)?;
+    }
+    Ok(())
+}
