@@ -29,6 +29,8 @@ pub(super) struct BodyMarker {
     pub bone: usize,
     /// The share of the bone at which its offset begins.
     pub along: f64,
+    /// Standard deviation of what is measured, cm.
+    pub sd: f64,
 }
 
 /// Bones and markers, which numbers put in place.
@@ -74,7 +76,7 @@ impl Body {
         };
         body.set_bones(joints, bones, given)?;
         for (m, marker) in named.iter().enumerate() {
-            let own = marker.landmark.bone;
+            let own = marker.landmark.bone.as_ref();
             let side = if marker.is_right { "r" } else { "l" };
             let bone = (body.template.find(own))
                 .or_else(|| body.template.find(&format!("{side}{own}")))
@@ -82,6 +84,7 @@ impl Body {
             body.markers.push(BodyMarker {
                 bone,
                 along: marker.landmark.along,
+                sd: marker.sd,
             });
             let [at, sd] = marker.landmark.place(joints, marker.is_right);
             for c in 0..3 {
@@ -202,6 +205,11 @@ impl Body {
     pub(super) fn marker_bones(&self) -> Vec<usize> {
         let first = self.template.bones().len();
         (first..first + self.markers.len()).collect()
+    }
+
+    /// The weight of each marker, 1/cm².
+    pub(super) fn weights(&self) -> Vec<f64> {
+        self.markers.iter().map(|m| m.sd.powi(-2)).collect()
     }
 
     /// By how much the numbers move the end of a bone, `own` of its length counted, for the global

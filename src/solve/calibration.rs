@@ -100,7 +100,9 @@ impl Calibrator<'_> {
         let numbers = self.body.mean.clone();
         let poses = self.with_solver(&numbers, |solver, frame, scratch| {
             let start = Start::Far(solver.start(0, frame));
-            solver.solve(frame, &weights(frame), start, scratch).state
+            solver
+                .solve(frame, &self.body.weights(), start, scratch)
+                .state
         })?;
         Ok(State { numbers, poses })
     }
@@ -128,7 +130,7 @@ impl Calibrator<'_> {
         let of = |n: usize| {
             let frame = &self.frames[n];
             let mut scratch = Scratch::default();
-            solver.linearized(&state.poses[n], frame, &weights(frame), &mut scratch)
+            solver.linearized(&state.poses[n], frame, &self.body.weights(), &mut scratch)
         };
         Ok(map_chunks(self.frames.len(), 1, |range| of(range.start)))
     }
@@ -250,9 +252,4 @@ pub(super) fn frame_solver<'s>(
     prior: &JointPrior,
 ) -> Result<FrameSolver<'s>> {
     Ok(FrameSolver::new(skeleton, joints, 0, prior)?.with_outliers())
-}
-
-/// The weight of each marker of a frame, 1/cm².
-fn weights(frame: &[f64]) -> Vec<f64> {
-    vec![SD.powi(-2); frame.len() / 3]
 }

@@ -1,9 +1,10 @@
 //! Where on which bone markers are, and which joints are asked for.
 
-use super::tuning::LEAST_SD;
+use super::tuning::{LEAST_SD, TRUE_PLACE};
 use crate::pose::joints::CMU;
 use crate::prior::rotations::bones::mirror;
 use glam::DVec3;
+use std::borrow::Cow;
 use std::sync::LazyLock;
 
 /// The joints that markers are solved for.
@@ -27,6 +28,14 @@ const CENTERS: [(&str, &str); 6] = [
 ];
 
 impl JointSet {
+    /// The set that some joints are of.
+    pub(super) fn of(points: &[String]) -> JointSet {
+        match points.iter().any(|p| CMU.contains(&p.as_str())) {
+            true => JointSet::Cmu,
+            false => JointSet::Anatomical,
+        }
+    }
+
     /// The names of the joints, and of the bones whose ends they are.
     pub(super) fn joints(self) -> Vec<(String, String)> {
         match self {
@@ -51,7 +60,7 @@ impl JointSet {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Landmark {
     /// The bone, without l or r where it is of a side.
-    pub bone: &'static str,
+    pub bone: Cow<'static, str>,
     /// The share of the bone at which the offset begins.
     pub along: f64,
     /// The offset in the axes of the rest pose, of the left side, and its deviations, cm: for CMU's
@@ -72,7 +81,7 @@ static ALL: LazyLock<Vec<(&'static str, Landmark)>> = LazyLock::new(|| {
         (numbers.len() == 13).then(|| {
             let of = |at: usize| [vector(at), vector(at + 3).max(DVec3::splat(LEAST_SD))];
             let landmark = Landmark {
-                bone: cells[1],
+                bone: Cow::Borrowed(cells[1]),
                 along: numbers[0],
                 offsets: [of(1), of(7)],
             };
@@ -88,6 +97,25 @@ pub(crate) fn landmark(name: &str) -> Option<&'static Landmark> {
 }
 
 impl Landmark {
+    /// The end of a bone.
+    pub(crate) fn joint(bone: &str) -> Landmark {
+        Landmark::new(bone, 1.0, [DVec3::ZERO, DVec3::splat(TRUE_PLACE)])
+    }
+
+    /// A landmark that is at one place for all joints.
+    pub(crate) fn new(bone: &str, along: f64, place: [DVec3; 2]) -> Landmark {
+        Landmark {
+            bone: Cow::Owned(bone.to_string()),
+            along,
+            offsets: [place; 2],
+        }
+    }
+
+    /// The same landmark at another place.
+    pub(crate) fn at(&self, place: DVec3, sd: DVec3) -> Landmark {
+        Landmark::new(&self.bone, self.along, [place, sd])
+    }
+
     /// Where it is, from a share of the bone, and the deviations of that, cm.
     pub(crate) fn place(&self, joints: JointSet, is_right: bool) -> [DVec3; 2] {
         let [at, sd] = self.offsets[usize::from(joints == JointSet::Anatomical)];

@@ -1,29 +1,74 @@
 //! Which marker is on which landmark, by the names of a marker set.
 
-use super::landmarks::{Landmark, landmark};
+use super::landmarks::{JointSet, Landmark, landmark};
+use super::tuning::{SD, TRUE_SD};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
 use crate::{Error, Place, Result};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
 /// Names of markers and their landmarks.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MarkerSet {
     /// Its name, or that of its file.
     pub name: String,
-    /// By a marker's name, in small letters and without . _ and -, the landmark, and whether it is
-    /// on the right.
-    landmarks: BTreeMap<String, (String, bool)>,
+    /// By a marker's name, in small letters and without . _ and -.
+    lines: BTreeMap<String, Line>,
 }
+
+/// A line of a set.
+#[derive(Debug, Clone, PartialEq)]
+struct Line {
+    /// The name as it stands there, `{S}` for the side.
+    pattern: String,
+    landmark: Landmark,
+    is_right: bool,
+}
+
+/// A set that was learned, as its file has it.
+#[derive(Serialize, Deserialize)]
+struct Learned {
+    kind: String,
+    markers: BTreeMap<String, LearnedMarker>,
+}
+
+/// A marker of the left side or the middle: the bone, the share of it at which the offset begins,
+/// and that offset and its standard deviations in the axes of the rest pose, cm.
+#[derive(Serialize, Deserialize)]
+struct LearnedMarker {
+    bone: String,
+    along: f64,
+    offset: [f64; 3],
+    sd: [f64; 3],
+}
+
+/// The kind in the file of a learned set.
+const KIND: &str = "marker-set";
 
 /// A marker that is on a landmark.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NamedMarker {
     /// The point of the take.
     pub point: usize,
-    pub landmark: &'static Landmark,
+    pub landmark: Landmark,
     pub is_right: bool,
+    /// Standard deviation of what is measured, cm.
+    pub sd: f64,
+}
+
+impl NamedMarker {
+    /// A joint that is known: the end of a bone.
+    pub(crate) fn joint(point: usize, bone: &str) -> NamedMarker {
+        NamedMarker {
+            point,
+            landmark: Landmark::joint(bone),
+            is_right: false,
+            sd: TRUE_SD,
+        }
+    }
 }
 
 static SHIPPED: LazyLock<Vec<MarkerSet>> = LazyLock::new(|| {
@@ -48,20 +93,31 @@ impl MarkerSet {
         &SHIPPED
     }
 
-    /// A set from a file of lines `name = "landmark"` (TOML).
+    /// A set from a file: lines `name = "landmark"` (TOML), or a learned one (JSON).
     ///
     /// # Errors
     /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: it is no such file, or there is no
-    /// such landmark.
+    /// such landmark or bone.
     pub fn open(path: impl AsRef<Path>) -> Result<MarkerSet> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let place = Place::file(&name);
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-        let lines = toml::from_str(&text).map_err(|e| {
-            Error::data(place.clone(), format!("is no marker set: {}", e.message()))
-        })?;
-        MarkerSet::new(name, &lines).map_err(|e| e.at(place))
+        let bad = |what: String| Error::data(Place::file(&name), what);
+        if !text.trim_start().starts_with('{') {
+            let lines = toml::from_str(&text)
+                .map_err(|e| bad(format!("is no marker set: {}", e.message())))?;
+            return MarkerSet::new(name.clone(), &lines).map_err(|e| e.at(Place::file(&name)));
+        }
+        let learned: Learned = serde_json::from_str(&text)
+            .ok()
+            .filter(|l: &Learned| l.kind == KIND)
+            .ok_or_else(|| bad("is no marker set that solve has learned".to_string()))?;
+        let known = |(pattern, marker): (String, LearnedMarker)| {
+            let place = [marker.offset, marker.sd].map(DVec3::from_array);
+            (pattern, Landmark::new(&marker.bone, marker.along, place))
+        };
+        let markers = learned.markers.into_iter().map(known);
+        Ok(MarkerSet::of_landmarks(&name, markers))
     }
 
     /// A set from lines "name = landmark", where `{S}` in a name stands for L and R.
@@ -69,23 +125,72 @@ impl MarkerSet {
     /// # Errors
     /// [`Error::Usage`]: there is no such landmark.
     pub fn new(name: String, lines: &BTreeMap<String, String>) -> Result<MarkerSet> {
-        let mut landmarks = BTreeMap::new();
-        for (marker, at) in lines {
-            if landmark(at).is_none() {
-                let what = format!("{name}: there is no landmark {at}, where it puts {marker}");
-                return Err(Error::usage(what));
-            }
-            if !marker.contains(SIDE) {
-                let is_right = plain(marker).starts_with('r') && !is_central(at);
-                landmarks.insert(plain(marker), (at.clone(), is_right));
-                continue;
-            }
-            for (side, is_right) in [("l", false), ("r", true)] {
-                let own = plain(&marker.replace(SIDE, side));
-                landmarks.insert(own, (at.clone(), is_right));
+        let known = |(marker, at): (&String, &String)| {
+            let what = || format!("{name}: there is no landmark {at}, where it puts {marker}");
+            let landmark = landmark(at).ok_or_else(|| Error::usage(what()))?;
+            Ok((marker.clone(), landmark.clone()))
+        };
+        let known: Vec<(String, Landmark)> = lines.iter().map(known).collect::<Result<_>>()?;
+        Ok(MarkerSet::of_landmarks(&name, known.into_iter()))
+    }
+
+    /// A set of markers, by their patterns.
+    pub(crate) fn of_landmarks(
+        name: &str,
+        markers: impl Iterator<Item = (String, Landmark)>,
+    ) -> MarkerSet {
+        let mut lines = BTreeMap::new();
+        for (pattern, landmark) in markers {
+            let sides: &[(&str, bool)] = match pattern.contains(SIDE) {
+                true => &[("l", false), ("r", true)],
+                false => &[("", false)],
+            };
+            for (side, is_right) in sides {
+                let own = plain(&pattern.replace(SIDE, side));
+                let is_right = *is_right || side.is_empty() && is_of_right(&own, &landmark);
+                let line = Line {
+                    pattern: pattern.clone(),
+                    landmark: landmark.clone(),
+                    is_right,
+                };
+                lines.insert(own, line);
             }
         }
-        Ok(MarkerSet { name, landmarks })
+        MarkerSet {
+            name: name.to_string(),
+            lines,
+        }
+    }
+
+    /// A learned set as a file (JSON).
+    ///
+    /// # Errors
+    /// None for numbers that are finite.
+    pub fn to_json(&self) -> Result<String> {
+        let marker = |line: &Line| {
+            let [offset, sd] = line.landmark.place(JointSet::Anatomical, false);
+            let marker = LearnedMarker {
+                bone: line.landmark.bone.to_string(),
+                along: line.landmark.along,
+                offset: offset.to_array(),
+                sd: sd.to_array(),
+            };
+            (line.pattern.clone(), marker)
+        };
+        let learned = Learned {
+            kind: KIND.to_string(),
+            markers: self.lines.values().map(marker).collect(),
+        };
+        let text = serde_json::to_string_pretty(&learned);
+        text.map(|t| t + "\n")
+            .map_err(|e| Error::usage(e.to_string()))
+    }
+
+    /// The pattern of a marker that the set knows; its name else.
+    pub(crate) fn pattern<'a>(&'a self, name: &'a str) -> &'a str {
+        self.lines
+            .get(&plain(name))
+            .map_or(name, |line| &line.pattern)
     }
 
     /// The built-in set of a name; `None` where there is none.
@@ -111,26 +216,26 @@ impl MarkerSet {
                 continue;
             }
             let own = plain(name);
-            let Some((at, is_right)) = self.landmarks.get(&own) else {
+            let Some(line) = self.lines.get(&own).filter(|_| !known.contains(&own)) else {
                 continue;
             };
-            if let Some(landmark) = landmark(at).filter(|_| !known.contains(&own)) {
-                known.push(own);
-                found.push(NamedMarker {
-                    point,
-                    landmark,
-                    is_right: *is_right,
-                });
-            }
+            known.push(own);
+            found.push(NamedMarker {
+                point,
+                landmark: line.landmark.clone(),
+                is_right: line.is_right,
+                sd: SD,
+            });
         }
         found
     }
 }
 
-/// Whether a landmark has no side, or its name has it.
-fn is_central(at: &str) -> bool {
-    let bone = landmark(at).map_or("", |l| l.bone);
-    ["thorax", "head", "root"].contains(&bone)
+/// Whether a marker whose pattern has no side is on the right: by its name, where its landmark is on
+/// a limb.
+fn is_of_right(plain: &str, landmark: &Landmark) -> bool {
+    let is_central = ["thorax", "head", "root"].contains(&landmark.bone.as_ref());
+    plain.starts_with('r') && !is_central
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod body;
 mod calibration;
 mod deviations;
 mod landmarks;
+mod learning;
 mod marker_sets;
 mod solver;
 mod tuning;

@@ -1,7 +1,7 @@
 //! A take of markers solved: joints, how sure they are, and the skeleton's values.
 
 use super::body::{Body, template};
-use super::calibration::{Calibrator, frame_solver};
+use super::calibration::{Calibration, Calibrator, frame_solver};
 use super::deviations::Deviations;
 use super::landmarks::{JointSet, landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
@@ -18,7 +18,7 @@ use crate::pose::{Poses, Skeleton, point_at};
 use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
 use glam::DMat3;
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, ArrayView2, Axis, s};
 
 /// How a take is solved.
 #[derive(Default)]
@@ -100,41 +100,27 @@ pub fn solve(
         );
         return Err(Error::usage(what));
     }
-    let prior = RotationPrior::builtin()?;
-    let bones = prior
-        .bones()
-        .ok_or_else(|| Error::usage("the prior of rotations has no bones"))?;
-    let mut body = Body::new(&named, settings.joints, bones, settings.skeleton)?;
-    let columns: Vec<usize> = named
-        .iter()
-        .flat_map(|m| 3 * m.point..3 * m.point + 3)
-        .collect();
-    let xyz = poses.xyz.select(Axis(1), &columns);
-    if settings.skeleton.is_none()
-        && let Some(width) = pelvis_width(&named, &xyz, settings.joints)
-    {
-        body.scale_pelvis(width);
-    }
-    let frames = frames_to_fit(&xyz);
-    let joint_prior = pose_prior(&body, &prior, settings.joints)?;
-    let calibrator = Calibrator {
-        body: &body,
-        prior: &joint_prior,
-        frames: &frames,
-    };
-    let calibration = calibrator.calibrate()?;
+    let xyz = poses.xyz.view();
+    let calibrated = calibrated(&named, &xyz, settings.joints, settings.skeleton)?;
+    let Calibrated {
+        body,
+        prior,
+        xyz,
+        numbers,
+        precision,
+    } = &calibrated;
     let fitted = Fitted {
-        body: &body,
-        prior: &joint_prior,
-        skeleton: body.skeleton(&calibration.numbers)?,
-        xyz: &xyz,
+        body,
+        prior,
+        skeleton: body.skeleton(numbers)?,
+        xyz,
         poses,
     };
     let sequence = fitted.sequence(watch)?;
     let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count() / 3 >= 3;
     let solved: Vec<bool> = (0..poses.frames()).map(seen).collect();
     let sd = match settings.deviations {
-        true => Some(fitted.deviations(&sequence, &calibration.precision, settings.joints)?),
+        true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
         false => None,
     };
     let used = named.iter().zip(&sequence.by_target);
@@ -146,7 +132,7 @@ pub fn solve(
         joints: fitted.joints(&sequence, &solved, settings.joints)?,
         sd,
         skeleton: Asf {
-            skeleton: body.bare_skeleton(&calibration.numbers)?,
+            skeleton: body.bare_skeleton(numbers)?,
             ..template()?
         },
         set: set.name.clone(),
@@ -157,13 +143,61 @@ pub fn solve(
     })
 }
 
+/// A person whose bones and markers were fitted.
+pub(super) struct Calibrated {
+    pub body: Body,
+    pub prior: JointPrior,
+    /// The markers (frames, 3 M), cm.
+    pub xyz: Array2<f64>,
+    /// The numbers of bones and markers, and one over their covariance.
+    pub numbers: Vec<f64>,
+    pub precision: Array2<f64>,
+}
+
+/// Fits bones and markers to a take of points at `xyz` (frames, 3 P); bones are those of `given`,
+/// if it is.
+pub(super) fn calibrated(
+    named: &[NamedMarker],
+    xyz: &ArrayView2<'_, f64>,
+    joints: JointSet,
+    given: Option<&Skeleton>,
+) -> Result<Calibrated> {
+    let prior = RotationPrior::builtin()?;
+    let bones = prior
+        .bones()
+        .ok_or_else(|| Error::usage("the prior of rotations has no bones"))?;
+    let mut body = Body::new(named, joints, bones, given)?;
+    let columns = named.iter().flat_map(|m| 3 * m.point..3 * m.point + 3);
+    let xyz = xyz.select(Axis(1), &columns.collect::<Vec<usize>>());
+    if given.is_none()
+        && let Some(width) = pelvis_width(named, &xyz, joints)
+    {
+        body.scale_pelvis(width);
+    }
+    let frames = frames_to_fit(&xyz);
+    let prior = pose_prior(&body, &prior, joints)?;
+    let calibrator = Calibrator {
+        body: &body,
+        prior: &prior,
+        frames: &frames,
+    };
+    let Calibration { numbers, precision } = calibrator.calibrate()?;
+    Ok(Calibrated {
+        body,
+        prior,
+        xyz,
+        numbers,
+        precision,
+    })
+}
+
 /// The width between the front hips, of that which the landmarks have; `None` where it is not seen.
 fn pelvis_width(named: &[NamedMarker], xyz: &Array2<f64>, joints: JointSet) -> Option<f64> {
     let front = landmark("ASI")?;
     let of = |right: bool| {
         named
             .iter()
-            .position(|m| m.landmark == front && m.is_right == right)
+            .position(|m| m.landmark == *front && m.is_right == right)
     };
     let (left, right) = (of(false)?, of(true)?);
     let widths = (0..xyz.nrows())
@@ -220,7 +254,8 @@ impl Fitted<'_> {
     fn sequence(&self, watch: &mut dyn FnMut(usize)) -> Result<SequenceFit> {
         let joints = self.body.marker_bones();
         let solver = frame_solver(&self.skeleton, &joints, self.prior)?;
-        let sd = Array2::from_elem((self.xyz.nrows(), joints.len()), SD);
+        let shape = (self.xyz.nrows(), joints.len());
+        let sd = Array2::from_shape_fn(shape, |(_, m)| self.body.markers[m].sd);
         let targets = Targets {
             joints: &joints,
             cmu: &vec![None; joints.len()],
@@ -287,7 +322,7 @@ impl Fitted<'_> {
             numbers: &numbers,
             bones: &bones,
         };
-        let weights = vec![SD.powi(-2); joints.len()];
+        let weights = self.body.weights();
         let count = sequence.values.nrows();
         let rows = map_chunks(count, 8, |range| {
             let mut scratch = Scratch::default();
@@ -340,8 +375,16 @@ mod tests {
         for t in 0..frames {
             let time = t as f64 / 60.0;
             let mut q = vec![0.0; skeleton.dof_count()];
-            for (i, v) in q.iter_mut().enumerate() {
-                *v = 0.25 * (2.0 * time + i as f64).sin();
+            for (b, bone) in skeleton.bones().iter().enumerate() {
+                // As people move: collar bones of CMU's do not.
+                let size = match &bone.name[..] {
+                    "lclavicle" | "rclavicle" | "ltoes" | "rtoes" | "lhand" | "rhand" => 0.0,
+                    name if name.ends_with("back") || name.ends_with("neck") => 0.05,
+                    _ => 0.25,
+                };
+                for i in skeleton.dofs_of(b) {
+                    q[i] = size * (2.0 * time + i as f64).sin();
+                }
             }
             (q[0], q[1], q[4]) = (40.0 * time, 95.0, 1.5 + time);
             let posture = skeleton.posture(&q);
@@ -410,6 +453,35 @@ mod tests {
         }
         let worse = apart(&solved(&harmed, false).joints.xyz, &joints);
         assert!(worse <= off + 0.6, "{off} {worse}");
+    }
+
+    #[test]
+    fn a_learned_set_knows_where_the_markers_are() {
+        let (poses, xyz) = person(60);
+        let joints = Poses {
+            points: CMU.map(String::from).to_vec(),
+            xyz: xyz.clone(),
+            ..Poses::default()
+        };
+        let both = [(&poses, &joints), (&poses, &joints)];
+        let learned = MarkerSet::learn("mine", &both, None).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), learned.to_json().unwrap()).unwrap();
+        let again = MarkerSet::open(file.path()).unwrap();
+        let with = |set: Option<&MarkerSet>| {
+            let settings = SolveSettings {
+                set,
+                ..SolveSettings::default()
+            };
+            let found = solve(&poses, &settings, &mut |_| ()).unwrap();
+            apart(&found.joints.xyz, &xyz)
+        };
+        let (plain, own) = (with(None), with(Some(&again)));
+        assert!(own < 0.95 * plain, "{plain} {own}");
+        assert!(MarkerSet::learn("mine", &[(&poses, &poses)], None).is_err());
+        std::fs::write(file.path(), "{}").unwrap();
+        let error = MarkerSet::open(file.path()).unwrap_err().to_string();
+        assert!(error.contains("marker set"), "{error}");
     }
 
     #[test]

@@ -36,3 +36,9 @@ pub(super) const UNEVEN: f64 = 0.4;
 pub(super) const SHOULDERS: f64 = 2.0;
 /// By how much more a shoulder may be off than the fit tells.
 pub(super) const SHOULDER: f64 = 1.7;
+/// Standard deviation of a joint that is known, cm, and of its place on its bone.
+pub(super) const TRUE_SD: f64 = 0.15;
+pub(super) const TRUE_PLACE: f64 = 0.05;
+/// People as whom the built-in landmark counts, in the place of a learned marker and its deviation.
+pub(super) const BUILT_IN: f64 = 0.5;
+pub(super) const LEAST_PEOPLE: f64 = 3.0;

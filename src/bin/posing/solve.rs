@@ -8,12 +8,13 @@ use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::{write_bytes, write_table};
 use posing::cli::{Outcome, messages};
 use posing::io::csv::{AddedColumn, After};
+use posing::io::motion_file::ReadRules;
 use posing::io::{Amc, Asf, MotionFile, Table};
-use posing::pose::Units;
 use posing::pose::one_take::first_frame_number;
+use posing::pose::{Poses, Units};
 use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, solve};
 use posing::{Error, Place, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Turn labeled markers into joints, a skeleton and its motion
 ///
@@ -35,9 +36,9 @@ use std::path::PathBuf;
         \n  posing solve markers.c3d --bvh walk.bvh -o joints.csv"
 )]
 pub struct Args {
-    /// Take of labeled markers
-    #[arg(value_name = "TAKE")]
-    take: PathBuf,
+    /// Take of labeled markers; with --learn several
+    #[arg(value_name = "TAKE", required = true)]
+    takes: Vec<PathBuf>,
     #[command(flatten)]
     read: TakeReadArgs,
     /// Joints: the 23 of the built-in model, or joint centers
@@ -60,6 +61,30 @@ pub struct Args {
         help_heading = "Method"
     )]
     map: Option<PathBuf>,
+    /// Marker set that --learn made: where each marker is on its bone
+    #[arg(
+        long,
+        value_name = "SET.json",
+        conflicts_with_all = ["set", "map"],
+        help_heading = "Method"
+    )]
+    template: Option<PathBuf>,
+    /// Learn a marker set from takes whose joints are known, and write it to this file
+    #[arg(
+        long,
+        value_name = "SET.json",
+        requires = "truth",
+        help_heading = "Method"
+    )]
+    learn: Option<PathBuf>,
+    /// Joints of a take to learn from, once a take, in their order
+    #[arg(
+        long,
+        value_name = "JOINTS.csv",
+        requires = "learn",
+        help_heading = "Method"
+    )]
+    truth: Vec<PathBuf>,
     /// Skeleton of the person, with CMU's bones, whose lengths are kept
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Method")]
     asf: Option<PathBuf>,
@@ -93,19 +118,24 @@ enum Joints {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let file = MotionFile::open_by(&args.take, &args.read.rules())?;
-    let name = args.take.display().to_string();
-    let place = |e: Error| e.at(Place::file(&name));
-    if file.poses().takes().len() > 1 {
-        let what = "holds several takes; cut one out with trim --take";
-        return Err(Error::data(Place::file(&name), what));
-    }
-    let own = args.map.as_ref().map(MarkerSet::open).transpose()?;
+    let own = args.map.as_ref().or(args.template.as_ref());
+    let own = own.map(MarkerSet::open).transpose()?;
     let set = match (&own, args.set.as_str()) {
         (Some(own), _) => Some(own),
         (None, "auto") => None,
         (None, name) => Some(shipped(name)?),
     };
+    if let Some(path) = &args.learn {
+        return learn(args, set, path);
+    }
+    let [take] = &args.takes[..] else {
+        return Err(Error::usage(
+            "several takes: give one, or learn from them with --learn",
+        ));
+    };
+    let file = one_take(take, &args.read.rules())?;
+    let name = take.display().to_string();
+    let place = |e: Error| e.at(Place::file(&name));
     let given = args
         .asf
         .as_ref()
@@ -134,6 +164,40 @@ pub fn work(args: &Args) -> Result<Outcome> {
             Outcome::Findings
         }
     })
+}
+
+/// A file of one take.
+fn one_take(path: &Path, rules: &ReadRules) -> Result<MotionFile> {
+    let file = MotionFile::open_by(path, rules)?;
+    if file.poses().takes().len() > 1 {
+        let what = "holds several takes; cut one out with trim --take";
+        return Err(Error::data(Place::file(path.display().to_string()), what));
+    }
+    Ok(file)
+}
+
+/// Learns a marker set and writes it.
+fn learn(args: &Args, set: Option<&MarkerSet>, to: &Path) -> Result<Outcome> {
+    if args.truth.len() != args.takes.len() {
+        return Err(Error::usage(format!(
+            "{} takes and {} tables of joints: give --truth once a take, in their order",
+            args.takes.len(),
+            args.truth.len()
+        )));
+    }
+    let rules = args.read.rules();
+    let open = |paths: &[PathBuf], rules: &ReadRules| -> Result<Vec<MotionFile>> {
+        paths.iter().map(|path| one_take(path, rules)).collect()
+    };
+    let (takes, truths) = (
+        open(&args.takes, &rules)?,
+        open(&args.truth, &ReadRules::default())?,
+    );
+    let both = takes.iter().zip(&truths);
+    let both: Vec<(&Poses, &Poses)> = both.map(|(t, j)| (t.poses(), j.poses())).collect();
+    let learned = MarkerSet::learn(&to.display().to_string(), &both, set)?;
+    write_bytes(Some(to), learned.to_json()?.as_bytes(), false)?;
+    Ok(Outcome::Done)
 }
 
 /// The built-in set of a name.

@@ -1,0 +1,96 @@
+//! A marker set learned from takes whose joints are known: where each marker is on its bone, by its
+//! name.
+
+use super::body::BONES;
+use super::landmarks::{JointSet, Landmark};
+use super::marker_sets::{MarkerSet, NamedMarker};
+use super::solver::calibrated;
+use super::tuning::{BUILT_IN, LEAST_PEOPLE};
+use crate::pose::Poses;
+use crate::prior::rotations::bones::mirror;
+use crate::{Error, Result};
+use glam::DVec3;
+use ndarray::{Axis, concatenate};
+use std::collections::BTreeMap;
+
+impl MarkerSet {
+    /// Learns from takes of people, each with its joints in the same frames: the markers that `set`
+    /// knows (`None`: the built-in set that knows most), each by its own name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a take and its joints have other numbers of frames, no joint is known, or
+    /// a take has too few markers.
+    pub fn learn(
+        name: &str,
+        takes: &[(&Poses, &Poses)],
+        set: Option<&MarkerSet>,
+    ) -> Result<MarkerSet> {
+        let mut places: BTreeMap<String, Vec<DVec3>> = BTreeMap::new();
+        let mut known: BTreeMap<String, (Landmark, bool)> = BTreeMap::new();
+        let mut joints_of = JointSet::Cmu;
+        for (markers, joints) in takes {
+            let own = set.or_else(|| MarkerSet::of(&markers.points));
+            let own = own.ok_or_else(|| Error::usage("no marker set"))?;
+            joints_of = JointSet::of(&joints.points);
+            for (pattern, landmark, place) in places_in(own, markers, joints, joints_of)? {
+                places.entry(pattern.clone()).or_default().push(place);
+                known.entry(pattern).or_insert(landmark);
+            }
+        }
+        let learned = known.into_iter().map(|(pattern, (landmark, _))| {
+            let [base, sd] = landmark.place(joints_of, false);
+            let own = &places[&pattern];
+            let count = own.len() as f64;
+            // Half a person is as the built-in landmark has it.
+            let mean = (own.iter().sum::<DVec3>() + base * BUILT_IN) / (count + BUILT_IN);
+            let scatter = own.iter().map(|p| (*p - mean) * (*p - mean)).sum::<DVec3>();
+            let variance = (scatter + sd * sd * LEAST_PEOPLE) / (count + LEAST_PEOPLE);
+            let sd = DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt());
+            (pattern, landmark.at(mean, sd))
+        });
+        Ok(MarkerSet::of_landmarks(name, learned))
+    }
+}
+
+/// Where the markers of a take are on their bones, as of the left side, by their pattern.
+#[expect(clippy::type_complexity)]
+fn places_in(
+    set: &MarkerSet,
+    markers: &Poses,
+    joints: &Poses,
+    joints_of: JointSet,
+) -> Result<Vec<(String, (Landmark, bool), DVec3)>> {
+    if markers.frames() != joints.frames() {
+        return Err(Error::usage(format!(
+            "{} frames of markers and {} of joints",
+            markers.frames(),
+            joints.frames()
+        )));
+    }
+    let mut named = set.markers(&markers.points);
+    let count = named.len();
+    for (name, bone) in joints_of.joints() {
+        if let Some(point) = joints.points.iter().position(|p| *p == name) {
+            named.push(NamedMarker::joint(markers.points.len() + point, &bone));
+        }
+    }
+    if named.len() == count {
+        return Err(Error::usage("no joint is one that markers are solved for"));
+    }
+    let xyz = concatenate![Axis(1), markers.xyz, joints.xyz];
+    let calibrated = calibrated(&named, &xyz.view(), joints_of, None)?;
+    let mut sides: BTreeMap<String, Vec<(NamedMarker, DVec3)>> = BTreeMap::new();
+    for (m, marker) in named.into_iter().take(count).enumerate() {
+        let own = BONES + 3 * m;
+        let at = DVec3::from_slice(&calibrated.numbers[own..own + 3]);
+        let at = if marker.is_right { mirror(at) } else { at };
+        let pattern = set.pattern(&markers.points[marker.point]).to_string();
+        sides.entry(pattern).or_default().push((marker, at));
+    }
+    let mean = |(pattern, sides): (String, Vec<(NamedMarker, DVec3)>)| {
+        let at = sides.iter().map(|s| s.1).sum::<DVec3>() / sides.len() as f64;
+        let first = sides.into_iter().next()?.0;
+        Some((pattern, (first.landmark, first.is_right), at))
+    };
+    Ok(sides.into_iter().filter_map(mean).collect())
+}
