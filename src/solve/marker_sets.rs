@@ -106,7 +106,7 @@ impl MarkerSet {
         if !text.trim_start().starts_with('{') {
             let lines = toml::from_str(&text)
                 .map_err(|e| bad(format!("is no marker set: {}", e.message())))?;
-            return MarkerSet::new(name.clone(), &lines).map_err(|e| e.at(Place::file(&name)));
+            return MarkerSet::new(name.clone(), &lines).map_err(|e| bad(e.to_string()));
         }
         let learned: Learned = serde_json::from_str(&text)
             .ok()
@@ -126,7 +126,7 @@ impl MarkerSet {
     /// [`Error::Usage`]: there is no such landmark.
     pub fn new(name: String, lines: &BTreeMap<String, String>) -> Result<MarkerSet> {
         let known = |(marker, at): (&String, &String)| {
-            let what = || format!("{name}: there is no landmark {at}, where it puts {marker}");
+            let what = || format!("there is no landmark {at}, where {marker} would be");
             let landmark = landmark(at).ok_or_else(|| Error::usage(what()))?;
             Ok((marker.clone(), landmark.clone()))
         };
@@ -231,8 +231,8 @@ impl MarkerSet {
     }
 }
 
-/// Whether a marker whose pattern has no side is on the right: by its name, where its landmark is on
-/// a limb.
+/// Whether a marker whose pattern has no side is on the right, by its name: where its landmark is
+/// on a limb.
 fn is_of_right(plain: &str, landmark: &Landmark) -> bool {
     let is_central = ["thorax", "head", "root"].contains(&landmark.bone.as_ref());
     plain.starts_with('r') && !is_central

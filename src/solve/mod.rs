@@ -17,4 +17,4 @@ mod tuning;
 
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
-pub use solver::{SolveSettings, SolvedTake, solve};
+pub use solver::{SolveSettings, SolvedTake, UsedMarker, solve};

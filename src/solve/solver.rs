@@ -1,6 +1,6 @@
 //! A take of markers solved: joints, how sure they are, and the skeleton's values.
 
-use super::body::{Body, template};
+use super::body::{BONES, Body, template};
 use super::calibration::{Calibration, Calibrator, frame_solver};
 use super::deviations::Deviations;
 use super::landmarks::{JointSet, landmark};
@@ -47,12 +47,30 @@ pub struct SolvedTake {
     pub values: Array2<f64>,
     /// The name of the marker set.
     pub set: String,
-    /// The markers that were used, and how far each is from its place, cm: the median.
-    pub used: Vec<(String, f64)>,
+    /// The markers that were used.
+    pub used: Vec<UsedMarker>,
     /// The points of the take that were not.
     pub left_out: Vec<String>,
     /// Frames without joints.
     pub unsolved: usize,
+}
+
+/// A marker that was used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UsedMarker {
+    /// Its name.
+    pub name: String,
+    /// How far it is from its place on its bone, cm: the mean over the frames.
+    pub distance: f64,
+    /// How far that place is from where such a marker is mostly, standard deviations.
+    pub deviations: f64,
+}
+
+impl UsedMarker {
+    /// Whether its name may be wrong.
+    pub fn is_suspect(&self) -> bool {
+        self.deviations >= ODD_PLACE || self.distance >= FAR
+    }
 }
 
 impl SolvedTake {
@@ -92,11 +110,10 @@ pub fn solve(
     let named: Vec<NamedMarker> = named.into_iter().filter(is_seen).collect();
     if named.len() < FEWEST_MARKERS {
         let what = format!(
-            "has {} markers of the set {}, which knows most of them, and {FEWEST_MARKERS} are \
-             needed; give another set with the option `set`, or name the markers with the option \
-             `map`",
-            named.len(),
-            set.name
+            "the set {} knows {} of its points, and {FEWEST_MARKERS} are needed; give another set \
+             with the option `set`, or name the markers with the option `map`",
+            set.name,
+            named.len()
         );
         return Err(Error::usage(what));
     }
@@ -123,9 +140,16 @@ pub fn solve(
         true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
         false => None,
     };
-    let used = named.iter().zip(&sequence.by_target);
-    let used =
-        used.map(|(m, (sum, count))| (poses.points[m.point].clone(), sum / (*count).max(1) as f64));
+    let used = named.iter().enumerate().map(|(m, marker)| {
+        let (sum, count) = sequence.by_target[m];
+        let own = BONES + 3 * m..BONES + 3 * m + 3;
+        let squares = own.map(|n| (numbers[n] - body.mean[n]).powi(2) * body.precision[[n, n]]);
+        UsedMarker {
+            name: poses.points[marker.point].clone(),
+            distance: sum / count.max(1) as f64,
+            deviations: squares.sum::<f64>().sqrt(),
+        }
+    });
     let is_used = |p: &usize| named.iter().any(|m| m.point == *p);
     let left_out = (0..poses.points.len()).filter(|p| !is_used(p));
     Ok(SolvedTake {
@@ -348,8 +372,6 @@ impl Fitted<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::body::BONES;
-
     const NAMES: &str = "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN LSHO RSHO LUPA RUPA LELB RELB LFRM \
                          RFRM LWRA RWRA LWRB RWRB LFIN RFIN LFWT RFWT LBWT RBWT LTHI RTHI LKNE \
                          RKNE LSHN RSHN LANK RANK LHEE RHEE LMT5 RMT5 LTOE RTOE";
@@ -496,6 +518,9 @@ mod tests {
         poses.points.truncate(7);
         poses.xyz = poses.xyz.slice(s![.., ..21]).to_owned();
         let error = solve(&poses, &SolveSettings::default(), &mut |_| ()).unwrap_err();
-        assert!(error.to_string().contains("7 markers"), "{error}");
+        assert!(
+            error.to_string().contains("knows 7 of its points"),
+            "{error}"
+        );
     }
 }

@@ -46,6 +46,7 @@ mod retarget;
 mod rotations;
 mod same_bytes;
 mod score;
+mod solve;
 mod streams;
 mod takes;
 mod training;

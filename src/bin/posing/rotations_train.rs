@@ -3,6 +3,7 @@
 use clap::Parser;
 use posing::cli::args::CommonArgs;
 use posing::cli::input::open;
+use posing::cli::messages;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::io::{Amc, Asf};
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// xyz2bvh, xyz2amc and xyz2glb take the file with --rotations: what the positions of points leave
 /// open, such as the twist of a limb, follows from it. A folder has the skeleton of one person
 /// (ASF, with CMU's bones) and that person's takes (AMC). Each person weighs as the square root of
-/// the number of frames.
+/// the number of frames. Of three people and more the lengths of their bones are learned too.
 #[derive(Parser)]
 #[command(
     name = "rotations-train",
@@ -57,9 +58,9 @@ pub fn work(args: &Args) -> Result<()> {
     }
     drop(bar);
     let mut prior = RotationPrior::train(&subjects)?;
-    // Fewer people tell nothing of how people differ.
-    if skeletons.len() >= FEWEST_PEOPLE {
-        prior = prior.with_bones(&skeletons)?;
+    match prior.clone().with_bones(&skeletons) {
+        Ok(with_bones) => prior = with_bones,
+        Err(e) => messages::info(&format!("bones were not learned: {e}")),
     }
     let mut model = prior.to_model();
     model.meta.credit.clone_from(&args.credit);
@@ -70,9 +71,6 @@ pub fn work(args: &Args) -> Result<()> {
         .push(entry("rotations-train", &flags, digests));
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }
-
-/// People from whom the bones of others are learned, at least.
-const FEWEST_PEOPLE: usize = 3;
 
 /// The skeleton of a person, and the rotations of the takes, at most `most` frames of each.
 fn person(

@@ -12,7 +12,7 @@ use posing::io::motion_file::ReadRules;
 use posing::io::{Amc, Asf, MotionFile, Table};
 use posing::pose::one_take::first_frame_number;
 use posing::pose::{Poses, Units};
-use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, solve};
+use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, UsedMarker, solve};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
@@ -21,8 +21,9 @@ use std::path::{Path, PathBuf};
 /// Reads a take of markers (C3D, TRC, Motive CSV, Qualisys TSV, NPZ, pose table). Bones, the places
 /// of the markers on them and the poses of 24 frames are fitted together, by what is known of
 /// people; then every frame by itself. The marker set is that whose names cover most of the
-/// markers. Markers may be missing, and some may be wrong. Frames with fewer than three markers
-/// have no joints (exit code 3).
+/// markers. Markers may be missing, and some may be wrong; one that does not fit its name in the
+/// whole take is named. Frames with fewer than three markers have no joints. Exit code 3: a marker
+/// does not fit, or a frame has no joints.
 ///
 /// Joints are the 23 of the built-in model, so that complete, denoise, edit and retarget go on from
 /// them, or the centers of hips, knees, ankles, shoulders, elbows and wrists.
@@ -52,8 +53,14 @@ pub struct Args {
         help_heading = "Method"
     )]
     set: String,
-    /// Marker set of your own: a file of lines such as LKNE = "KNL", marker and landmark (see
-    /// posing-solve(1))
+    /// Marker set of your own: a file of lines such as LKNE = "KNL", marker and landmark ({S} for
+    /// the side, L or R). Landmarks: ASI PSI SACR ILC GT of the pelvis, in front, behind, in the
+    /// middle behind, the crest, the trochanter; C7 CLAV T10 STRN RBAC LBAC STL of the trunk; FHD
+    /// BHD HTOP HFRONT MAN of the head, MAN the chin; SHO ASH PSH of the shoulder; UPA, ELL ELM of
+    /// the upper arm, the elbow outside and inside; FRM, WRR WRU of the forearm, the wrist at thumb
+    /// and little finger; FIN HIN HOUT of the hand; TH, PAT, KNL KNM of the thigh, the kneecap, the
+    /// knee outside and inside; SH TTA, ANL ANM of the shin, the ankle outside and inside; HEE MT5
+    /// MT1 TOE MID HAL of the foot, HAL the big toe
     #[arg(
         long,
         value_name = "FILE.toml",
@@ -154,15 +161,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let solved = solve(file.poses(), &settings, &mut |t| bar.set(t as u64)).map_err(place)?;
     drop(bar);
     report(&name, &solved);
+    report_findings(&name, &solved);
     write(args, &file, &solved)?;
-    Ok(match solved.unsolved {
+    let suspects = solved.used.iter().filter(|m| m.is_suspect());
+    Ok(match solved.unsolved + suspects.count() {
         0 => Outcome::Done,
-        n => {
-            messages::info(&format!(
-                "{name}: {n} frames have too few markers: no joints there"
-            ));
-            Outcome::Findings
-        }
+        _ => Outcome::Findings,
     })
 }
 
@@ -232,6 +236,36 @@ fn report(name: &str, solved: &SolvedTake) {
             "{name}: {} points are none of its markers: {}{more}",
             solved.left_out.len(),
             shown.join(", ")
+        ));
+    }
+}
+
+/// Where more than one in so many markers do not fit, it is none of them that is wrong.
+const MOST: usize = 3;
+
+/// Says what somebody should look at.
+fn report_findings(name: &str, solved: &SolvedTake) {
+    let suspects: Vec<&UsedMarker> = solved.used.iter().filter(|m| m.is_suspect()).collect();
+    if MOST * suspects.len() > solved.used.len() {
+        messages::info(&format!(
+            "{name}: {} of {} markers do not fit their names: are those of the pelvis right, and \
+             is the set?",
+            suspects.len(),
+            solved.used.len()
+        ));
+    } else {
+        for marker in suspects {
+            messages::info(&format!(
+                "{name}: {} does not fit its name: it is {:.1} standard deviations from where \
+                 such markers are, and {:.1} cm from its place in the mean; is it another?",
+                marker.name, marker.deviations, marker.distance
+            ));
+        }
+    }
+    if solved.unsolved > 0 {
+        let count = solved.unsolved;
+        messages::info(&format!(
+            "{name}: {count} frames have too few markers: no joints there"
         ));
     }
 }

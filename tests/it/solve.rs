@@ -1,0 +1,127 @@
+//! `posing solve`.
+
+use crate::common::*;
+use std::fs;
+
+/// A walk whose joints bear the names of markers.
+fn markers() -> Option<String> {
+    let mut table = take("07", "07_01", &[])?;
+    for (joint, marker) in [
+        ("lhipjoint", "LFWT"),
+        ("rhipjoint", "RFWT"),
+        ("lfemur", "LKNE"),
+        ("rfemur", "RKNE"),
+        ("ltibia", "LANK"),
+        ("rtibia", "RANK"),
+        ("lclavicle", "LSHO"),
+        ("rclavicle", "RSHO"),
+        ("lowerneck", "C7"),
+    ] {
+        table = table.replace(joint, marker);
+    }
+    Some(table)
+}
+
+#[test]
+fn joints_skeleton_and_motion_are_one() {
+    let Some(table) = markers() else {
+        return skipped("no takes");
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("in.csv"), table).unwrap();
+    let done = command("solve")
+        .args(["--sd", text(&path("in.csv")), "-o", text(&path("out.csv"))])
+        .args([
+            "--amc",
+            text(&path("o.amc")),
+            "--asf-out",
+            text(&path("o.asf")),
+        ])
+        .args(["--bvh", text(&path("o.bvh"))])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.success(), "{said}");
+    assert!(said.contains("9 markers of the set cmu41"), "{said}");
+    assert!(
+        said.contains("14 points are none of its markers: root"),
+        "{said}"
+    );
+    let out = fs::read_to_string(path("out.csv")).unwrap();
+    let head = out.lines().next().unwrap();
+    assert!(
+        head.starts_with("take,time,root.x,root.y,root.z,root.sd,lhipjoint.x"),
+        "{head}"
+    );
+    let joints = run("solve", &["-q", text(&path("in.csv"))], "");
+    let some = CMU.join(",");
+    let joints = Numbers::read(&run("trim", &["-q", "--points", &some], &joints));
+    let by_amc = run(
+        "amc2xyz",
+        &[
+            "-q",
+            "--asf",
+            text(&path("o.asf")),
+            "--fps",
+            "120",
+            text(&path("o.amc")),
+        ],
+        "",
+    );
+    // The skeleton has hands and toes besides.
+    let by_amc = run("trim", &["-q", "--points", &some], &by_amc);
+    let (far, compared) = joints.far(&Numbers::read(&by_amc));
+    assert!(far <= 0.005 && compared > 0, "{far} {compared}");
+    let by_bvh = run("bvh2xyz", &["-q", "--ends", text(&path("o.bvh"))], "");
+    let by_bvh = run("trim", &["-q", "--points", &some], &by_bvh);
+    let (far, compared) = joints.far(&Numbers::read(&by_bvh));
+    assert!(far <= 0.02 && compared > 0, "{far} {compared}");
+}
+
+const CMU: [&str; 4] = ["root", "lfemur", "rtibia", "thorax"];
+
+#[test]
+fn joints_of_a_capture_are_near_the_truth() {
+    let (Some(take), Some(truth)) = (
+        shared("data/markers/cmu-06_01.c3d"),
+        shared("data/markers/cmu-06_01.joints.csv.gz"),
+    ) else {
+        return skipped("no captures of markers");
+    };
+    let found = run(
+        "solve",
+        &["-q", "--units", "mm", "--up", "z", text(&take)],
+        "",
+    );
+    let truth = run("trim", &["-q", text(&truth)], "");
+    let rms = Numbers::read(&found).rms(&Numbers::read(&truth));
+    assert!(rms <= 3.0, "{rms}");
+}
+
+#[test]
+fn what_cannot_be_solved_is_said() {
+    let table = "time,LFWT.x,LFWT.y,LFWT.z,b.x,b.y,b.z\n0,1,2,3,4,5,6\n0.1,1,2,3,4,5,6\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.csv");
+    fs::write(&path, table).unwrap();
+    let said = fails("solve", &[text(&path)], b"", 2);
+    assert!(said.contains("knows 1 of its points"), "{said}");
+    let said = fails("solve", &["--set", "mine", text(&path)], b"", 2);
+    assert!(said.contains("there is no marker set mine"), "{said}");
+    let said = fails("solve", &[text(&path), text(&path)], b"", 2);
+    assert!(said.contains("--learn"), "{said}");
+    let learn = [
+        "--learn",
+        "s.json",
+        "--truth",
+        "t.csv",
+        text(&path),
+        text(&path),
+    ];
+    let said = fails("solve", &learn, b"", 2);
+    assert!(said.contains("2 takes and 1 tables of joints"), "{said}");
+    fs::write(&path, "LKNE = \"KNEE\"\n").unwrap();
+    let said = fails("solve", &["--map", text(&path), text(&path)], b"", 1);
+    assert!(said.contains("no landmark KNEE"), "{said}");
+}
