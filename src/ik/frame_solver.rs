@@ -168,7 +168,7 @@ impl<'a> FrameSolver<'a> {
         Ok(solver)
     }
 
-    /// The same, where points may be far off.
+    /// Lets points be far off: outliers count little.
     pub(crate) fn with_outliers(mut self) -> FrameSolver<'a> {
         self.outlier = OUTLIER * OUTLIER;
         self

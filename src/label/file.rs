@@ -20,7 +20,7 @@ pub struct LabelReport {
     pub changes: Vec<LabelChange>,
     /// What is not sure and stays.
     pub unsure: Vec<UnsureLabels>,
-    /// What is to be known of the labeled takes that they were compared with.
+    /// What is to be known of the people and of labeled takes that they were compared with.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Why labels were not checked, if they were not.

@@ -43,7 +43,7 @@ pub(crate) struct Relabeling {
     /// What is wrong in every frame of a take, and the take; some of it may be put right by
     /// changes.
     pub whole: Vec<(Range<usize>, WholeTake)>,
-    /// What is to be known of labeled takes, a line each.
+    /// What is to be known of people and labeled takes, a line each.
     pub notes: Vec<String>,
     /// Why labels were not checked, if they were not.
     pub unchecked: Option<&'static str>,

@@ -61,33 +61,28 @@ impl Calibrator<'_> {
     pub(super) fn calibrate(&self) -> Result<Calibration> {
         let singular = || Error::usage("bones and markers cannot be fitted: singular equations");
         let mut state = self.start()?;
-        let mut cost = self.cost(&state)?;
-        let mut damping = DAMPING;
-        let mut taken = 0;
+        let mut linear = self.linearized(&state)?;
+        let mut cost = self.cost(&state, &linear);
+        let (mut damping, mut taken) = (DAMPING, 0);
         while taken < STEPS && damping <= MOST_DAMPING {
-            let linear = self.linearized(&state)?;
-            let next = loop {
-                let stepped = self.step(&state, &linear, damping);
-                let next = match stepped {
-                    Some(next) => Some((self.cost(&next)?, next)),
-                    None => None,
-                };
-                match next.filter(|(reached, _)| *reached < cost) {
-                    Some(next) => break Some(next),
-                    None if damping > MOST_DAMPING => break None,
-                    None => damping *= RAISE,
-                }
+            let Some(next) = self.step(&state, &linear, damping) else {
+                damping *= RAISE;
+                continue;
             };
-            let Some((reached, next)) = next else { break };
+            let there = self.linearized(&next)?;
+            let reached = self.cost(&next, &there);
+            if reached >= cost || reached.is_nan() {
+                damping *= RAISE;
+                continue;
+            }
             let gain = cost - reached;
-            (cost, state) = (reached, next);
+            (cost, state, linear) = (reached, next, there);
             damping *= RELAX;
             taken += 1;
             if gain <= TOLERANCE * cost {
                 break;
             }
         }
-        let linear = self.linearized(&state)?;
         let (precision, _, _) = self.reduced(&state, &linear, 0.0).ok_or_else(singular)?;
         Ok(Calibration {
             numbers: state.numbers,
@@ -98,41 +93,35 @@ impl Calibrator<'_> {
     /// The most probable body, and the poses that it has then.
     fn start(&self) -> Result<State> {
         let numbers = self.body.mean.clone();
-        let poses = self.with_solver(&numbers, |solver, frame, scratch| {
+        let poses = self.with_solver(&numbers, |solver, n, scratch| {
+            let frame = &self.frames[n];
             let start = Start::Far(solver.start(0, frame));
-            solver
-                .solve(frame, &self.body.weights(), start, scratch)
-                .state
+            let weights = self.body.weights();
+            solver.solve(frame, &weights, start, scratch).state
         })?;
         Ok(State { numbers, poses })
     }
 
-    /// Does something with each frame and the solver of a body.
+    /// Does something with the solver of a body for each frame, by its number.
     fn with_solver<T: Send>(
         &self,
         numbers: &[f64],
-        of: impl Fn(&FrameSolver<'_>, &[f64], &mut Scratch) -> T + Sync,
+        of: impl Fn(&FrameSolver<'_>, usize, &mut Scratch) -> T + Sync,
     ) -> Result<Vec<T>> {
         let skeleton = self.body.skeleton(numbers)?;
         let joints = self.body.marker_bones();
         let solver = frame_solver(&skeleton, &joints, self.prior)?;
         let all = map_chunks(self.frames.len(), 1, |range| {
-            let mut scratch = Scratch::default();
-            of(&solver, &self.frames[range.start], &mut scratch)
+            of(&solver, range.start, &mut Scratch::default())
         });
         Ok(all)
     }
 
     fn linearized(&self, state: &State) -> Result<Vec<Linearized>> {
-        let skeleton = self.body.skeleton(&state.numbers)?;
-        let joints = self.body.marker_bones();
-        let solver = frame_solver(&skeleton, &joints, self.prior)?;
-        let of = |n: usize| {
-            let frame = &self.frames[n];
-            let mut scratch = Scratch::default();
-            solver.linearized(&state.poses[n], frame, &self.body.weights(), &mut scratch)
-        };
-        Ok(map_chunks(self.frames.len(), 1, |range| of(range.start)))
+        let weights = self.body.weights();
+        self.with_solver(&state.numbers, |solver, n, scratch| {
+            solver.linearized(&state.poses[n], &self.frames[n], &weights, scratch)
+        })
     }
 
     /// The share that a frame counts.
@@ -140,11 +129,10 @@ impl Calibrator<'_> {
         INDEPENDENT / self.frames.len() as f64
     }
 
-    fn cost(&self, state: &State) -> Result<f64> {
-        let linear = self.linearized(state)?;
+    fn cost(&self, state: &State, linear: &[Linearized]) -> f64 {
         let frames: f64 = linear.iter().map(|l| l.energy).sum();
         let off = self.off(state);
-        Ok(self.share() * frames + off.dot(&self.body.precision.dot(&off)))
+        self.share() * frames + off.dot(&self.body.precision.dot(&off))
     }
 
     /// How far the numbers are from the most probable ones.
@@ -175,23 +163,18 @@ impl Calibrator<'_> {
     }
 
     fn reduced_frame(&self, linear: &Linearized, damping: f64) -> Option<Reduced> {
-        let (n, count) = (linear.gradient.len(), self.body.mean.len());
-        let mut coupling: Array2<f64> = Array2::zeros((n, count));
+        let count = self.body.mean.len();
         let mut own: Array2<f64> = Array2::zeros((count, count));
         let mut rest: Array1<f64> = Array1::zeros(count);
         for (m, off) in linear.off.iter().enumerate() {
             if !off.is_finite() {
                 continue;
             }
-            let weight = linear.weights[m];
             let parts = self.body.moved_marker(m, &linear.posture.rotations);
             for Part { first, turn } in &parts {
                 for c in 0..3 {
-                    let by = turn.col(c) * weight;
+                    let by = turn.col(c) * linear.weights[m];
                     rest[first + c] += by.dot(*off);
-                    for (column, moved) in &linear.derivatives[m] {
-                        coupling[[*column, first + c]] += by.dot(*moved);
-                    }
                     for other in &parts {
                         for d in 0..3 {
                             own[[first + c, other.first + d]] += by.dot(other.turn.col(d));
@@ -200,12 +183,7 @@ impl Calibrator<'_> {
                 }
             }
         }
-        let mut normal = linear.normal.clone();
-        for i in 0..n {
-            normal[[i, i]] += damping * normal[[i, i]] + LEAST_PRECISION;
-        }
-        let factor = Cholesky::new(normal)?;
-        let coupling = factor.half_solve(&coupling)?;
+        let (factor, coupling) = coupled(self.body, linear, damping)?;
         let gradient = Array1::from_vec(linear.gradient.clone()).insert_axis(Axis(1));
         let gradient = factor.half_solve(&gradient)?;
         let lost = coupling.t().dot(&gradient);
@@ -240,6 +218,39 @@ impl Calibrator<'_> {
             poses: poses.collect::<Option<_>>()?,
         })
     }
+}
+
+/// The Cholesky factor L of a frame's own equations, damped, and L⁻¹ B: what the pose has to do with
+/// the numbers of the body. `None` where the equations are singular.
+pub(super) fn coupled(
+    body: &Body,
+    linear: &Linearized,
+    damping: f64,
+) -> Option<(Cholesky, Array2<f64>)> {
+    let n = linear.gradient.len();
+    let mut coupling: Array2<f64> = Array2::zeros((n, body.mean.len()));
+    for (m, _) in linear
+        .off
+        .iter()
+        .enumerate()
+        .filter(|(_, off)| off.is_finite())
+    {
+        for Part { first, turn } in body.moved_marker(m, &linear.posture.rotations) {
+            for c in 0..3 {
+                let by = turn.col(c) * linear.weights[m];
+                for (column, moved) in &linear.derivatives[m] {
+                    coupling[[*column, first + c]] += by.dot(*moved);
+                }
+            }
+        }
+    }
+    let mut normal = linear.normal.clone();
+    for i in 0..n {
+        normal[[i, i]] += damping * normal[[i, i]] + LEAST_PRECISION;
+    }
+    let factor = Cholesky::new(normal)?;
+    let coupling = factor.half_solve(&coupling)?;
+    Some((factor, coupling))
 }
 
 /// Damps what neither markers nor the prior move.

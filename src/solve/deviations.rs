@@ -2,6 +2,7 @@
 //! markers.
 
 use super::body::Body;
+use super::calibration::coupled;
 use super::tuning::*;
 use crate::ik::frame_solver::{FrameSolver, Linearized, Scratch};
 use crate::numeric::linalg::Cholesky;
@@ -23,23 +24,8 @@ impl Deviations<'_> {
     /// much pose and numbers move the joint, and X by how much the pose gives way to the numbers,
     /// that of `(K − J X) S⁻¹ (K − J X)ᵀ + J H⁻¹ Jᵀ`. `None` where nothing tells.
     pub(super) fn of(&self, at: &Linearized, scratch: &Scratch) -> Option<Vec<f64>> {
-        let n = at.gradient.len();
-        let count = self.body.mean.len();
-        let mut coupling: Array2<f64> = Array2::zeros((n, count));
-        for (m, _) in at.off.iter().enumerate().filter(|(_, off)| off.is_finite()) {
-            for part in self.body.moved_marker(m, &at.posture.rotations) {
-                for c in 0..3 {
-                    let by = part.turn.col(c) * at.weights[m];
-                    for (column, moved) in &at.derivatives[m] {
-                        coupling[[*column, part.first + c]] += by.dot(*moved);
-                    }
-                }
-            }
-        }
-        let mut normal = at.normal.clone();
-        (0..n).for_each(|i| normal[[i, i]] += 1e-6);
-        let factor = Cholesky::new(normal)?;
-        let coupling = factor.half_solve(&coupling)?;
+        let (n, count) = (at.gradient.len(), self.body.mean.len());
+        let (factor, coupling) = coupled(self.body, at, 0.0)?;
         let rows = 3 * self.bones.len();
         let mut pose: Array2<f64> = Array2::zeros((n, rows));
         let mut own: Array2<f64> = Array2::zeros((count, rows));

@@ -26,7 +26,7 @@ impl MarkerSet {
         set: Option<&MarkerSet>,
     ) -> Result<MarkerSet> {
         let mut places: BTreeMap<String, Vec<DVec3>> = BTreeMap::new();
-        let mut known: BTreeMap<String, (Landmark, bool)> = BTreeMap::new();
+        let mut known: BTreeMap<String, Landmark> = BTreeMap::new();
         let mut joints_of = JointSet::Cmu;
         for (markers, joints) in takes {
             let own = set.or_else(|| MarkerSet::of(&markers.points));
@@ -37,7 +37,7 @@ impl MarkerSet {
                 known.entry(pattern).or_insert(landmark);
             }
         }
-        let learned = known.into_iter().map(|(pattern, (landmark, _))| {
+        let learned = known.into_iter().map(|(pattern, landmark)| {
             let [base, sd] = landmark.place(joints_of, false);
             let own = &places[&pattern];
             let count = own.len() as f64;
@@ -53,13 +53,12 @@ impl MarkerSet {
 }
 
 /// Where the markers of a take are on their bones, as of the left side, by their pattern.
-#[expect(clippy::type_complexity)]
 fn places_in(
     set: &MarkerSet,
     markers: &Poses,
     joints: &Poses,
     joints_of: JointSet,
-) -> Result<Vec<(String, (Landmark, bool), DVec3)>> {
+) -> Result<Vec<(String, Landmark, DVec3)>> {
     if markers.frames() != joints.frames() {
         return Err(Error::usage(format!(
             "{} frames of markers and {} of joints",
@@ -89,8 +88,7 @@ fn places_in(
     }
     let mean = |(pattern, sides): (String, Vec<(NamedMarker, DVec3)>)| {
         let at = sides.iter().map(|s| s.1).sum::<DVec3>() / sides.len() as f64;
-        let first = sides.into_iter().next()?.0;
-        Some((pattern, (first.landmark, first.is_right), at))
+        Some((pattern, sides.into_iter().next()?.0.landmark, at))
     };
     Ok(sides.into_iter().filter_map(mean).collect())
 }
