@@ -1,9 +1,9 @@
 //! From markers to joints: the bones of the person, where on them the markers are, and the pose of
 //! every frame, fitted together.
 //!
-//! A marker is on a landmark of a bone, of which a dictionary knows where it is about, as the marker
-//! set says by the marker's name. The bones of the body and the places of the markers are fitted
-//! with the poses of some frames, then every frame by itself.
+//! A marker is on a landmark of a bone, of which a dictionary knows where it is about, as the
+//! marker set says by the marker's name. The bones of the body and the places of the markers are
+//! fitted with the poses of some frames, then every frame by itself.
 
 mod body;
 mod calibration;
