@@ -220,8 +220,8 @@ impl Calibrator<'_> {
     }
 }
 
-/// The Cholesky factor L of a frame's own equations, damped, and L⁻¹ B: what the pose has to do with
-/// the numbers of the body. `None` where the equations are singular.
+/// The Cholesky factor L of a frame's own equations, damped, and L⁻¹ B: what the pose has to do
+/// with the numbers of the body. `None` where the equations are singular.
 pub(super) fn coupled(
     body: &Body,
     linear: &Linearized,
