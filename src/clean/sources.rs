@@ -1,7 +1,9 @@
 //! Which files are cleaned, and where each result goes.
 
 use super::record::{may_write, record_path};
-use crate::io::motion_folder::{EXTENSIONS, MotionFolder, is_special, name_of, unpacked};
+use crate::io::motion_folder::{
+    EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
+};
 use crate::io::{MotionFormat, TableFormat};
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
@@ -100,8 +102,7 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
         );
         return Err(Error::usage(what));
     }
-    let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);
-    let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !output.is_dir() && !ends_in_slash;
+    let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !is_results_folder(output, &inputs[0]);
     let out = match is_one {
         true => Jobs::one(&inputs[0], output, to)?,
         false => Jobs::into_folder(inputs, output, to),

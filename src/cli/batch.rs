@@ -3,7 +3,7 @@
 use super::input::TakeNames;
 use super::{Outcome, messages};
 pub use crate::io::motion_folder::EXTENSIONS;
-use crate::io::motion_folder::{MotionFolder, is_special, name_of, unpacked};
+use crate::io::motion_folder::{MotionFolder, is_results_folder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -61,8 +61,7 @@ pub fn batch(
     kept: &[&Path],
 ) -> Result<Vec<BatchJob>> {
     let is_one = inputs.len() == 1 && !inputs[0].is_dir();
-    let ends_in_slash = |path: &Path| path.as_os_str().to_string_lossy().ends_with(['/', '\\']);
-    let folder = output.filter(|path| !is_one || path.is_dir() || ends_in_slash(path));
+    let folder = output.filter(|path| !is_one || is_results_folder(path, &inputs[0]));
     let mut jobs = match (is_one, folder) {
         (true, None) => vec![BatchJob {
             input: inputs[0].clone(),

@@ -22,17 +22,23 @@ pub struct LikeArgs {
 }
 
 impl LikeArgs {
+    /// The takes, read as `read` says.
+    ///
+    /// # Errors
+    /// Those of reading a file.
+    pub fn takes(&self, read: &ReadArgs) -> Result<Vec<MotionFile>> {
+        let rules = read.rules()?;
+        let files = self.like.iter();
+        files
+            .map(|path| MotionFile::open_by(path, &rules))
+            .collect()
+    }
+
     /// What the takes tell, read as `read` says.
     ///
     /// # Errors
     /// Those of reading a file; [`crate::Error::Data`]: one has too few labels.
     pub fn templates(&self, read: &ReadArgs) -> Result<Arc<Templates>> {
-        let rules = read.rules()?;
-        let files = self
-            .like
-            .iter()
-            .map(|path| MotionFile::open_by(path, &rules));
-        let files = files.collect::<Result<Vec<MotionFile>>>()?;
-        Templates::learn(&files, self.same_person).map(Arc::new)
+        Templates::learn(&self.takes(read)?, self.same_person).map(Arc::new)
     }
 }

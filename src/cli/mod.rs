@@ -16,6 +16,7 @@ pub mod label_args;
 pub mod limit_args;
 pub mod manual;
 pub mod marker_files;
+pub mod marker_set;
 mod memory_limit;
 pub mod messages;
 pub mod metric_takes;

@@ -356,6 +356,19 @@ impl<'a> FrameSolver<'a> {
         self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch)
     }
 
+    /// Improves a frame by at most so many steps.
+    pub(crate) fn improve(
+        &self,
+        targets: &[f64],
+        weights: &[f64],
+        state: FrameState,
+        steps: usize,
+        scratch: &mut Scratch,
+    ) -> FrameFit {
+        let most = (steps, (0.0, 0.0));
+        self.descend(targets, weights, Start::Far(state), most, scratch)
+    }
+
     /// Puts the joints at the measured points, off which the prior pulls them by some hundredths of
     /// a centimeter, by last steps in which these weigh more by far.
     pub(crate) fn finish(

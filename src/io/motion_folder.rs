@@ -95,6 +95,15 @@ pub(crate) fn name_of(path: &Path) -> PathBuf {
     PathBuf::from(path.file_name().unwrap_or_default())
 }
 
+/// Whether the result of one file goes into a folder at `output`: it is one, ends in a slash, or is
+/// not there and has no ending where the file has one.
+pub(crate) fn is_results_folder(output: &Path, input: &Path) -> bool {
+    let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);
+    let is_new = || output != Path::new("-") && output.symlink_metadata().is_err();
+    let has_ending = |path: &Path| path.extension().is_some();
+    output.is_dir() || ends_in_slash || is_new() && !has_ending(output) && has_ending(input)
+}
+
 /// The name of a file without the ending of a packed one.
 pub(crate) fn unpacked(path: &Path) -> PathBuf {
     match path.extension() {

@@ -32,6 +32,22 @@ pub struct Table {
 }
 
 impl Table {
+    /// Gives a point another name, in its columns too.
+    pub(crate) fn rename_point(&mut self, point: usize, name: &str) {
+        let old = std::mem::replace(&mut self.poses.points[point], name.to_string());
+        if let Some(own) = self.columns.points.get_mut(point) {
+            *own = name.to_string();
+        }
+        for column in &mut self.columns.names {
+            let ending = column
+                .strip_prefix(&old)
+                .and_then(|rest| rest.strip_prefix('.'));
+            if let Some(ending) = ending.filter(|rest| !rest.contains('.')) {
+                *column = format!("{name}.{ending}");
+            }
+        }
+    }
+
     /// The poses of the take `wanted`, or of all of a table with one take, and their standard
     /// deviations.
     ///

@@ -105,6 +105,50 @@ impl TextCells {
         })
     }
 
+    /// The bytes of the file, whose points are `points`, with other names of some of them in the
+    /// line that names most; `None` where none names one.
+    pub(crate) fn with_names(
+        &self,
+        original: &[u8],
+        points: &[String],
+        names: &[(usize, String)],
+    ) -> Option<Vec<u8>> {
+        let end = line_end(original);
+        let first = self.lines.iter().flatten().min().map_or(1, |n| *n as usize);
+        let lines: Vec<&[u8]> = original.split_inclusive(|b| *b == end).collect();
+        let is = |row: &Row<'_>, cell: usize, name: &str| bare(&row.text(cell)) == name.as_bytes();
+        let named = |line: &[u8]| {
+            let row = Row::new(line, self.separator);
+            let has = |p: &String| (0..row.cells.len()).any(|cell| is(&row, cell, p));
+            points.iter().filter(|p| has(p)).count()
+        };
+        let head = lines.iter().take(first - 1).enumerate();
+        let (line, _) = head.max_by_key(|(n, line)| (named(line), *n))?;
+        let mut row = Row::new(lines[line], self.separator);
+        let was = Row::new(lines[line], self.separator);
+        for (point, name) in names {
+            let own = self.points[*point];
+            let old = &points[*point];
+            let stands = |cell: &usize| is(&was, *cell, old);
+            let mut cells: Vec<usize> = own.into_iter().filter(stands).collect();
+            if cells.is_empty() {
+                cells = (0..was.cells.len()).filter(stands).collect();
+            }
+            let is_unnamed = bare(&was.text(own[0])).is_empty() && own[0] < was.cells.len();
+            match cells.len() {
+                0 if is_unnamed => row.set(own[0], Cow::Owned(name.clone().into_bytes())),
+                0 => return None,
+                _ => cells
+                    .iter()
+                    .for_each(|cell| row.set(*cell, Cow::Owned(name.clone().into_bytes()))),
+            }
+        }
+        let mut out = lines[..line].concat();
+        row.push(&mut out);
+        out.extend(lines[line + 1..].concat());
+        Some(out)
+    }
+
     /// The bytes of the file, each line of a frame by `push`, which appends it; others stay.
     fn rewritten(&self, original: &[u8], push: impl Fn(&[u8], usize, &mut Vec<u8>)) -> Vec<u8> {
         let mut out = Vec::with_capacity(original.len());
@@ -229,6 +273,13 @@ impl<'a> Row<'a> {
     }
 }
 
+/// A cell without blanks and quotes around it.
+fn bare(cell: &[u8]) -> &[u8] {
+    let cell = cell.trim_ascii();
+    let inner = cell.strip_prefix(b"\"").and_then(|c| c.strip_suffix(b"\""));
+    inner.unwrap_or(cell)
+}
+
 /// What stands before a cell, and the cell.
 type Cell<'a> = (&'a [u8], Cow<'a, [u8]>);
 
@@ -327,6 +378,45 @@ mod tests {
         let new = [array![[1.5, -2.25, 3.0]], array![[1.5, 2.0, 3.0]]];
         let bytes = cells.with_points(original, new[1].view(), new[0].view());
         assert_eq!(bytes, b"head\r7\t\t1,5\t -2,25\t\t3\t\rx");
+    }
+
+    #[test]
+    fn points_are_named_anew() {
+        let cells = TextCells {
+            lines: vec![Some(4)],
+            points: vec![[2, 3, 4], [5, 6, 7], [8, 9, 10]],
+            separator: Separator::Tab,
+            decimal_comma: false,
+        };
+        let points = ["*1", "A:*2", "point3"].map(String::from);
+        let frame = "1\t0\t*1\t2\t3\t4\t5\t6\t7\t8\t9\n";
+        let named = |head: &str, names: &[(usize, &str)]| {
+            let names: Vec<_> = names.iter().map(|(p, n)| (*p, n.to_string())).collect();
+            let file = format!("path\t*1\n{head}\nx\ty\n{frame}");
+            let out = cells.with_names(file.as_bytes(), &points, &names)?;
+            let out = String::from_utf8(out).unwrap();
+            let rest = format!("\nx\ty\n{frame}");
+            Some(
+                out.strip_prefix("path\t*1\n")?
+                    .strip_suffix(&rest)?
+                    .to_string(),
+            )
+        };
+        // In the first of three cells, in all of them, and one after another.
+        let trc = "#\tt\t*1\t\t\tA:*2\t\t\t\t\t";
+        assert_eq!(
+            named(trc, &[(0, "L"), (1, "R"), (2, "C")]).as_deref(),
+            Some("#\tt\tL\t\t\tR\t\t\tC\t\t")
+        );
+        assert_eq!(
+            named("\t\t*1\t*1\t*1", &[(0, "L")]).as_deref(),
+            Some("\t\tL\tL\tL")
+        );
+        assert_eq!(
+            named("NAMES\t\"*1\"\tA:*2", &[(1, "R")]).as_deref(),
+            Some("NAMES\t\"*1\"\tR")
+        );
+        assert_eq!(named("NAMES\tx", &[(1, "R")]), None);
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! The labels of a file put right, and what is said of it.
 
 use super::changes::{Change, ChangeKind};
+use super::naming::{LabelModel, NamedTracks, UnsureTrack, name_tracks};
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
+use super::unlabeled::own_name;
 use crate::error::with_options;
+use crate::io::motion_file::ReadRules;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
@@ -16,6 +19,9 @@ pub struct LabelReport {
     /// Positions that are another label's, or none's.
     #[serde(skip)]
     pub moves: Vec<PointMove>,
+    /// The labels that tracks without any got from nothing, before what was changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub named: Option<NamedTracks>,
     /// What was changed.
     pub changes: Vec<LabelChange>,
     /// What is not sure and stays.
@@ -76,14 +82,7 @@ pub struct UnsureLabels {
 pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<LabelReport> {
     let poses = file.poses();
     let refuse = |what: &str| Err(Error::data(Place::file(&file.table.name), what));
-    if file.motion().is_some() {
-        return refuse("holds rotations, whose points have no labels to change");
-    }
-    let Some(rate) = file.rate().or((poses.frames() < 2).then_some(1.0)) else {
-        return refuse(
-            "has no times that give a rate; give it with the option `fps F` (frames per second)",
-        );
-    };
+    let rate = rate_of(file)?;
     let is_point = |name: &String| poses.points.contains(name);
     if let Some(segment) = settings.keep.iter().find(|s| !is_point(&s.point)) {
         return refuse(&format!("has no point \"{}\" to keep", segment.point));
@@ -91,7 +90,68 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
     Ok(LabelReport::new(&relabel(poses, rate, settings), poses))
 }
 
+/// Names the tracks of a file, none of which has a label, as a model says, and puts these labels
+/// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (0 to
+/// 1) keeps its name. `rules` are those that the file was read by.
+///
+/// # Errors
+/// [`Error::Data`]: neither the file nor an option says its rate; it holds several takes, rotations
+/// or one of these labels; or no body is found in its tracks.
+pub fn label_from_nothing(
+    file: &MotionFile,
+    rules: &ReadRules,
+    model: &dyn LabelModel,
+    sure: f64,
+    settings: &LabelSettings,
+) -> Result<(MotionFile, LabelReport)> {
+    let poses = file.poses();
+    let refuse = |what: &str| Err(Error::data(Place::file(&file.table.name), what));
+    let rate = rate_of(file)?;
+    if poses.takes().len() > 1 {
+        return refuse("holds several takes; cut one out with the command `trim`");
+    }
+    let is_known = |p: &&String| model.labels().iter().any(|l| l == own_name(p));
+    if let Some(label) = poses.points.iter().find(is_known) {
+        return refuse(&format!(
+            "has labels already, such as {label}; without the option `from-nothing` its other \
+             tracks are joined to them"
+        ));
+    }
+    let named = name_tracks(poses, rate, model, sure);
+    let mut named = named.map_err(|e| e.at(Place::file(&file.table.name)))?;
+    let options = file.options(rules);
+    let labeled = file
+        .moved(&named.moves, &options)?
+        .renamed(&named.names, &options)?;
+    let mut report = check_labels(&labeled, settings)?;
+    named
+        .unsure
+        .retain(|u| !report.changes.iter().any(|c| c.is_joined(u)));
+    report.named = Some(named);
+    Ok((labeled, report))
+}
+
+/// The rate of a file of points.
+fn rate_of(file: &MotionFile) -> Result<f64> {
+    let refuse = |what: &str| Err(Error::data(Place::file(&file.table.name), what));
+    if file.motion().is_some() {
+        return refuse("holds rotations, whose points have no labels to change");
+    }
+    match file.rate().or((file.poses().frames() < 2).then_some(1.0)) {
+        Some(rate) => Ok(rate),
+        None => refuse(
+            "has no times that give a rate; give it with the option `fps F` (frames per second)",
+        ),
+    }
+}
+
 impl LabelReport {
+    /// Whether something is not sure.
+    pub fn is_unsure(&self) -> bool {
+        let is_open = |named: &NamedTracks| !named.unsure.is_empty();
+        !self.unsure.is_empty() || self.named.as_ref().is_some_and(is_open)
+    }
+
     /// What is to be told, a line each: changes, what is not sure, and why nothing was checked.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         let changes = self.changes.iter().map(|c| c.what.as_str());
@@ -117,6 +177,7 @@ impl LabelReport {
             what: with_options(&whole.sentence(&poses.points)),
         });
         LabelReport {
+            named: None,
             moves: found.moves(),
             changes: found
                 .changes
@@ -133,6 +194,14 @@ impl LabelReport {
 }
 
 impl LabelChange {
+    /// Whether it joins a piece of a track to a label.
+    fn is_joined(&self, piece: &UnsureTrack) -> bool {
+        self.kind == ChangeKind::Joined
+            && self.from == piece.track
+            && self.frames[0] < piece.frames[1]
+            && piece.frames[0] < self.frames[1]
+    }
+
     fn new(change: &Change, poses: &Poses) -> LabelChange {
         let names: Vec<String> = (change.tracks.iter())
             .map(|t| poses.points[*t].clone())

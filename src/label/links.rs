@@ -130,6 +130,19 @@ impl Links {
     }
 }
 
+/// The pieces that are linked, chain by chain.
+pub(crate) fn chains(pieces: usize, links: impl Iterator<Item = Link>) -> Vec<Vec<usize>> {
+    let mut next = vec![None; pieces];
+    let mut is_first = vec![true; pieces];
+    for link in links {
+        next[link.from] = Some(link.to);
+        is_first[link.to] = false;
+    }
+    let firsts = (0..pieces).filter(|p| is_first[*p]);
+    let chain = |first| std::iter::successors(Some(first), |p: &usize| next[*p]).collect();
+    firsts.map(chain).collect()
+}
+
 /// Keeps of some links what is cheap, and far cheaper than every other of both ends.
 fn clearest(found: &[(Link, f64)], pieces: usize) -> Vec<Link> {
     // The cheapest two of each end.

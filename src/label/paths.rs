@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, independent_frames};
 use super::labeled_take::LabeledTake;
-use super::links::{End, Link, link_cost};
+use super::links::{End, Link, chains, link_cost};
 use super::pieces::Piece;
 use super::tuning::out_and_back;
 use super::tuning::repair::*;
@@ -83,20 +83,12 @@ impl<'a> Paths<'a> {
 
     /// Makes paths of the linked pieces, each with the name that most of its frames have.
     pub(crate) fn join(&mut self, links: &[Link]) {
-        let mut next = vec![None; self.pieces.len()];
-        let mut is_first = vec![true; self.pieces.len()];
         // Where nothing says which side of an exchange is right, what was linked stays apart.
         let is_one = |link: &&Link| {
             let [from, to] = [link.from, link.to].map(|p| self.identities[p]);
             from == to || from.is_none() || to.is_none()
         };
-        for link in links.iter().filter(is_one) {
-            next[link.from] = Some(link.to);
-            is_first[link.to] = false;
-        }
-        for first in (0..self.pieces.len()).filter(|p| is_first[*p]) {
-            let chain: Vec<usize> =
-                std::iter::successors(Some(first), |p: &usize| next[*p]).collect();
+        for chain in chains(self.pieces.len(), links.iter().filter(is_one).copied()) {
             let mut named = BTreeMap::new();
             for p in &chain {
                 self.path_of[*p] = self.paths.len();

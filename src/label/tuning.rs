@@ -269,3 +269,39 @@ pub(crate) mod handedness {
     pub(crate) const ONE_SIGN: f64 = 0.98;
     pub(crate) const LEAST: f64 = 0.5;
 }
+
+/// Labels from nothing.
+pub(crate) mod naming {
+    /// Labels that the frames agree on, at least.
+    pub(crate) const FEWEST_LABELS: usize = 8;
+    /// Frames that are named by themselves, and how many of a stretch are looked at for the one.
+    pub(crate) const KEY_FRAMES: usize = 16;
+    pub(crate) const LOOKED_AT: usize = 24;
+    /// Paths of so many seconds are named there.
+    pub(crate) const SHORTEST: f64 = 0.15;
+    /// How fast the vote of a frame falls with its cost over the least, in shares of that.
+    pub(crate) const WEIGHT: f64 = 2.0;
+    /// Rounds of a fit to the take.
+    pub(crate) const ROUNDS: usize = 4;
+    /// Frames a second that it is fitted to, and frames of a path among them, at least.
+    pub(crate) const RATE: f64 = 30.0;
+    pub(crate) const FEWEST_PLACES: usize = 3;
+    /// Farthest distance from a label, cm.
+    pub(crate) const FARTHEST: f64 = 12.0;
+    /// Mean squared distance from which on a path is not the label, cm²; every so many seconds all
+    /// paths are compared.
+    pub(crate) const REJECTED: f64 = 60.0;
+    pub(crate) const EVERY: f64 = 0.1;
+    /// By how many variances of its place on the body a label reaches farther.
+    pub(crate) const WIDER: f64 = 2.0;
+    /// Nats a frame that a label must be worth which most frames lack.
+    pub(crate) const NEEDLESS: f64 = 2.0;
+    /// Standard deviation of a label about its place, cm, and the nats of a path by which its odds
+    /// are e times as good: frames are not independent.
+    pub(crate) const SD: f64 = 1.5;
+    pub(crate) const SLOPE: f64 = 8.0;
+    /// Share of the frames in which two halves of the votes may differ, before each is followed to
+    /// its end, and of the best of these runs from which on another counts.
+    pub(crate) const UNLIKE: f64 = 0.03;
+    pub(crate) const NEAR: f64 = 0.97;
+}

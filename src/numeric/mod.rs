@@ -1,6 +1,7 @@
 //! Numerics that every room above uses: dense, sparse and small linear algebra, L-BFGS,
 //! Levenberg-Marquardt, Gaussians, interpolation, SIMD, deterministic parallelism.
 
+pub(crate) mod assignment;
 pub(crate) mod butterworth;
 pub(crate) mod gaussian;
 pub(crate) mod hermite;

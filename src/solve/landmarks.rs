@@ -4,11 +4,13 @@ use super::tuning::{LEAST_SD, TRUE_PLACE};
 use crate::pose::joints::CMU;
 use crate::prior::rotations::bones::mirror;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::LazyLock;
 
 /// The joints that markers are solved for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum JointSet {
     /// The 23 of the built-in model: CMU's.
     #[default]

@@ -4,8 +4,8 @@
 use super::body::BONES;
 use super::landmarks::{JointSet, Landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
-use super::solver::calibrated;
-use super::tuning::{BUILT_IN, LEAST_PEOPLE};
+use super::solver::{calibrated, too_few};
+use super::tuning::{BUILT_IN, FEWEST_MARKERS, LEAST_PEOPLE};
 use crate::pose::Poses;
 use crate::prior::rotations::bones::mirror;
 use crate::{Error, Result};
@@ -13,16 +13,19 @@ use glam::DVec3;
 use ndarray::{Axis, concatenate};
 use std::collections::BTreeMap;
 
+/// Takes of people, each with its joints in the same frames where these are known.
+pub type TakesToLearn<'a> = [(&'a Poses, Option<&'a Poses>)];
+
 impl MarkerSet {
-    /// Learns from takes of people, each with its joints in the same frames: the markers that `set`
-    /// knows (`None`: the built-in set that knows most), each by its own name.
+    /// Learns from takes of people: the markers that `set` knows (`None`: the built-in set that
+    /// knows most) and those that move as one of the bones does, each by its own name.
     ///
     /// # Errors
     /// [`Error::Usage`]: a take and its joints have other numbers of frames, no joint is known, or
     /// a take has too few markers.
     pub fn learn(
         name: &str,
-        takes: &[(&Poses, &Poses)],
+        takes: &TakesToLearn<'_>,
         set: Option<&MarkerSet>,
     ) -> Result<MarkerSet> {
         let mut places: BTreeMap<String, Vec<DVec3>> = BTreeMap::new();
@@ -31,8 +34,8 @@ impl MarkerSet {
         for (markers, joints) in takes {
             let own = set.or_else(|| MarkerSet::of(&markers.points));
             let own = own.ok_or_else(|| Error::usage("no marker set"))?;
-            joints_of = JointSet::of(&joints.points);
-            for (pattern, landmark, place) in places_in(own, markers, joints, joints_of)? {
+            joints_of = joints.map_or(own.joints, |joints| JointSet::of(&joints.points));
+            for (pattern, landmark, place) in places_in(own, markers, *joints, joints_of)? {
                 places.entry(pattern.clone()).or_default().push(place);
                 known.entry(pattern).or_insert(landmark);
             }
@@ -48,7 +51,9 @@ impl MarkerSet {
             let sd = DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt());
             (pattern, landmark.at(mean, sd))
         });
-        Ok(MarkerSet::of_landmarks(name, learned))
+        let mut set = MarkerSet::of_landmarks(name, learned);
+        set.joints = joints_of;
+        Ok(set)
     }
 }
 
@@ -56,27 +61,33 @@ impl MarkerSet {
 fn places_in(
     set: &MarkerSet,
     markers: &Poses,
-    joints: &Poses,
+    joints: Option<&Poses>,
     joints_of: JointSet,
 ) -> Result<Vec<(String, Landmark, DVec3)>> {
-    if markers.frames() != joints.frames() {
-        return Err(Error::usage(format!(
-            "{} frames of markers and {} of joints",
-            markers.frames(),
-            joints.frames()
-        )));
-    }
     let mut named = set.markers(&markers.points);
     let count = named.len();
-    for (name, bone) in joints_of.joints() {
-        if let Some(point) = joints.points.iter().position(|p| *p == name) {
-            named.push(NamedMarker::joint(markers.points.len() + point, &bone));
+    if count < FEWEST_MARKERS {
+        return Err(too_few(set, count));
+    }
+    let mut xyz = markers.xyz.clone();
+    if let Some(joints) = joints {
+        if markers.frames() != joints.frames() {
+            return Err(Error::usage(format!(
+                "{} frames of markers and {} of joints",
+                markers.frames(),
+                joints.frames()
+            )));
         }
+        for (name, bone) in joints_of.joints() {
+            if let Some(point) = joints.points.iter().position(|p| *p == name) {
+                named.push(NamedMarker::joint(markers.points.len() + point, &bone));
+            }
+        }
+        if named.len() == count {
+            return Err(Error::usage("no joint is one that markers are solved for"));
+        }
+        xyz = concatenate![Axis(1), xyz, joints.xyz];
     }
-    if named.len() == count {
-        return Err(Error::usage("no joint is one that markers are solved for"));
-    }
-    let xyz = concatenate![Axis(1), markers.xyz, joints.xyz];
     let calibrated = calibrated(&named, &xyz.view(), joints_of, None)?;
     let mut sides: BTreeMap<String, Vec<(NamedMarker, DVec3)>> = BTreeMap::new();
     for (m, marker) in named.into_iter().take(count).enumerate() {

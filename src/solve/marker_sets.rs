@@ -3,6 +3,7 @@
 use super::landmarks::{JointSet, Landmark, landmark};
 use super::tuning::{SD, TRUE_SD};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
+use crate::prior::rotations::bones::PAIRED;
 use crate::{Error, Place, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ use std::sync::LazyLock;
 pub struct MarkerSet {
     /// Its name, or that of its file.
     pub name: String,
+    /// The joints that its markers were placed by.
+    pub(crate) joints: JointSet,
     /// By a marker's name, in small letters and without . _ and -.
     lines: BTreeMap<String, Line>,
 }
@@ -26,12 +29,15 @@ struct Line {
     pattern: String,
     landmark: Landmark,
     is_right: bool,
+    /// Whether most takes lack it.
+    is_rare: bool,
 }
 
 /// A set that was learned, as its file has it.
 #[derive(Serialize, Deserialize)]
 struct Learned {
     kind: String,
+    joints: JointSet,
     markers: BTreeMap<String, LearnedMarker>,
 }
 
@@ -80,6 +86,8 @@ static SHIPPED: LazyLock<Vec<MarkerSet>> = LazyLock::new(|| {
 
 /// What stands for the letter of a side.
 const SIDE: &str = "{S}";
+/// What a landmark ends in where most takes have no marker on it.
+const RARE: char = '?';
 
 /// A name as it counts: case and . _ - do not.
 fn plain(name: &str) -> String {
@@ -117,7 +125,10 @@ impl MarkerSet {
             (pattern, Landmark::new(&marker.bone, marker.along, place))
         };
         let markers = learned.markers.into_iter().map(known);
-        Ok(MarkerSet::of_landmarks(&name, markers))
+        Ok(MarkerSet {
+            joints: learned.joints,
+            ..MarkerSet::of_landmarks(&name, markers)
+        })
     }
 
     /// A set from lines "name = landmark", where `{S}` in a name stands for L and R.
@@ -127,11 +138,16 @@ impl MarkerSet {
     pub fn new(name: String, lines: &BTreeMap<String, String>) -> Result<MarkerSet> {
         let known = |(marker, at): (&String, &String)| {
             let what = || format!("there is no landmark {at}, where {marker} would be");
-            let landmark = landmark(at).ok_or_else(|| Error::usage(what()))?;
+            let landmark = landmark(at.trim_end_matches(RARE));
+            let landmark = landmark.ok_or_else(|| Error::usage(what()))?;
             Ok((marker.clone(), landmark.clone()))
         };
         let known: Vec<(String, Landmark)> = lines.iter().map(known).collect::<Result<_>>()?;
-        Ok(MarkerSet::of_landmarks(&name, known.into_iter()))
+        let mut set = MarkerSet::of_landmarks(&name, known.into_iter());
+        for line in set.lines.values_mut() {
+            line.is_rare = lines[&line.pattern].ends_with(RARE);
+        }
+        Ok(set)
     }
 
     /// A set of markers, by their patterns.
@@ -152,12 +168,19 @@ impl MarkerSet {
                     pattern: pattern.clone(),
                     landmark: landmark.clone(),
                     is_right,
+                    is_rare: false,
                 };
                 lines.insert(own, line);
             }
         }
+        // Offsets of CMU's markers stand for CMU's joints, whose bones are not quite people's.
+        let joints = match name == "cmu41" {
+            true => JointSet::Cmu,
+            false => JointSet::Anatomical,
+        };
         MarkerSet {
             name: name.to_string(),
+            joints,
             lines,
         }
     }
@@ -179,6 +202,7 @@ impl MarkerSet {
         };
         let learned = Learned {
             kind: KIND.to_string(),
+            joints: self.joints,
             markers: self.lines.values().map(marker).collect(),
         };
         let text = serde_json::to_string_pretty(&learned);
@@ -205,6 +229,28 @@ impl MarkerSet {
             .iter()
             .rev()
             .max_by_key(|set| count(set))
+    }
+
+    /// The markers that takes of it have, one of each landmark, and the names of these.
+    pub(crate) fn all(&self) -> (Vec<String>, Vec<NamedMarker>) {
+        let mut names: Vec<String> = Vec::new();
+        let mut markers: Vec<NamedMarker> = Vec::new();
+        for line in self.lines.values().filter(|line| !line.is_rare) {
+            let has =
+                |m: &NamedMarker| (&m.landmark, m.is_right) == (&line.landmark, line.is_right);
+            if markers.iter().any(has) {
+                continue;
+            }
+            let side = if line.is_right { "R" } else { "L" };
+            markers.push(NamedMarker {
+                point: names.len(),
+                landmark: line.landmark.clone(),
+                is_right: line.is_right,
+                sd: SD,
+            });
+            names.push(line.pattern.replace(SIDE, side));
+        }
+        (names, markers)
     }
 
     /// The markers among some points that it knows; of several of one name the first.
@@ -234,8 +280,7 @@ impl MarkerSet {
 /// Whether a marker whose pattern has no side is on the right, by its name: where its landmark is
 /// on a limb.
 fn is_of_right(plain: &str, landmark: &Landmark) -> bool {
-    let is_central = ["thorax", "head", "root"].contains(&landmark.bone.as_ref());
-    plain.starts_with('r') && !is_central
+    plain.starts_with('r') && PAIRED.contains(&landmark.bone.as_ref())
 }
 
 #[cfg(test)]

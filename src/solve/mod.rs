@@ -11,9 +11,11 @@ mod deviations;
 mod landmarks;
 mod learning;
 mod marker_sets;
+mod naming;
 mod solver;
 mod tuning;
 
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
+pub use naming::BodyModel;
 pub use solver::{SolveSettings, SolvedTake, UsedMarker, solve};

@@ -109,13 +109,7 @@ pub fn solve(
     };
     let named: Vec<NamedMarker> = named.into_iter().filter(is_seen).collect();
     if named.len() < FEWEST_MARKERS {
-        let what = format!(
-            "the set {} knows {} of its points, and {FEWEST_MARKERS} are needed; give another set \
-             with the option `set`, or name the markers with the option `map`",
-            set.name,
-            named.len()
-        );
-        return Err(Error::usage(what));
+        return Err(too_few(set, named.len()));
     }
     let xyz = poses.xyz.view();
     let calibrated = calibrated(&named, &xyz, settings.joints, settings.skeleton)?;
@@ -131,29 +125,37 @@ pub fn solve(
         prior,
         skeleton: body.skeleton(numbers)?,
         xyz,
-        poses,
+        rate: poses.rate(),
     };
     let sequence = fitted.sequence(watch)?;
     let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count() / 3 >= 3;
     let solved: Vec<bool> = (0..poses.frames()).map(seen).collect();
+    let (names, bones) = fitted.named_bones(settings.joints)?;
+    let mut joints = fitted.ends(&sequence, &bones)?;
+    for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
+        joints.row_mut(t).fill(f64::NAN);
+    }
     let sd = match settings.deviations {
         true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
         false => None,
     };
     let used = named.iter().enumerate().map(|(m, marker)| {
         let (sum, count) = sequence.by_target[m];
-        let own = BONES + 3 * m..BONES + 3 * m + 3;
-        let squares = own.map(|n| (numbers[n] - body.mean[n]).powi(2) * body.precision[[n, n]]);
         UsedMarker {
             name: poses.points[marker.point].clone(),
             distance: sum / count.max(1) as f64,
-            deviations: squares.sum::<f64>().sqrt(),
+            deviations: calibrated.deviations(m),
         }
     });
     let is_used = |p: &usize| named.iter().any(|m| m.point == *p);
     let left_out = (0..poses.points.len()).filter(|p| !is_used(p));
     Ok(SolvedTake {
-        joints: fitted.joints(&sequence, &solved, settings.joints)?,
+        joints: Poses {
+            points: names,
+            xyz: joints,
+            time: poses.time.clone(),
+            take: poses.take.clone(),
+        },
         sd,
         skeleton: Asf {
             skeleton: body.bare_skeleton(numbers)?,
@@ -165,6 +167,15 @@ pub fn solve(
         unsolved: solved.iter().filter(|s| !**s).count(),
         values: sequence.values,
     })
+}
+
+/// The error of a take that has so few markers of a set.
+pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
+    Error::usage(format!(
+        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give another set \
+         with the option `set`, or name the markers with the option `map`",
+        set.name
+    ))
 }
 
 /// A person whose bones and markers were fitted.
@@ -215,6 +226,50 @@ pub(super) fn calibrated(
     })
 }
 
+impl Calibrated {
+    /// How far a marker is from where such markers are mostly, standard deviations.
+    pub(super) fn deviations(&self, marker: usize) -> f64 {
+        let own = BONES + 3 * marker..BONES + 3 * marker + 3;
+        let off = |n: usize| self.numbers[n] - self.body.mean[n];
+        let squares = own.map(|n| off(n).powi(2) * self.body.precision[[n, n]]);
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// Standard deviation of the place of each marker on its bone, cm.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: bones and markers are not known.
+    pub(super) fn place_deviations(&self) -> Result<Vec<f64>> {
+        let singular = || Error::usage("bones and markers are not known: singular equations");
+        let factor = Cholesky::new(self.precision.clone()).ok_or_else(singular)?;
+        let covariance = factor
+            .solve(&Array2::eye(self.numbers.len()))
+            .ok_or_else(singular)?;
+        let of = |m: usize| {
+            let own = BONES + 3 * m..BONES + 3 * m + 3;
+            own.map(|n| covariance[[n, n]]).sum::<f64>().sqrt()
+        };
+        Ok((0..self.body.markers.len()).map(of).collect())
+    }
+
+    /// Where each marker is in every frame (frames, 3 M), cm.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the equations of the prior are singular.
+    pub(super) fn places(&self) -> Result<Array2<f64>> {
+        let fitted = Fitted {
+            body: &self.body,
+            prior: &self.prior,
+            skeleton: self.body.skeleton(&self.numbers)?,
+            xyz: &self.xyz,
+            rate: None,
+        };
+        let sequence = fitted.sequence(&mut |_| ())?;
+        let bones = self.body.marker_bones();
+        fitted.ends(&sequence, &bones)
+    }
+}
+
 /// The width between the front hips, of that which the landmarks have; `None` where it is not seen.
 fn pelvis_width(named: &[NamedMarker], xyz: &Array2<f64>, joints: JointSet) -> Option<f64> {
     let front = landmark("ASI")?;
@@ -244,7 +299,11 @@ fn frames_to_fit(xyz: &Array2<f64>) -> Vec<Vec<f64>> {
 }
 
 /// What is known of the poses of people, for the joints of the body.
-fn pose_prior(body: &Body, prior: &RotationPrior, joints: JointSet) -> Result<JointPrior> {
+pub(super) fn pose_prior(
+    body: &Body,
+    prior: &RotationPrior,
+    joints: JointSet,
+) -> Result<JointPrior> {
     let skeleton = body.bare_skeleton(&body.mean)?;
     let points: Vec<(usize, usize)> = (CMU.iter().enumerate())
         .filter_map(|(n, name)| Some((skeleton.find(name)?, n)))
@@ -271,7 +330,8 @@ struct Fitted<'a> {
     skeleton: Skeleton,
     /// The markers (frames, 3 M), cm.
     xyz: &'a Array2<f64>,
-    poses: &'a Poses,
+    /// Frames a second, where they are known.
+    rate: Option<f64>,
 }
 
 impl Fitted<'_> {
@@ -285,7 +345,7 @@ impl Fitted<'_> {
             cmu: &vec![None; joints.len()],
             xyz: self.xyz.view(),
             sd: Some(sd.view()),
-            rate: self.poses.rate(),
+            rate: self.rate,
         };
         Ok(fit_frames(
             &self.skeleton,
@@ -297,26 +357,19 @@ impl Fitted<'_> {
         ))
     }
 
-    /// The joints of the frames that were solved.
-    fn joints(&self, sequence: &SequenceFit, solved: &[bool], set: JointSet) -> Result<Poses> {
-        let (names, bones) = self.named_bones(set)?;
-        let rows = map_chunks(solved.len(), 64, |range| {
+    /// Where some bones end in every frame (frames, 3 B), cm.
+    fn ends(&self, sequence: &SequenceFit, bones: &[usize]) -> Result<Array2<f64>> {
+        let count = sequence.values.nrows();
+        let rows = map_chunks(count, 64, |range| {
             let of = |t: usize| {
                 let posture = self.skeleton.posture(&sequence.values.row(t).to_vec());
                 let ends = bones.iter().flat_map(|b| posture.ends[*b].to_array());
-                ends.map(|v| if solved[t] { v } else { f64::NAN })
-                    .collect::<Vec<f64>>()
+                ends.collect::<Vec<f64>>()
             };
             range.flat_map(of).collect::<Vec<f64>>()
         });
-        let xyz = Array2::from_shape_vec((solved.len(), 3 * bones.len()), rows.concat())
-            .map_err(|e| Error::usage(e.to_string()))?;
-        Ok(Poses {
-            points: names,
-            xyz,
-            time: self.poses.time.clone(),
-            take: self.poses.take.clone(),
-        })
+        Array2::from_shape_vec((count, 3 * bones.len()), rows.concat())
+            .map_err(|e| Error::usage(e.to_string()))
     }
 
     /// The names of joints and the bones that end there.
@@ -370,14 +423,14 @@ impl Fitted<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     const NAMES: &str = "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN LSHO RSHO LUPA RUPA LELB RELB LFRM \
                          RFRM LWRA RWRA LWRB RWRB LFIN RFIN LFWT RFWT LBWT RBWT LTHI RTHI LKNE \
                          RKNE LSHN RSHN LANK RANK LHEE RHEE LMT5 RMT5 LTOE RTOE";
 
     /// A person's markers, who moves, and the joints.
-    fn person(frames: usize) -> (Poses, Array2<f64>) {
+    pub(in crate::solve) fn person(frames: usize) -> (Poses, Array2<f64>) {
         let points: Vec<String> = NAMES.split_whitespace().map(String::from).collect();
         let named = MarkerSet::find("cmu41").unwrap().markers(&points);
         let prior = RotationPrior::builtin().unwrap();
@@ -485,7 +538,7 @@ mod tests {
             xyz: xyz.clone(),
             ..Poses::default()
         };
-        let both = [(&poses, &joints), (&poses, &joints)];
+        let both = [(&poses, Some(&joints)), (&poses, Some(&joints))];
         let learned = MarkerSet::learn("mine", &both, None).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), learned.to_json().unwrap()).unwrap();
@@ -500,7 +553,7 @@ mod tests {
         };
         let (plain, own) = (with(None), with(Some(&again)));
         assert!(own < 0.95 * plain, "{plain} {own}");
-        assert!(MarkerSet::learn("mine", &[(&poses, &poses)], None).is_err());
+        assert!(MarkerSet::learn("mine", &[(&poses, Some(&poses))], None).is_err());
         std::fs::write(file.path(), "{}").unwrap();
         let error = MarkerSet::open(file.path()).unwrap_err().to_string();
         assert!(error.contains("marker set"), "{error}");

@@ -47,3 +47,18 @@ pub(super) const LEAST_PEOPLE: f64 = 3.0;
 /// prototype: at most 4.8 deviations; of 20 exchanged pairs all found.)
 pub(super) const ODD_PLACE: f64 = 5.0;
 pub(super) const FAR: f64 = 10.0;
+
+/// Names of points by the body.
+pub(super) mod naming {
+    /// Turns about the vertical to start from.
+    pub(crate) const YAWS: usize = 8;
+    /// Rounds, and the gates of the first and the last, cm; a gate is so many deviations.
+    pub(crate) const GATES: usize = 14;
+    pub(crate) const WIDE: f64 = 60.0;
+    pub(crate) const NARROW: f64 = 8.0;
+    pub(crate) const SIGMAS: f64 = 6.0;
+    /// Steps of the pose in a round.
+    pub(crate) const STEPS: usize = 4;
+    /// Rounds after which half of the turns are left.
+    pub(crate) const HALVED: [usize; 2] = [4, 8];
+}

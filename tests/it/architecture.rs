@@ -61,7 +61,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
         "cli",
         &[
             "pose", "numeric", "io", "cluster", "sparse", "metric", "body", "prior", "restore",
-            "ik", "draw", "evaluate", "edit", "audit", "clean", "server", "label",
+            "ik", "draw", "evaluate", "edit", "audit", "clean", "server", "label", "solve",
         ],
     ),
 ];

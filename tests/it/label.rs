@@ -311,3 +311,126 @@ fn one_of_two_people_is_taken_out() {
         "{said}"
     );
 }
+
+/// A table without the names of its markers, in another order.
+fn nameless(table: &str) -> (String, Vec<String>) {
+    let numbers = Numbers::read(table);
+    let count = numbers.points.len();
+    let order: Vec<usize> = (0..count).map(|n| (7 * n + 3) % count).collect();
+    let mut text = "time".to_string();
+    for n in 0..count {
+        text += &["x", "y", "z"].map(|axis| format!(",*{n}.{axis}")).concat();
+    }
+    text.push('\n');
+    for (time, row) in numbers.time.iter().zip(&numbers.rows) {
+        text += &format!("{time}");
+        for p in &order {
+            for v in &row[3 * p..3 * p + 3] {
+                text += &if v.is_nan() {
+                    ",".to_string()
+                } else {
+                    format!(",{v:.4}")
+                };
+            }
+        }
+        text.push('\n');
+    }
+    let bare = |p: &usize| numbers.points[*p].rsplit(':').next().unwrap().to_string();
+    (text, order.iter().map(bare).collect())
+}
+
+#[test]
+fn takes_without_labels_are_named_in_their_own_format() {
+    let Some(path) = shared("data/markers/cmu-06_01.c3d") else {
+        return skipped("no takes of markers");
+    };
+    let table = thin(&run("c3d2xyz", &["-q", text(&path)], ""), 494, 4);
+    let (raw, names) = nameless(&table);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("raw.csv"), &raw).unwrap();
+    let convert = |to: &str, name: &str| {
+        run(
+            to,
+            &["-q", "-o", text(&path(name)), text(&path("raw.csv"))],
+            "",
+        );
+    };
+    convert("xyz2c3d", "raw.c3d");
+    convert("xyz2trc", "raw.trc");
+    let set = path("set.json");
+    let like = shared("data/formats/hdm05/HDM_dg_06-03_03_120.c3d").unwrap();
+    let learn = ["--learn", "--up", "z", "-q", text(&like), "-o", text(&set)];
+    command("label").args(learn).assert().success();
+    for (file, set) in [
+        ("raw.csv", "cmu41"),
+        ("raw.c3d", "cmu41"),
+        ("raw.trc", text(&set)),
+    ] {
+        let done = command("label")
+            .args([
+                "--from-nothing",
+                "--set",
+                set,
+                "--up",
+                "trc=y",
+                text(&path(file)),
+            ])
+            // A folder, as it has no ending.
+            .args(["-o", text(&path("out"))])
+            .assert()
+            .success();
+        let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        assert!(
+            said.contains("41 of 41 labels named, from 41 tracks"),
+            "{said}"
+        );
+        let reader: &[&str] = match file.rsplit_once('.').unwrap().1 {
+            "csv" => &["trim", "-q"],
+            "c3d" => &["c3d2xyz", "-q"],
+            _ => &["trc2xyz", "-q", "--up", "y"],
+        };
+        let read = |file: &Path| {
+            let args = [&reader[1..], &[text(file)]].concat();
+            Numbers::read(&run(reader[0], &args, ""))
+        };
+        let (found, was) = (read(&path("out").join(file)), read(&path(file)));
+        assert_eq!(found.points, names);
+        let same = found.rows.iter().flatten().zip(was.rows.iter().flatten());
+        assert!(same.clone().count() > 10_000);
+        for (a, b) in same {
+            assert!(a == b || a.is_nan() && b.is_nan());
+        }
+    }
+    let record = fs::read_to_string(path("out").join("raw.c3d.json")).unwrap();
+    assert!(record.contains("\"named\"") && record.contains("\"label\": \"LFHD\""));
+    let labeled = path("out").join("raw.csv");
+    let error = fails(
+        "label",
+        &[
+            "--from-nothing",
+            "--set",
+            "pig",
+            text(&labeled),
+            "-o",
+            "x.csv",
+        ],
+        b"",
+        1,
+    );
+    assert!(error.contains("has labels already, such as"), "{error}");
+    let error = fails(
+        "label",
+        &[
+            "--from-nothing",
+            "--set",
+            "nil",
+            text(&labeled),
+            "-o",
+            "x.csv",
+        ],
+        b"",
+        2,
+    );
+    assert!(error.contains("there is no marker set nil"), "{error}");
+}

@@ -5,14 +5,17 @@ use posing::clean::write_labeled;
 use posing::cli::args::CommonArgs;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each};
 use posing::cli::label_args::LikeArgs;
+use posing::cli::marker_set::marker_set;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
-use posing::label::{LabelSettings, check_labels};
+use posing::label::{LabelSettings, check_labels, label_from_nothing};
 use posing::pose::Segment;
+use posing::solve::{BodyModel, MarkerSet};
 use posing::{Error, Result};
 use serde_json::json;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Put labels right: markers that changed places, pieces without a label, reflections
@@ -28,12 +31,19 @@ use std::path::{Path, PathBuf};
 /// Beside each result, RESULT.json has every change with the evidence for it and the positions that
 /// were taken out, and, where something changed or is not sure, RESULT.html plays the take before
 /// and after. Exit code 3: something is not sure.
+///
+/// With --from-nothing, takes without any label: each track gets the name of a marker of a set, its
+/// pieces move to one column, and what is not sure keeps its name and is told.
 #[derive(Parser)]
 #[command(
     name = "label",
     version,
-    after_help = "Examples:\n  posing label gait.c3d -o labeled.c3d\n  posing label captures/ -o \
-                  labeled/ --up y || echo something is not sure\n  posing label --dry-run walk.csv"
+    after_help = "Examples:\
+        \n  posing label gait.c3d -o labeled.c3d\
+        \n  posing label captures/ -o labeled/ --up y || echo something is not sure\
+        \n  posing label --dry-run walk.csv\
+        \n  posing label raw.c3d --from-nothing --set cmu41 -o named.c3d || echo see the record",
+    group = clap::ArgGroup::new("markers").args(["set", "like"]).multiple(true)
 )]
 pub struct Args {
     /// Takes, and folders that are searched for them
@@ -67,12 +77,45 @@ pub struct Args {
     keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
+    /// Name the tracks of takes without any labels, as the markers of --set or of the takes of
+    /// --like: by a body that is put at the points of some frames, and then fitted to the take
+    #[arg(long, requires = "markers", help_heading = "From nothing")]
+    from_nothing: bool,
+    /// Marker set: cmu41, pig, rajagopal, opencap, motive, isb or sprint, or a file of one
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        requires = "from_nothing",
+        help_heading = "From nothing"
+    )]
+    set: Option<String>,
+    /// Confidence from which on a name is given, 0.5 to 1; what is less sure keeps its own
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.9,
+        value_parser = parse_confidence,
+        requires = "from_nothing",
+        help_heading = "From nothing"
+    )]
+    sure: f64,
+    /// Learn a marker set from labeled takes, and write it to SET.json for --set: of markers that
+    /// a built-in set knows, and of all that move as a bone does
+    #[arg(
+        long,
+        conflicts_with_all = ["from_nothing", "like", "dry_run"],
+        help_heading = "From nothing"
+    )]
+    learn: bool,
     #[command(flatten)]
     common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    if args.learn {
+        return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
+    }
     // A dry run has places for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
     let kept: Vec<&Path> = args.like.like.iter().map(|path| path.as_path()).collect();
@@ -86,12 +129,60 @@ pub fn work(args: &Args) -> Result<Outcome> {
         like: args.like.templates(&args.read)?,
         ..LabelSettings::default()
     };
-    each(&jobs, |one| label(args, &settings, one))
+    let set = match &args.set {
+        Some(set) => Some(marker_set(set)?),
+        None if args.from_nothing => {
+            let files = args.like.takes(&args.read)?;
+            Some(Cow::Owned(learned(&files, "the labeled takes")?))
+        }
+        None => None,
+    };
+    let model = set.map(|set| BodyModel::new(&set)).transpose()?;
+    each(&jobs, |one| label(args, &settings, model.as_ref(), one))
 }
 
-fn label(args: &Args, settings: &LabelSettings, job: &BatchJob) -> Result<Outcome> {
+fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.5..1.0).contains(&share) => Ok(share),
+        _ => Err("expected a number from 0.5, below 1".into()),
+    }
+}
+
+/// The marker set of some labeled takes.
+fn learned(files: &[MotionFile], name: &str) -> Result<MarkerSet> {
+    let takes: Vec<_> = files.iter().map(|file| (file.poses(), None)).collect();
+    MarkerSet::learn(name, &takes, None)
+}
+
+/// Learns a marker set and writes it.
+fn learn(args: &Args, to: &Path) -> Result<Outcome> {
+    let rules = args.read.rules()?;
+    let files = args
+        .inputs
+        .iter()
+        .map(|path| MotionFile::open_by(path, &rules));
+    let set = learned(
+        &files.collect::<Result<Vec<_>>>()?,
+        &to.display().to_string(),
+    )?;
+    write_bytes(Some(to), set.to_json()?.as_bytes(), false)?;
+    Ok(Outcome::Done)
+}
+
+fn label(
+    args: &Args,
+    settings: &LabelSettings,
+    model: Option<&BodyModel>,
+    job: &BatchJob,
+) -> Result<Outcome> {
     let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
-    let report = check_labels(&file, settings)?;
+    let (file, report) = match model {
+        Some(model) => label_from_nothing(&file, &args.read.rules()?, model, args.sure, settings)?,
+        None => {
+            let report = check_labels(&file, settings)?;
+            (file, report)
+        }
+    };
     let name = job.input.display().to_string();
     match args.json {
         true => {
@@ -99,7 +190,8 @@ fn label(args: &Args, settings: &LabelSettings, job: &BatchJob) -> Result<Outcom
             write_bytes(None, format!("{line}\n").as_bytes(), false)?;
         }
         false => {
-            let lines = report.lines();
+            let named = report.named.iter().flat_map(|named| named.lines());
+            let lines = named.chain(report.lines().map(String::from));
             lines.for_each(|line| messages::info(&format!("{name}: {line}")));
         }
     }
@@ -108,8 +200,8 @@ fn label(args: &Args, settings: &LabelSettings, job: &BatchJob) -> Result<Outcom
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
-    Ok(match report.unsure.is_empty() {
-        true => Outcome::Done,
-        false => Outcome::Findings,
+    Ok(match report.is_unsure() {
+        false => Outcome::Done,
+        true => Outcome::Findings,
     })
 }

@@ -3,6 +3,7 @@
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::open;
+use posing::cli::marker_set::marker_set;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::{write_bytes, write_table};
@@ -10,10 +11,11 @@ use posing::cli::{Outcome, messages};
 use posing::io::csv::{AddedColumn, After};
 use posing::io::motion_file::ReadRules;
 use posing::io::{Amc, Asf, MotionFile, Table};
+use posing::pose::Units;
 use posing::pose::one_take::first_frame_number;
-use posing::pose::{Poses, Units};
 use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, UsedMarker, solve};
 use posing::{Error, Place, Result};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Turn labeled markers into joints, a skeleton and its motion
@@ -45,10 +47,10 @@ pub struct Args {
     /// Joints: the 23 of the built-in model, or joint centers
     #[arg(long, value_enum, default_value = "23", help_heading = "Method")]
     joints: Joints,
-    /// Marker set: auto, cmu41, pig, rajagopal, opencap, motive, isb or sprint
+    /// Marker set: auto, cmu41, pig, rajagopal, opencap, motive, isb or sprint, or a file of one
     #[arg(
         long,
-        value_name = "SET",
+        value_name = "NAME|FILE",
         default_value = "auto",
         help_heading = "Method"
     )]
@@ -126,12 +128,12 @@ enum Joints {
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let own = args.map.as_ref().or(args.template.as_ref());
-    let own = own.map(MarkerSet::open).transpose()?;
-    let set = match (&own, args.set.as_str()) {
-        (Some(own), _) => Some(own),
+    let own = match (own, args.set.as_str()) {
+        (Some(path), _) => Some(Cow::Owned(MarkerSet::open(path)?)),
         (None, "auto") => None,
-        (None, name) => Some(shipped(name)?),
+        (None, set) => Some(marker_set(set)?),
     };
+    let set = own.as_deref();
     if let Some(path) = &args.learn {
         return learn(args, set, path);
     }
@@ -198,24 +200,10 @@ fn learn(args: &Args, set: Option<&MarkerSet>, to: &Path) -> Result<Outcome> {
         open(&args.truth, &ReadRules::default())?,
     );
     let both = takes.iter().zip(&truths);
-    let both: Vec<(&Poses, &Poses)> = both.map(|(t, j)| (t.poses(), j.poses())).collect();
+    let both: Vec<_> = both.map(|(t, j)| (t.poses(), Some(j.poses()))).collect();
     let learned = MarkerSet::learn(&to.display().to_string(), &both, set)?;
     write_bytes(Some(to), learned.to_json()?.as_bytes(), false)?;
     Ok(Outcome::Done)
-}
-
-/// The built-in set of a name.
-fn shipped(name: &str) -> Result<&'static MarkerSet> {
-    MarkerSet::find(name).ok_or_else(|| {
-        let all: Vec<&str> = MarkerSet::shipped()
-            .iter()
-            .map(|s| s.name.as_str())
-            .collect();
-        Error::usage(format!(
-            "there is no marker set {name}; there are {}",
-            all.join(", ")
-        ))
-    })
 }
 
 /// Says which markers were used.

@@ -11,6 +11,7 @@ mod header;
 mod numbers;
 mod parameters;
 mod points;
+mod rename;
 mod write;
 
 pub(crate) use write::NewC3d;

@@ -2,6 +2,7 @@
 
 use super::numbers::Processor;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// The values of the parameters of a file, by `GROUP:NAME` in capitals.
 #[derive(Debug, Clone, Default)]
@@ -91,16 +92,24 @@ impl Parameters {
 }
 
 /// A group, which has no value, or a parameter.
-struct Entry {
+#[derive(Debug)]
+pub(super) struct Entry {
     /// The number of the group, or of the parameter's group.
-    group: u8,
-    name: String,
-    value: Option<Value>,
+    pub group: u8,
+    pub name: String,
+    pub value: Option<Value>,
     /// Where the next entry begins; `None` after the last.
-    next: Option<usize>,
+    pub next: Option<usize>,
+    /// Where the type of its value stands.
+    kind_at: usize,
 }
 
 impl Entry {
+    /// The entry at a byte of the section; `None` at its end, and where it is damaged.
+    pub(super) fn at(section: &[u8], at: usize, processor: Processor) -> Option<Entry> {
+        Entry::read(section, at, processor).ok().flatten()
+    }
+
     /// The entry at a byte of the section; `None` at its end.
     fn read(section: &[u8], at: usize, processor: Processor) -> Result<Option<Entry>, String> {
         let Some(head) = section.get(at..at + 2) else {
@@ -131,7 +140,15 @@ impl Entry {
             name,
             value,
             next,
+            kind_at: after + 2,
         }))
+    }
+
+    /// The first so many bytes of its value.
+    pub(super) fn data(&self, section: &[u8], count: usize) -> Option<Range<usize>> {
+        let sizes = *section.get(self.kind_at + 1)? as usize;
+        let first = self.kind_at + 2 + sizes;
+        (first + count <= section.len()).then_some(first..first + count)
     }
 }
 

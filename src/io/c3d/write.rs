@@ -13,11 +13,11 @@ use ndarray::ArrayView2;
 use std::path::Path;
 
 /// The most blocks of parameters.
-const MOST_BLOCKS: usize = 255;
+pub(super) const MOST_BLOCKS: usize = 255;
 /// The bytes of a name at most.
-const LONGEST_NAME: usize = 255;
+pub(super) const LONGEST_NAME: usize = 255;
 /// The most labels that one parameter holds, and points that the header counts.
-const LABELS: usize = 255;
+pub(super) const LABELS: usize = 255;
 const MOST_POINTS: usize = u16::MAX as usize;
 
 impl C3d {
@@ -266,6 +266,20 @@ impl NewC3d<'_> {
     }
 }
 
+/// The value of a parameter of texts, as its type, its dimensions and its data: all as wide as the
+/// longest.
+pub(super) fn label_values<'a>(texts: impl Iterator<Item = &'a str> + Clone) -> Vec<u8> {
+    let longest = texts.clone().map(str::len).max().unwrap_or(0);
+    let width = longest.clamp(1, LONGEST_NAME);
+    let mut value = vec![-1_i8 as u8, 2, width as u8, texts.clone().count() as u8];
+    for text in texts {
+        let mut cell = text.as_bytes().to_vec();
+        cell.resize(width, b' ');
+        value.extend(cell);
+    }
+    value
+}
+
 /// A parameter section that is being written.
 struct Section(Vec<u8>);
 
@@ -285,19 +299,8 @@ impl Section {
     }
 
     fn texts(&mut self, group: i8, name: &str, texts: &[&str]) {
-        let width = texts
-            .iter()
-            .map(|t| t.len())
-            .max()
-            .unwrap_or(0)
-            .clamp(1, 255);
-        let mut data = Vec::new();
-        for text in texts {
-            let mut cell = text.as_bytes().to_vec();
-            cell.resize(width, b' ');
-            data.extend(cell);
-        }
-        self.parameter(group, name, -1, &[width as u8, texts.len() as u8], data);
+        let value = label_values(texts.iter().copied());
+        self.entry(group, name, &value);
     }
 
     /// A single number has no dimension.

@@ -1,6 +1,6 @@
 //! Positions moved between the points of a file, as the file has them: no number is written anew.
 
-use super::{MotionFile, Original, ReadOptions};
+use super::{MotionFile, Original, ReadOptions, ReadRules};
 use crate::io::marker_take::MarkerTake;
 use crate::io::motion_format::MotionFormat;
 use crate::io::output::write_file;
@@ -40,6 +40,54 @@ impl MotionFile {
                 ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
             },
             None => self.of_table(moved_table(&self.table, moves)),
+        })
+    }
+
+    /// How the file is read by some rules.
+    pub(crate) fn options(&self, rules: &ReadRules) -> ReadOptions {
+        rules.of(Path::new(&self.table.name), self.format)
+    }
+
+    /// The file with some of its points named anew.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the file cannot be written with other names.
+    pub(crate) fn renamed(
+        &self,
+        names: &[(usize, String)],
+        options: &ReadOptions,
+    ) -> Result<MotionFile> {
+        let names_of = |take: &MarkerTake| -> Vec<(usize, String)> {
+            let positions = take.positions();
+            names
+                .iter()
+                .map(|(p, name)| (positions[*p], name.clone()))
+                .collect()
+        };
+        let refuse = |what: &str| Err(Error::data(Place::file(&self.table.name), what));
+        let bytes = match &self.original {
+            Original::C3d(c3d) => c3d.with_names(&names_of(&c3d.take))?,
+            Original::Text(bytes, take) => {
+                let named = take.cells.with_names(bytes, &take.points, &names_of(take));
+                let what = "does not name its points where others do: its names stay; give it as \
+                            C3D or as a table";
+                match named {
+                    Some(bytes) => bytes,
+                    None => return refuse(what),
+                }
+            }
+            Original::Table if !self.table.columns.names.is_empty() => {
+                let mut table = self.table.clone();
+                for (point, name) in names {
+                    table.rename_point(*point, name);
+                }
+                return Ok(self.of_table(table));
+            }
+            _ => return refuse("is of a format whose points are not named; give it as C3D or CSV"),
+        };
+        Ok(MotionFile {
+            notes: self.notes.clone(),
+            ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
         })
     }
 

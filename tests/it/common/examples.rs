@@ -53,6 +53,8 @@ awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 
 posing xyz2c3d -q -o gait.c3d walk.csv; cp gait.c3d old.c3d
 sed '1{s/lhipjoint/LFWT/g;s/rhipjoint/RFWT/g;s/lfemur/LKNE/g;s/rfemur/RKNE/g;s/ltibia/LANK/g;s/rtibia/RANK/g;s/lclavicle/LSHO/g;s/rclavicle/RSHO/g;s/lowerneck/C7/g}' \
   walk.csv | posing xyz2c3d -q -o markers.c3d
+awk -F, -v OFS=, 'NR == 1 { for (i = 3; i <= NF; i++) { split($i, part, "."); $i = "*" int((i - 3) / 3) "." part[2] } } 1' \
+  walk.csv | posing xyz2c3d -q -o raw.c3d
 posing xyz2trc -q -o gait.trc walk.csv
 mkdir captures; cp gait.trc walk.csv captures/
 printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' '' ',Type,Marker,Marker,Marker' ',Name,A,A,A' ',,Position,Position,Position' \

@@ -1,0 +1,188 @@
+//! Tracks without labels, cut to paths each of which is one marker, and the label of each path.
+
+use super::evidence::independent_frames;
+use super::links::{Links, chains};
+use super::pieces::{Piece, pieces};
+use super::tuning::repair::MOST_WEIGHT;
+use crate::pose::point_at;
+use glam::DVec3;
+use ndarray::{Array2, ArrayView2};
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// The paths of a take's tracks.
+pub(super) struct LooseTracks<'a> {
+    /// (frames, 3 N), cm; NaN is missing.
+    pub xyz: ArrayView2<'a, f64>,
+    /// Frames a second.
+    pub rate: f64,
+    pub pieces: Vec<Piece>,
+    /// The pieces of each path.
+    pub paths: Vec<Vec<usize>>,
+    /// The path that a track is in a frame (frames, N).
+    owner: Array2<Option<usize>>,
+}
+
+/// The label of each path; `None` where it has none.
+pub(super) type PathLabels = Vec<Option<usize>>;
+
+impl<'a> LooseTracks<'a> {
+    /// Cuts tracks to pieces and links these; `runs` are ranges of consecutive frames.
+    pub(super) fn new(
+        xyz: ArrayView2<'a, f64>,
+        runs: &[Range<usize>],
+        rate: f64,
+    ) -> LooseTracks<'a> {
+        let pieces = pieces(xyz, runs, rate);
+        let links = Links::new(xyz, &pieces, 0, rate).links;
+        let paths = chains(pieces.len(), links.into_iter());
+        let mut owner = Array2::from_elem((xyz.nrows(), xyz.ncols() / 3), None);
+        for (path, of) in paths.iter().enumerate() {
+            for &p in of {
+                let Piece { track, frames, .. } = &pieces[p];
+                frames.clone().for_each(|t| owner[[t, *track]] = Some(path));
+            }
+        }
+        LooseTracks {
+            xyz,
+            rate,
+            pieces,
+            paths,
+            owner,
+        }
+    }
+
+    /// How many frames a path has.
+    pub(super) fn frames(&self, path: usize) -> usize {
+        self.paths[path]
+            .iter()
+            .map(|p| self.pieces[*p].frames.len())
+            .sum()
+    }
+
+    /// The paths that are seen in a frame, each with its place.
+    pub(super) fn seen(&self, t: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+        let owners = self.owner.row(t);
+        let of = move |track: usize| Some((owners[track]?, point_at(self.xyz, t, track)));
+        (0..self.owner.ncols()).filter_map(of)
+    }
+
+    /// The places of a path, each with its frame.
+    pub(super) fn places_of(&self, path: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+        self.paths[path].iter().flat_map(|p| {
+            let Piece { track, frames, .. } = &self.pieces[*p];
+            frames.clone().map(|t| (t, point_at(self.xyz, t, *track)))
+        })
+    }
+
+    /// Frames at about `rate` a second, and more where else fewer than `fewest` of a path, or not
+    /// all of it, are among them; in their order.
+    pub(super) fn frames_of_all(&self, rate: f64, fewest: usize) -> Vec<usize> {
+        let step = ((self.rate / rate).round() as usize).max(1);
+        let mut frames: BTreeSet<usize> = (0..self.xyz.nrows()).step_by(step).collect();
+        for path in 0..self.paths.len() {
+            let own: Vec<usize> = self.frames_of(path).collect();
+            if own.iter().filter(|t| frames.contains(t)).count() < fewest {
+                frames.extend(own.iter().step_by(own.len().div_ceil(fewest)));
+            }
+        }
+        frames.into_iter().collect()
+    }
+
+    /// Gives each path the label that most of its votes are for, at least half of them, the
+    /// strongest first; no label is in two places at once.
+    pub(super) fn elect(&self, votes: &Array2<f64>) -> PathLabels {
+        let labels = votes.ncols() - 1;
+        let mut all: Vec<(f64, usize, usize)> = Vec::new();
+        for (path, row) in votes.rows().into_iter().enumerate() {
+            let sum = row.sum();
+            let own = row.iter().enumerate().take(labels);
+            let best = own.max_by(|a, b| a.1.total_cmp(b.1));
+            let best = best.filter(|(_, v)| **v > 0.0 && 2.0 * **v >= sum);
+            all.extend(best.map(|(label, v)| (*v, path, label)));
+        }
+        all.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut is_held = Array2::from_elem((labels, self.xyz.nrows()), false);
+        let mut out = vec![None; self.paths.len()];
+        for (_, path, label) in all {
+            let frames = || {
+                self.paths[path]
+                    .iter()
+                    .flat_map(|p| self.pieces[*p].frames.clone())
+            };
+            if frames().all(|t| !is_held[[label, t]]) {
+                frames().for_each(|t| is_held[[label, t]] = true);
+                out[path] = Some(label);
+            }
+        }
+        out
+    }
+
+    /// Where each of so many labels is (frames, 3 L), cm.
+    pub(super) fn places(&self, of: &PathLabels, labels: usize) -> Array2<f64> {
+        let mut places = Array2::from_elem((self.xyz.nrows(), 3 * labels), f64::NAN);
+        for (path, label) in of.iter().enumerate() {
+            let Some(label) = label else { continue };
+            for (t, at) in self.places_of(path) {
+                (0..3).for_each(|c| places[[t, 3 * label + c]] = at[c]);
+            }
+        }
+        places
+    }
+
+    /// The share of the frames that two ways to label both label in which they differ.
+    pub(super) fn unlike(&self, a: &PathLabels, b: &PathLabels) -> f64 {
+        let both = a.iter().zip(b).enumerate();
+        let both = both.filter_map(|(path, (a, b))| Some((self.frames(path), (*a)? == (*b)?)));
+        let (mut same, mut other) = (0, 0);
+        both.for_each(|(frames, is_same)| match is_same {
+            true => same += frames,
+            false => other += frames,
+        });
+        other as f64 / (same + other).max(1) as f64
+    }
+
+    /// How many frames that say something of their own a path has.
+    pub(super) fn weight(&self, path: usize) -> f64 {
+        independent_frames(self.frames(path), self.rate).min(MOST_WEIGHT)
+    }
+
+    /// The path that holds each label in each frame (L, frames).
+    pub(super) fn holders(&self, of: &PathLabels, labels: usize) -> Array2<Option<usize>> {
+        let mut holders = Array2::from_elem((labels, self.xyz.nrows()), None);
+        for (path, label) in of.iter().enumerate() {
+            let Some(label) = label else { continue };
+            for t in self.frames_of(path) {
+                holders[[*label, t]] = Some(path);
+            }
+        }
+        holders
+    }
+
+    /// The other paths that hold a label in the frames of one.
+    pub(super) fn held(
+        &self,
+        holders: &Array2<Option<usize>>,
+        label: usize,
+        path: usize,
+    ) -> BTreeSet<usize> {
+        let all = self.frames_of(path).filter_map(|t| holders[[label, t]]);
+        all.filter(|other| *other != path).collect()
+    }
+
+    /// The pieces of a path.
+    pub(super) fn pieces_of(&self, path: usize) -> impl Iterator<Item = &Piece> + '_ {
+        self.paths[path].iter().map(|p| &self.pieces[*p])
+    }
+
+    /// The tracks of a path, piece by piece.
+    pub(super) fn tracks_of(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
+        self.pieces_of(path).map(|piece| piece.track)
+    }
+
+    fn frames_of(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
+        self.paths[path]
+            .iter()
+            .flat_map(|p| self.pieces[*p].frames.clone())
+    }
+}
