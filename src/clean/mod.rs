@@ -15,6 +15,7 @@ mod replaced;
 mod report;
 mod rotations;
 mod row;
+mod skeleton;
 mod sources;
 
 pub use label_file::write_labeled;
@@ -23,6 +24,7 @@ pub use places::PlaceToSee;
 pub use record::Summary;
 pub use report::CleanReport;
 pub use row::Row;
+pub use skeleton::SkeletonSettings;
 pub use sources::OutputFormat;
 
 use self::earlier_list::EarlierList;

@@ -11,6 +11,7 @@ use super::record::{
 use super::redo;
 use super::replaced::{ReplacedPosition, replaced};
 use super::rotations::CleanedFile;
+use super::skeleton::{SkeletonSettings, Solved, skeleton_path};
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, TakeAudit, audit_motion};
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
@@ -56,6 +57,8 @@ pub struct CleanSettings {
     pub redo: Vec<Segment>,
     /// The cutoff of a low-pass filter after all else, Hz.
     pub butterworth: Option<f64>,
+    /// How markers are solved for a skeleton beside each result, if they are.
+    pub skeletons: Option<SkeletonSettings>,
 }
 
 /// What was made of a file.
@@ -150,14 +153,20 @@ impl CleanSettings {
         };
         let made_from = MadeFrom {
             posing: env!("CARGO_PKG_VERSION").to_string(),
-            settings: self.recorded(&read, format, to),
+            settings: self.recorded(&read, format, to)?,
             input,
             skeleton,
         };
-        if let Some(summary) = unchanged(&job.output, &made_from).filter(|_| !self.again) {
+        let skeletons = self.skeletons.as_ref().filter(|_| !is_of_rotations(format));
+        let has_skeleton = skeletons.is_none() || skeleton_path(&job.output).exists();
+        let unchanged = unchanged(&job.output, &made_from);
+        if let Some(summary) = unchanged.filter(|_| !self.again && has_skeleton) {
             return Ok(FileOutcome::Unchanged(summary));
         }
         may_write(&job.output, self.again)?;
+        if let Some(skeletons) = skeletons {
+            skeletons.check(&job.output)?;
+        }
         let is_utf16 = unpacked.is_utf16();
         let bytes = unpacked.read_all(LARGEST_MOTION_FILE)?;
         let capture = Capture {
@@ -232,6 +241,7 @@ impl CleanSettings {
                 .push(format!("unchanged: the noise is {noise:.2} degrees"));
         }
         summary.findings.extend(self.kept(&file, to, points));
+        let solved = self.solved(job, &file, points, &mut summary);
         // The result is whole also where its page is not written.
         match write_page(job, &file, &labels, points, &summary) {
             Ok(note) => summary.notes.extend(note),
@@ -253,11 +263,39 @@ impl CleanSettings {
             gaps_by_point: Vec::new(),
             outliers,
             rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
+            solved,
             left_out: 0,
             output: Fingerprint::read(&job.output)?,
         }
         .write(&job.output, capture.size)?;
         Ok(summary)
+    }
+
+    /// The skeleton beside the result, if it is asked for; why there is none is a finding.
+    fn solved(
+        &self,
+        job: &Job,
+        file: &MotionFile,
+        points: &Restoration<'_>,
+        summary: &mut Summary,
+    ) -> Option<Solved> {
+        let skeletons = self
+            .skeletons
+            .as_ref()
+            .filter(|_| !is_of_rotations(file.format))?;
+        match skeletons.write(job, file, points.xyz().to_owned()) {
+            Ok(solved) => {
+                let findings = solved.findings.iter();
+                summary
+                    .findings
+                    .extend(findings.map(|f| format!("skeleton: {f}")));
+                Some(solved)
+            }
+            Err(e) => {
+                summary.findings.push(format!("skeleton: none: {e}"));
+                None
+            }
+        }
     }
 
     /// The take as it is restored; rotations that stay rotations by themselves.
@@ -412,7 +450,7 @@ impl CleanSettings {
         read: &ReadOptions,
         format: MotionFormat,
         to: Option<OutputFormat>,
-    ) -> serde_json::Value {
+    ) -> Result<serde_json::Value> {
         let mut out = json!({
             "fps": read.fps,
             "units": read.units.map(LengthUnit::name),
@@ -451,7 +489,10 @@ impl CleanSettings {
         if let Some(cutoff) = self.butterworth {
             out["butterworth"] = json!(cutoff);
         }
-        out
+        if let Some(skeletons) = self.skeletons.as_ref().filter(|_| !is_of_rotations(format)) {
+            out["skeletons"] = skeletons.recorded()?;
+        }
+        Ok(out)
     }
 
     /// How the points of a take are named, for the model; without one, for CMU's names, by which a

@@ -4,6 +4,7 @@
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;
+use super::skeleton::Solved;
 use crate::audit::TakeAudit;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
@@ -155,6 +156,9 @@ pub(crate) struct Record<'a> {
     /// What was done to the rotations of a file that keeps them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotations: Option<RotationLines>,
+    /// The skeleton beside the result, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solved: Option<Solved>,
     /// Points and outliers that are left out, since there are so many.
     #[serde(skip_serializing_if = "is_zero")]
     pub left_out: usize,

@@ -12,10 +12,12 @@ mod landmarks;
 mod learning;
 mod marker_sets;
 mod naming;
+mod solved_take;
 mod solver;
 mod tuning;
 
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
 pub use naming::BodyModel;
-pub use solver::{SolveSettings, SolvedTake, UsedMarker, solve};
+pub use solved_take::{SolvedTake, UsedMarker};
+pub use solver::{SolveSettings, solve};

@@ -5,19 +5,18 @@ use super::calibration::{Calibration, Calibrator, frame_solver};
 use super::deviations::Deviations;
 use super::landmarks::{JointSet, landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
+use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
 use crate::ik::frame_solver::Scratch;
 use crate::ik::sequence::{SequenceFit, Targets, fit_frames};
-use crate::io::{Asf, Bvh};
+use crate::io::Asf;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::statistics::median;
 use crate::pose::joints::CMU;
-use crate::pose::rotation::Axis as Axis3;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
-use glam::DMat3;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
 /// How a take is solved.
@@ -31,64 +30,6 @@ pub struct SolveSettings<'a> {
     pub skeleton: Option<&'a Skeleton>,
     /// Whether deviations are asked for.
     pub deviations: bool,
-}
-
-/// A take of markers, solved.
-#[derive(Debug)]
-pub struct SolvedTake {
-    /// The joints (frames, 3 J), cm; NaN where too few markers are seen.
-    pub joints: Poses,
-    /// Standard deviation of a coordinate of each joint (frames, J), cm, if it was asked for.
-    pub sd: Option<Array2<f64>>,
-    /// The person's skeleton.
-    pub skeleton: Asf,
-    /// (frames, values of the skeleton), radians and cm; those of a frame that could not be solved
-    /// are the ones before.
-    pub values: Array2<f64>,
-    /// The name of the marker set.
-    pub set: String,
-    /// The markers that were used.
-    pub used: Vec<UsedMarker>,
-    /// The points of the take that were not.
-    pub left_out: Vec<String>,
-    /// Frames without joints.
-    pub unsolved: usize,
-}
-
-/// A marker that was used.
-#[derive(Debug, Clone, PartialEq)]
-pub struct UsedMarker {
-    /// Its name.
-    pub name: String,
-    /// How far it is from its place on its bone, cm: the mean over the frames.
-    pub distance: f64,
-    /// How far that place is from where such a marker is mostly, standard deviations.
-    pub deviations: f64,
-}
-
-impl UsedMarker {
-    /// Whether its name may be wrong.
-    pub fn is_suspect(&self) -> bool {
-        self.deviations >= ODD_PLACE || self.distance >= FAR
-    }
-}
-
-impl SolvedTake {
-    /// Skeleton and motion as a BVH, y up, at `rate` frames a second.
-    ///
-    /// # Errors
-    /// None for values that [`solve`] made.
-    pub fn to_bvh(&self, rate: f64) -> Result<Bvh> {
-        let order = [Axis3::Z, Axis3::Y, Axis3::X];
-        let skeleton = &self.skeleton.skeleton;
-        Bvh::from_values(
-            skeleton,
-            self.values.view(),
-            order,
-            DMat3::IDENTITY,
-            1.0 / rate,
-        )
-    }
 }
 
 /// Solves a take of labeled markers, y up.
@@ -172,8 +113,8 @@ pub fn solve(
 /// The error of a take that has so few markers of a set.
 pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
     Error::usage(format!(
-        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give another set \
-         with the option `set`, or name the markers with the option `map`",
+        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give a marker set \
+         that knows them, a file of lines such as LKNE = \"KNL\"",
         set.name
     ))
 }

@@ -46,7 +46,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "clean",
         &[
-            "pose", "numeric", "prior", "restore", "io", "ik", "draw", "audit", "label",
+            "pose", "numeric", "prior", "restore", "io", "ik", "draw", "audit", "label", "solve",
         ],
     ),
     (

@@ -1,11 +1,14 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::Parser;
-use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, clean};
+use posing::clean::{
+    CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
+};
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::MotionLimitArgs;
+use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
@@ -156,6 +159,18 @@ pub struct Args {
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
+    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
+    /// --bvh has them; SET is a marker set by its name or file [default: of each take the one that
+    /// knows most of its markers]
+    #[arg(
+        long,
+        value_name = "SET",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "auto",
+        help_heading = "Output"
+    )]
+    solve: Option<String>,
     #[command(flatten)]
     limits: MotionLimitArgs,
     #[command(flatten)]
@@ -265,6 +280,14 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         again: args.again,
         redo: args.redo.clone(),
         butterworth: args.butterworth,
+        skeletons: args.solve.as_deref().map(skeletons).transpose()?,
+    })
+}
+
+fn skeletons(set: &str) -> Result<SkeletonSettings> {
+    let set = (set != "auto").then(|| marker_set(set)).transpose()?;
+    Ok(SkeletonSettings {
+        set: set.map(|set| set.into_owned()),
     })
 }
 

@@ -13,7 +13,7 @@ use posing::io::motion_file::ReadRules;
 use posing::io::{Amc, Asf, MotionFile, Table};
 use posing::pose::Units;
 use posing::pose::one_take::first_frame_number;
-use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, UsedMarker, solve};
+use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, solve};
 use posing::{Error, Place, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -162,13 +162,13 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let bar = Progress::new("solve", file.poses().frames() as u64);
     let solved = solve(file.poses(), &settings, &mut |t| bar.set(t as u64)).map_err(place)?;
     drop(bar);
-    report(&name, &solved);
-    report_findings(&name, &solved);
+    let findings = solved.findings();
+    let lines = solved.lines().into_iter().chain(findings.iter().cloned());
+    lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     write(args, &file, &solved)?;
-    let suspects = solved.used.iter().filter(|m| m.is_suspect());
-    Ok(match solved.unsolved + suspects.count() {
-        0 => Outcome::Done,
-        _ => Outcome::Findings,
+    Ok(match findings.is_empty() {
+        true => Outcome::Done,
+        false => Outcome::Findings,
     })
 }
 
@@ -204,58 +204,6 @@ fn learn(args: &Args, set: Option<&MarkerSet>, to: &Path) -> Result<Outcome> {
     let learned = MarkerSet::learn(&to.display().to_string(), &both, set)?;
     write_bytes(Some(to), learned.to_json()?.as_bytes(), false)?;
     Ok(Outcome::Done)
-}
-
-/// Says which markers were used.
-fn report(name: &str, solved: &SolvedTake) {
-    messages::info(&format!(
-        "{name}: {} markers of the set {}",
-        solved.used.len(),
-        solved.set
-    ));
-    if !solved.left_out.is_empty() {
-        let shown: Vec<&str> = solved.left_out.iter().take(5).map(String::as_str).collect();
-        let more = if solved.left_out.len() > 5 {
-            ", …"
-        } else {
-            ""
-        };
-        messages::info(&format!(
-            "{name}: {} points are none of its markers: {}{more}",
-            solved.left_out.len(),
-            shown.join(", ")
-        ));
-    }
-}
-
-/// Where more than one in so many markers do not fit, it is none of them that is wrong.
-const MOST: usize = 3;
-
-/// Says what somebody should look at.
-fn report_findings(name: &str, solved: &SolvedTake) {
-    let suspects: Vec<&UsedMarker> = solved.used.iter().filter(|m| m.is_suspect()).collect();
-    if MOST * suspects.len() > solved.used.len() {
-        messages::info(&format!(
-            "{name}: {} of {} markers do not fit their names: are those of the pelvis right, and \
-             is the set?",
-            suspects.len(),
-            solved.used.len()
-        ));
-    } else {
-        for marker in suspects {
-            messages::info(&format!(
-                "{name}: {} does not fit its name: it is {:.1} standard deviations from where \
-                 such markers are, and {:.1} cm from its place in the mean; is it another?",
-                marker.name, marker.deviations, marker.distance
-            ));
-        }
-    }
-    if solved.unsolved > 0 {
-        let count = solved.unsolved;
-        messages::info(&format!(
-            "{name}: {count} frames have too few markers: no joints there"
-        ));
-    }
 }
 
 fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {

@@ -1,0 +1,112 @@
+//! The skeleton of a cleaned take of markers: its motion as a BVH beside the result.
+
+use super::record::{Fingerprint, record_path};
+use super::sources::Job;
+use crate::io::MotionFile;
+use crate::io::output::write_file;
+use crate::prior::provenance::hex;
+use crate::solve::{MarkerSet, SolveSettings, SolvedTake, UsedMarker, solve};
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use serde::Serialize;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+
+/// How the markers of takes are solved for skeletons.
+#[derive(Debug, Clone, Default)]
+pub struct SkeletonSettings {
+    /// The marker set; `None`: of each file the built-in one that knows most of its markers.
+    pub set: Option<MarkerSet>,
+}
+
+/// What a record says of the skeleton.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Solved {
+    set: String,
+    markers: usize,
+    left_out: Vec<String>,
+    /// Markers that do not fit their names.
+    suspects: Vec<String>,
+    /// Frames without joints.
+    unsolved: usize,
+    #[serde(skip)]
+    pub findings: Vec<String>,
+    output: Fingerprint,
+}
+
+/// Where the skeleton of a result goes.
+pub(super) fn skeleton_path(output: &Path) -> PathBuf {
+    let mut name = output.as_os_str().to_owned();
+    name.push(".bvh");
+    PathBuf::from(name)
+}
+
+impl SkeletonSettings {
+    /// What is known of the settings in a record.
+    ///
+    /// # Errors
+    /// None for sets of finite numbers.
+    pub(super) fn recorded(&self) -> Result<Value> {
+        Ok(match &self.set {
+            None => json!("auto"),
+            Some(set) => json!(hex(&Sha256::digest(set.to_json()?))),
+        })
+    }
+
+    /// Fails where a file of somebody else stands in the place of the skeleton.
+    pub(super) fn check(&self, output: &Path) -> Result<()> {
+        let path = skeleton_path(output);
+        if !path.exists() {
+            return Ok(());
+        }
+        let record = std::fs::read(record_path(output)).unwrap_or_default();
+        let record: Value = serde_json::from_slice(&record).unwrap_or_default();
+        let own = Fingerprint::read(&path)?.sha256;
+        if record["solved"]["output"]["sha256"] == json!(own) {
+            return Ok(());
+        }
+        let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
+                    changed it since; move it";
+        Err(Error::data(Place::file(path.display().to_string()), what))
+    }
+
+    /// Solves a take whose points were cleaned, at `xyz` (frames, 3 P; cm), and writes its skeleton
+    /// and motion beside the result.
+    ///
+    /// # Errors
+    /// Those of [`solve`]; [`Error::Usage`]: several takes. [`Error::Io`]: writing fails.
+    pub(super) fn write(&self, job: &Job, file: &MotionFile, xyz: Array2<f64>) -> Result<Solved> {
+        let poses = crate::pose::Poses {
+            xyz,
+            ..file.poses().clone()
+        };
+        if poses.takes().len() > 1 {
+            return Err(Error::usage("several takes, and a skeleton is of one"));
+        }
+        let settings = SolveSettings {
+            set: self.set.as_ref(),
+            ..SolveSettings::default()
+        };
+        let solved = solve(&poses, &settings, &mut |_| ())?;
+        let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
+        let path = skeleton_path(&job.output);
+        write_file(&path, &bvh.to_bytes(1.0))?;
+        Ok(Solved::new(&solved, Fingerprint::read(&path)?))
+    }
+}
+
+impl Solved {
+    fn new(solved: &SolvedTake, output: Fingerprint) -> Solved {
+        let suspects = solved.used.iter().filter(|m| m.is_suspect());
+        Solved {
+            set: solved.set.clone(),
+            markers: solved.used.len(),
+            left_out: solved.left_out.clone(),
+            suspects: suspects.map(|m: &UsedMarker| m.name.clone()).collect(),
+            unsolved: solved.unsolved,
+            findings: solved.findings(),
+            output,
+        }
+    }
+}

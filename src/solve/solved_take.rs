@@ -1,0 +1,126 @@
+//! A take of markers, solved: its joints, its skeleton and what is to be told of it.
+
+use super::tuning::{FAR, ODD_PLACE};
+use crate::Result;
+use crate::io::{Asf, Bvh};
+use crate::pose::Poses;
+use crate::pose::rotation::Axis;
+use glam::DMat3;
+use ndarray::Array2;
+
+/// A take of markers, solved.
+#[derive(Debug)]
+pub struct SolvedTake {
+    /// The joints (frames, 3 J), cm; NaN where too few markers are seen.
+    pub joints: Poses,
+    /// Standard deviation of a coordinate of each joint (frames, J), cm, if it was asked for.
+    pub sd: Option<Array2<f64>>,
+    /// The person's skeleton.
+    pub skeleton: Asf,
+    /// (frames, values of the skeleton), radians and cm; those of a frame that could not be solved
+    /// are the ones before.
+    pub values: Array2<f64>,
+    /// The name of the marker set.
+    pub set: String,
+    /// The markers that were used.
+    pub used: Vec<UsedMarker>,
+    /// The points of the take that were not.
+    pub left_out: Vec<String>,
+    /// Frames without joints.
+    pub unsolved: usize,
+}
+
+/// A marker that was used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UsedMarker {
+    /// Its name.
+    pub name: String,
+    /// How far it is from its place on its bone, cm: the mean over the frames.
+    pub distance: f64,
+    /// How far that place is from where such a marker is mostly, standard deviations.
+    pub deviations: f64,
+}
+
+impl UsedMarker {
+    /// Whether its name may be wrong.
+    pub fn is_suspect(&self) -> bool {
+        self.deviations >= ODD_PLACE || self.distance >= FAR
+    }
+
+    fn finding(&self) -> String {
+        format!(
+            "{} does not fit its name: it is {:.1} standard deviations from where such markers \
+             are, and {:.1} cm from its place in the mean; is it another?",
+            self.name, self.deviations, self.distance
+        )
+    }
+}
+
+/// Where more than one in so many markers do not fit, it is none of them that is wrong.
+const MOST: usize = 3;
+/// Points that a line names.
+const NAMED: usize = 5;
+
+impl SolvedTake {
+    /// Which markers were used, a line each.
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = vec![format!(
+            "{} markers of the set {}",
+            self.used.len(),
+            self.set
+        )];
+        if !self.left_out.is_empty() {
+            let shown = self.left_out.iter().take(NAMED).map(String::as_str);
+            let shown: Vec<&str> = shown.collect();
+            let more = if self.left_out.len() > NAMED {
+                ", …"
+            } else {
+                ""
+            };
+            lines.push(format!(
+                "{} points are none of its markers: {}{more}",
+                self.left_out.len(),
+                shown.join(", ")
+            ));
+        }
+        lines
+    }
+
+    /// What somebody should look at, a line each.
+    pub fn findings(&self) -> Vec<String> {
+        let suspects: Vec<&UsedMarker> = self.used.iter().filter(|m| m.is_suspect()).collect();
+        let mut lines: Vec<String> = match MOST * suspects.len() > self.used.len() {
+            true => vec![format!(
+                "{} of {} markers do not fit their names: are those of the pelvis right, and is \
+                 the set?",
+                suspects.len(),
+                self.used.len()
+            )],
+            false => suspects.iter().map(|m| m.finding()).collect(),
+        };
+        match self.unsolved {
+            0 => {}
+            n if n == self.joints.frames() => {
+                lines.push("no frame has three markers: there are no joints".to_string());
+            }
+            n => lines.push(format!("{n} frames have too few markers: no joints there")),
+        }
+        lines
+    }
+
+    /// Skeleton and motion as a BVH, y up, at `rate` frames a second.
+    ///
+    /// # Errors
+    /// None for values that [`solve`] made.
+    pub fn to_bvh(&self, rate: f64) -> Result<Bvh> {
+        let order = [Axis::Z, Axis::Y, Axis::X];
+        let skeleton = &self.skeleton.skeleton;
+        Bvh::from_values(
+            skeleton,
+            self.values.view(),
+            order,
+            DMat3::IDENTITY,
+            1.0 / rate,
+        )
+    }
+}
