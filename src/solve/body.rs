@@ -165,7 +165,7 @@ impl Body {
     }
 
     /// The vector of a bone for some numbers.
-    fn bone(&self, numbers: &[f64], bone: usize) -> DVec3 {
+    pub(super) fn bone(&self, numbers: &[f64], bone: usize) -> DVec3 {
         let parts = self.parts[bone].iter();
         parts.map(|p| p.turn * Body::vector(numbers, p.first)).sum()
     }

@@ -4,9 +4,12 @@
 use super::body::BONES;
 use super::landmarks::{JointSet, Landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
-use super::solver::{calibrated, too_few};
+use super::solver::{Calibrated, calibrated, too_few};
+use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, LEAST_PEOPLE};
-use crate::pose::Poses;
+use crate::label::unlabeled::{is_computed, is_unlabeled};
+use crate::numeric::statistics::median;
+use crate::pose::{Poses, point_at};
 use crate::prior::rotations::bones::mirror;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -36,8 +39,10 @@ impl MarkerSet {
             let own = own.ok_or_else(|| Error::usage("no marker set"))?;
             joints_of = joints.map_or(own.joints, |joints| JointSet::of(&joints.points));
             for (pattern, landmark, place) in places_in(own, markers, *joints, joints_of)? {
-                places.entry(pattern.clone()).or_default().push(place);
-                known.entry(pattern).or_insert(landmark);
+                let first = known.entry(pattern.clone()).or_insert(landmark.clone());
+                if (&first.bone, first.along) == (&landmark.bone, landmark.along) {
+                    places.entry(pattern).or_default().push(place);
+                }
             }
         }
         let learned = known.into_iter().map(|(pattern, landmark)| {
@@ -101,5 +106,61 @@ fn places_in(
         let at = sides.iter().map(|s| s.1).sum::<DVec3>() / sides.len() as f64;
         Some((pattern, sides.into_iter().next()?.0.landmark, at))
     };
-    Ok(sides.into_iter().filter_map(mean).collect())
+    let mut places: Vec<_> = sides.into_iter().filter_map(mean).collect();
+    places.extend(other_markers(set, markers, &calibrated)?);
+    Ok(places)
+}
+
+/// The markers of a take that the set does not know and that move as one of the bones does, which
+/// they are then on.
+fn other_markers(
+    set: &MarkerSet,
+    markers: &Poses,
+    person: &Calibrated,
+) -> Result<Vec<(String, Landmark, DVec3)>> {
+    let step = markers.frames().div_ceil(MOST_FRAMES).max(1);
+    let rows: Vec<usize> = (0..markers.frames()).step_by(step).collect();
+    let postures = person.postures(&rows)?;
+    let points = &markers.points;
+    let known: Vec<usize> = set.markers(points).iter().map(|m| m.point).collect();
+    let is_other = |p: &usize| {
+        let name = &points[*p];
+        !known.contains(p) && !is_unlabeled(name) && !is_computed(name, points)
+    };
+    let on_bone = |p: usize, bone: usize| {
+        let seen = rows.iter().zip(&postures).filter_map(|(t, posture)| {
+            let at = point_at(markers.xyz.view(), *t, p);
+            let off = posture.rotations[bone].transpose() * (at - posture.starts[bone]);
+            off.is_finite().then_some(off)
+        });
+        let offs: Vec<DVec3> = seen.collect();
+        if offs.len() < FEWEST_FRAMES {
+            return None;
+        }
+        let middle = [0, 1, 2].map(|c| median(offs.iter().map(|o| o[c]).collect()));
+        let middle = DVec3::new(middle[0]?, middle[1]?, middle[2]?);
+        let spread = median(offs.iter().map(|o| o.distance(middle)).collect())?;
+        Some((spread, bone, middle))
+    };
+    let bones = person.body.template.bones();
+    let is_near = |(_, bone, at): &(f64, usize, DVec3)| {
+        let own = person.body.bone(&person.numbers, *bone);
+        let along = at.dot(own) / own.length_squared().max(1.0);
+        at.distance(along.clamp(0.0, 1.0) * own) <= FARTHEST
+    };
+    let of = |p: usize| {
+        let all = (0..bones.len())
+            .filter_map(|bone| on_bone(p, bone))
+            .filter(is_near);
+        let (_, bone, at) = all
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .filter(|(spread, ..)| *spread <= MOVES_AS)?;
+        let own = person.body.bone(&person.numbers, bone);
+        let along = (2.0 * at.dot(own) / own.length_squared().max(1.0)).round() / 2.0;
+        let along = along.clamp(0.0, 1.0);
+        let at = at - along * own;
+        let landmark = Landmark::new(&bones[bone].name, along, [at, DVec3::splat(OTHER_SD)]);
+        Some((points[p].clone(), landmark, at))
+    };
+    Ok((0..points.len()).filter(is_other).filter_map(of).collect())
 }

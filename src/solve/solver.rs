@@ -14,6 +14,7 @@ use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::statistics::median;
 use crate::pose::joints::CMU;
+use crate::pose::kinematics::Posture;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
@@ -198,16 +199,33 @@ impl Calibrated {
     /// # Errors
     /// [`Error::Usage`]: the equations of the prior are singular.
     pub(super) fn places(&self) -> Result<Array2<f64>> {
-        let fitted = Fitted {
+        let fitted = self.fitted(&self.xyz)?;
+        let sequence = fitted.sequence(&mut |_| ())?;
+        fitted.ends(&sequence, &self.body.marker_bones())
+    }
+
+    /// How the body stands in some frames.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the equations of the prior are singular.
+    pub(super) fn postures(&self, frames: &[usize]) -> Result<Vec<Posture>> {
+        let xyz = self.xyz.select(Axis(0), frames);
+        let fitted = self.fitted(&xyz)?;
+        let sequence = fitted.sequence(&mut |_| ())?;
+        let rows = sequence.values.rows().into_iter();
+        Ok(rows
+            .map(|row| fitted.skeleton.posture(&row.to_vec()))
+            .collect())
+    }
+
+    fn fitted<'a>(&'a self, xyz: &'a Array2<f64>) -> Result<Fitted<'a>> {
+        Ok(Fitted {
             body: &self.body,
             prior: &self.prior,
             skeleton: self.body.skeleton(&self.numbers)?,
-            xyz: &self.xyz,
+            xyz,
             rate: None,
-        };
-        let sequence = fitted.sequence(&mut |_| ())?;
-        let bones = self.body.marker_bones();
-        fitted.ends(&sequence, &bones)
+        })
     }
 }
 

@@ -62,3 +62,16 @@ pub(super) mod naming {
     /// Rounds after which half of the turns are left.
     pub(crate) const HALVED: [usize; 2] = [4, 8];
 }
+
+/// Markers that no set knows.
+pub(super) mod learning {
+    /// Frames that are looked at, at most, and in which a marker is seen, at least.
+    pub(crate) const MOST_FRAMES: usize = 200;
+    pub(crate) const FEWEST_FRAMES: usize = 20;
+    /// How far a marker of a bone is from its place on it, cm: the median, at most.
+    pub(crate) const MOVES_AS: f64 = 3.0;
+    /// How far it is from its bone, cm, at most.
+    pub(crate) const FARTHEST: f64 = 20.0;
+    /// Standard deviation of that place in another take, cm.
+    pub(crate) const OTHER_SD: f64 = 2.0;
+}

@@ -15,7 +15,6 @@ use posing::pose::Segment;
 use posing::solve::{BodyModel, MarkerSet};
 use posing::{Error, Result};
 use serde_json::json;
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Put labels right: markers that changed places, pieces without a label, reflections
@@ -43,7 +42,8 @@ use std::path::{Path, PathBuf};
         \n  posing label captures/ -o labeled/ --up y || echo something is not sure\
         \n  posing label --dry-run walk.csv\
         \n  posing label raw.c3d --from-nothing --set cmu41 -o named.c3d || echo see the record",
-    group = clap::ArgGroup::new("markers").args(["set", "like"]).multiple(true)
+    group = clap::ArgGroup::new("markers").args(["set", "like"]).multiple(true),
+    group = clap::ArgGroup::new("task").args(["from_nothing", "learn"])
 )]
 pub struct Args {
     /// Takes, and folders that are searched for them
@@ -85,7 +85,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "NAME|FILE",
-        requires = "from_nothing",
+        requires = "task",
         help_heading = "From nothing"
     )]
     set: Option<String>,
@@ -129,15 +129,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         like: args.like.templates(&args.read)?,
         ..LabelSettings::default()
     };
-    let set = match &args.set {
-        Some(set) => Some(marker_set(set)?),
-        None if args.from_nothing => {
-            let files = args.like.takes(&args.read)?;
-            Some(Cow::Owned(learned(&files, "the labeled takes")?))
-        }
-        None => None,
-    };
-    let model = set.map(|set| BodyModel::new(&set)).transpose()?;
+    let model = args.from_nothing.then(|| model(args)).transpose()?;
     each(&jobs, |one| label(args, &settings, model.as_ref(), one))
 }
 
@@ -148,10 +140,20 @@ fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+/// The body with the markers of the set, placed as in the labeled takes if there are some.
+fn model(args: &Args) -> Result<BodyModel> {
+    let set = args.set.as_deref().map(marker_set).transpose()?;
+    let files = args.like.takes(&args.read)?;
+    match (files.is_empty(), set) {
+        (true, Some(set)) => BodyModel::new(&set),
+        (_, set) => BodyModel::new(&learned(&files, "like", set.as_deref())?),
+    }
+}
+
 /// The marker set of some labeled takes.
-fn learned(files: &[MotionFile], name: &str) -> Result<MarkerSet> {
+fn learned(files: &[MotionFile], name: &str, set: Option<&MarkerSet>) -> Result<MarkerSet> {
     let takes: Vec<_> = files.iter().map(|file| (file.poses(), None)).collect();
-    MarkerSet::learn(name, &takes, None)
+    MarkerSet::learn(name, &takes, set)
 }
 
 /// Learns a marker set and writes it.
@@ -161,10 +163,9 @@ fn learn(args: &Args, to: &Path) -> Result<Outcome> {
         .inputs
         .iter()
         .map(|path| MotionFile::open_by(path, &rules));
-    let set = learned(
-        &files.collect::<Result<Vec<_>>>()?,
-        &to.display().to_string(),
-    )?;
+    let set = args.set.as_deref().map(marker_set).transpose()?;
+    let files = files.collect::<Result<Vec<_>>>()?;
+    let set = learned(&files, &to.display().to_string(), set.as_deref())?;
     write_bytes(Some(to), set.to_json()?.as_bytes(), false)?;
     Ok(Outcome::Done)
 }
