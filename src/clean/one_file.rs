@@ -263,7 +263,7 @@ impl CleanSettings {
             gaps_by_point: Vec::new(),
             outliers,
             rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
-            solved,
+            solved: solved.map(|solved| json!(solved)),
             left_out: 0,
             output: Fingerprint::read(&job.output)?,
         }

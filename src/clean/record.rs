@@ -4,7 +4,6 @@
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;
-use super::skeleton::Solved;
 use crate::audit::TakeAudit;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
@@ -158,7 +157,7 @@ pub(crate) struct Record<'a> {
     pub rotations: Option<RotationLines>,
     /// The skeleton beside the result, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub solved: Option<Solved>,
+    pub solved: Option<serde_json::Value>,
     /// Points and outliers that are left out, since there are so many.
     #[serde(skip_serializing_if = "is_zero")]
     pub left_out: usize,

@@ -114,8 +114,8 @@ pub fn solve(
 /// The error of a take that has so few markers of a set.
 pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
     Error::usage(format!(
-        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give a marker set \
-         that knows them, a file of lines such as LKNE = \"KNL\"",
+        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give a set that \
+         knows them: a file of lines such as LKNE = \"KNL\"",
         set.name
     ))
 }

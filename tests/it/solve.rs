@@ -125,3 +125,63 @@ fn what_cannot_be_solved_is_said() {
     let said = fails("solve", &["--map", text(&path), text(&path)], b"", 1);
     assert!(said.contains("no landmark KNEE"), "{said}");
 }
+
+#[test]
+fn clean_writes_skeletons_beside_its_results() {
+    let Some(table) = markers() else {
+        return skipped("no takes");
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("in")).unwrap();
+    fs::write(path("in/walk.csv"), table).unwrap();
+    let clean = |more: &[&str]| {
+        let done = command("clean")
+            .args([text(&path("in")), "-o", text(&path("out"))])
+            .args(more)
+            .output()
+            .unwrap();
+        let said =
+            String::from_utf8(done.stdout).unwrap() + &String::from_utf8(done.stderr).unwrap();
+        (done.status.code(), said)
+    };
+    let (code, said) = clean(&["--solve"]);
+    assert_eq!(code, Some(0), "{said}");
+    let bvh = fs::read(path("out/walk.csv.bvh")).unwrap();
+    // What solve makes of the result.
+    let (result, own) = (path("out/walk.csv"), path("own.bvh"));
+    run(
+        "solve",
+        &[
+            "-q",
+            text(&result),
+            "--bvh",
+            text(&own),
+            "-o",
+            text(&path("joints.csv")),
+        ],
+        "",
+    );
+    assert_eq!(bvh, fs::read(&own).unwrap());
+    let record = fs::read_to_string(path("out/walk.csv.json")).unwrap();
+    assert!(record.contains("\"set\": \"cmu41\""), "{record}");
+    // It is there as long as it is asked for, and nobody's file is written over.
+    fs::remove_file(path("out/walk.csv.bvh")).unwrap();
+    assert_eq!(clean(&["--solve"]).0, Some(0));
+    assert_eq!(fs::read(path("out/walk.csv.bvh")).unwrap(), bvh);
+    assert!(clean(&["--solve"]).1.contains("unchanged"));
+    fs::write(path("out/walk.csv.bvh"), "mine").unwrap();
+    let (code, said) = clean(&["--solve", "--again"]);
+    assert!(
+        code == Some(1) && said.contains("in the place of a skeleton"),
+        "{said}"
+    );
+    assert_eq!(fs::read(path("out/walk.csv.bvh")).unwrap(), b"mine");
+    // Markers of no set are told.
+    fs::remove_file(path("out/walk.csv.bvh")).unwrap();
+    let (code, said) = clean(&["--solve=opencap"]);
+    assert!(
+        code == Some(3) && said.contains("skeleton: none: the set opencap knows"),
+        "{said}"
+    );
+}
