@@ -8,10 +8,12 @@
 mod body;
 mod calibration;
 mod deviations;
+mod fitted;
 mod landmarks;
 mod learning;
 mod marker_sets;
 mod naming;
+mod person;
 mod solved_take;
 mod solver;
 mod tuning;

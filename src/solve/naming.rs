@@ -7,7 +7,7 @@
 use super::body::Body;
 use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
-use super::solver::{calibrated, pose_prior};
+use super::person::{calibrated, pose_prior};
 use super::tuning::ODD_PLACE;
 use super::tuning::naming::*;
 use crate::ik::frame_solver::{FrameSolver, FrameState, Scratch};
@@ -73,7 +73,7 @@ impl LabelModel for BodyModel {
     }
 
     fn fit(&self, known: ArrayView2<'_, f64>) -> Result<FittedLabels> {
-        let fit = calibrated(&self.named, &known, self.joints, None)?;
+        let fit = calibrated(&self.named, &known, None, self.joints, None)?;
         Ok(FittedLabels {
             is_odd: (0..self.labels.len())
                 .map(|m| fit.deviations(m) >= ODD_PLACE)

@@ -24,7 +24,9 @@ pub struct SolvedTake {
     pub set: String,
     /// The markers that were used.
     pub used: Vec<UsedMarker>,
-    /// The points of the take that were not.
+    /// Markers of the static take alone, which were used for bones.
+    pub of_static: Vec<String>,
+    /// The points of the take that were not used.
     pub left_out: Vec<String>,
     /// Frames without joints.
     pub unsolved: usize,
@@ -35,6 +37,8 @@ pub struct SolvedTake {
 pub struct UsedMarker {
     /// Its name.
     pub name: String,
+    /// The bone that it is on.
+    pub bone: String,
     /// How far it is from its place on its bone, cm: the mean over the frames.
     pub distance: f64,
     /// How far that place is from where such a marker is mostly, standard deviations.
@@ -69,6 +73,10 @@ impl SolvedTake {
             self.used.len(),
             self.set
         )];
+        if !self.of_static.is_empty() {
+            let names = self.of_static.join(", ");
+            lines.push(format!("of the static take alone: {names}"));
+        }
         if !self.left_out.is_empty() {
             let shown = self.left_out.iter().take(NAMED).map(String::as_str);
             let shown: Vec<&str> = shown.collect();

@@ -1,24 +1,16 @@
 //! A take of markers solved: joints, how sure they are, and the skeleton's values.
 
-use super::body::{BONES, Body, template};
-use super::calibration::{Calibration, Calibrator, frame_solver};
-use super::deviations::Deviations;
-use super::landmarks::{JointSet, landmark};
+use super::body::template;
+use super::fitted::Fitted;
+use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
+use super::person::{Calibrated, calibrated};
 use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
-use crate::ik::frame_solver::Scratch;
-use crate::ik::sequence::{SequenceFit, Targets, fit_frames};
 use crate::io::Asf;
-use crate::numeric::linalg::Cholesky;
-use crate::numeric::parallel::map_chunks;
-use crate::numeric::statistics::median;
-use crate::pose::joints::CMU;
-use crate::pose::kinematics::Posture;
 use crate::pose::{Poses, Skeleton, point_at};
-use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
-use ndarray::{Array2, ArrayView2, Axis, s};
+use ndarray::{Array2, s};
 
 /// How a take is solved.
 #[derive(Default)]
@@ -29,6 +21,8 @@ pub struct SolveSettings<'a> {
     pub set: Option<&'a MarkerSet>,
     /// The skeleton of the person, with CMU's bones, where it is known.
     pub skeleton: Option<&'a Skeleton>,
+    /// A static take of the person, with the same markers and others.
+    pub statics: Option<&'a Poses>,
     /// Whether deviations are asked for.
     pub deviations: bool,
 }
@@ -44,17 +38,34 @@ pub fn solve(
 ) -> Result<SolvedTake> {
     let set = (settings.set.or_else(|| MarkerSet::of(&poses.points)))
         .ok_or_else(|| Error::usage("no marker set"))?;
-    let named = set.markers(&poses.points);
+    let all = AllMarkers::new(poses, settings.statics);
     let is_seen = |m: &NamedMarker| {
-        let mut frames = 0..poses.frames();
-        frames.any(|t| point_at(poses.xyz.view(), t, m.point).is_finite())
+        let of = |xyz: &Array2<f64>| {
+            (0..xyz.nrows()).any(|t| point_at(xyz.view(), t, m.point).is_finite())
+        };
+        [of(&all.take), all.statics.as_ref().is_some_and(of)]
     };
-    let named: Vec<NamedMarker> = named.into_iter().filter(is_seen).collect();
-    if named.len() < FEWEST_MARKERS {
-        return Err(too_few(set, named.len()));
+    let known = set.markers(&all.points).into_iter();
+    let known: Vec<(NamedMarker, [bool; 2])> = known
+        .map(|m| (is_seen(&m), m))
+        .map(|(s, m)| (m, s))
+        .collect();
+    let in_take = known.iter().filter(|(_, seen)| seen[0]).count();
+    if in_take < FEWEST_MARKERS {
+        return Err(too_few(set, in_take));
     }
-    let xyz = poses.xyz.view();
-    let calibrated = calibrated(&named, &xyz, settings.joints, settings.skeleton)?;
+    let named: Vec<NamedMarker> = known
+        .into_iter()
+        .filter(|(_, seen)| seen.contains(&true))
+        .map(|(m, _)| m)
+        .collect();
+    let calibrated = calibrated(
+        &named,
+        &all.take.view(),
+        all.statics.as_ref(),
+        settings.joints,
+        settings.skeleton,
+    )?;
     let Calibrated {
         body,
         prior,
@@ -81,14 +92,18 @@ pub fn solve(
         true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
         false => None,
     };
-    let used = named.iter().enumerate().map(|(m, marker)| {
+    let of_take = |(m, _): &(usize, &NamedMarker)| sequence.by_target[*m].1 > 0;
+    let used = named.iter().enumerate().filter(of_take).map(|(m, marker)| {
         let (sum, count) = sequence.by_target[m];
         UsedMarker {
-            name: poses.points[marker.point].clone(),
+            name: all.points[marker.point].clone(),
+            bone: body.template.bones()[body.markers[m].bone].name.clone(),
             distance: sum / count.max(1) as f64,
             deviations: calibrated.deviations(m),
         }
     });
+    let of_static = named.iter().enumerate().filter(|m| !of_take(m));
+    let of_static = of_static.map(|(_, marker)| all.points[marker.point].clone());
     let is_used = |p: &usize| named.iter().any(|m| m.point == *p);
     let left_out = (0..poses.points.len()).filter(|p| !is_used(p));
     Ok(SolvedTake {
@@ -105,10 +120,46 @@ pub fn solve(
         },
         set: set.name.clone(),
         used: used.collect(),
+        of_static: of_static.collect(),
         left_out: left_out.map(|p| poses.points[p].clone()).collect(),
         unsolved: solved.iter().filter(|s| !**s).count(),
         values: sequence.values,
     })
+}
+
+/// The markers of a take, and of a static one, by the same points.
+struct AllMarkers {
+    points: Vec<String>,
+    take: Array2<f64>,
+    statics: Option<Array2<f64>>,
+}
+
+impl AllMarkers {
+    fn new(poses: &Poses, statics: Option<&Poses>) -> AllMarkers {
+        let mut points = poses.points.clone();
+        let is_other = |p: &&String| !poses.points.contains(p);
+        points.extend(
+            statics
+                .iter()
+                .flat_map(|s| s.points.iter().filter(is_other))
+                .cloned(),
+        );
+        let ordered = |own: &Poses| {
+            let mut xyz = Array2::from_elem((own.frames(), 3 * points.len()), f64::NAN);
+            for (p, name) in own.points.iter().enumerate() {
+                if let Some(to) = points.iter().position(|n| n == name) {
+                    let from = own.xyz.slice(s![.., 3 * p..3 * p + 3]);
+                    xyz.slice_mut(s![.., 3 * to..3 * to + 3]).assign(&from);
+                }
+            }
+            xyz
+        };
+        AllMarkers {
+            take: ordered(poses),
+            statics: statics.map(ordered),
+            points,
+        }
+    }
 }
 
 /// The error of a take that has so few markers of a set.
@@ -120,270 +171,12 @@ pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
     ))
 }
 
-/// A person whose bones and markers were fitted.
-pub(super) struct Calibrated {
-    pub body: Body,
-    pub prior: JointPrior,
-    /// The markers (frames, 3 M), cm.
-    pub xyz: Array2<f64>,
-    /// The numbers of bones and markers, and one over their covariance.
-    pub numbers: Vec<f64>,
-    pub precision: Array2<f64>,
-}
-
-/// Fits bones and markers to a take of points at `xyz` (frames, 3 P); bones are those of `given`,
-/// if it is.
-pub(super) fn calibrated(
-    named: &[NamedMarker],
-    xyz: &ArrayView2<'_, f64>,
-    joints: JointSet,
-    given: Option<&Skeleton>,
-) -> Result<Calibrated> {
-    let prior = RotationPrior::builtin()?;
-    let bones = prior
-        .bones()
-        .ok_or_else(|| Error::usage("the prior of rotations has no bones"))?;
-    let mut body = Body::new(named, joints, bones, given)?;
-    let columns = named.iter().flat_map(|m| 3 * m.point..3 * m.point + 3);
-    let xyz = xyz.select(Axis(1), &columns.collect::<Vec<usize>>());
-    if given.is_none()
-        && let Some(width) = pelvis_width(named, &xyz, joints)
-    {
-        body.scale_pelvis(width);
-    }
-    let frames = frames_to_fit(&xyz);
-    let prior = pose_prior(&body, &prior, joints)?;
-    let calibrator = Calibrator {
-        body: &body,
-        prior: &prior,
-        frames: &frames,
-    };
-    let Calibration { numbers, precision } = calibrator.calibrate()?;
-    Ok(Calibrated {
-        body,
-        prior,
-        xyz,
-        numbers,
-        precision,
-    })
-}
-
-impl Calibrated {
-    /// How far a marker is from where such markers are mostly, standard deviations.
-    pub(super) fn deviations(&self, marker: usize) -> f64 {
-        let own = BONES + 3 * marker..BONES + 3 * marker + 3;
-        let off = |n: usize| self.numbers[n] - self.body.mean[n];
-        let squares = own.map(|n| off(n).powi(2) * self.body.precision[[n, n]]);
-        squares.sum::<f64>().sqrt()
-    }
-
-    /// Standard deviation of the place of each marker on its bone, cm.
-    ///
-    /// # Errors
-    /// [`Error::Usage`]: bones and markers are not known.
-    pub(super) fn place_deviations(&self) -> Result<Vec<f64>> {
-        let singular = || Error::usage("bones and markers are not known: singular equations");
-        let factor = Cholesky::new(self.precision.clone()).ok_or_else(singular)?;
-        let covariance = factor
-            .solve(&Array2::eye(self.numbers.len()))
-            .ok_or_else(singular)?;
-        let of = |m: usize| {
-            let own = BONES + 3 * m..BONES + 3 * m + 3;
-            own.map(|n| covariance[[n, n]]).sum::<f64>().sqrt()
-        };
-        Ok((0..self.body.markers.len()).map(of).collect())
-    }
-
-    /// Where each marker is in every frame (frames, 3 M), cm.
-    ///
-    /// # Errors
-    /// [`Error::Usage`]: the equations of the prior are singular.
-    pub(super) fn places(&self) -> Result<Array2<f64>> {
-        let fitted = self.fitted(&self.xyz)?;
-        let sequence = fitted.sequence(&mut |_| ())?;
-        fitted.ends(&sequence, &self.body.marker_bones())
-    }
-
-    /// How the body stands in some frames.
-    ///
-    /// # Errors
-    /// [`Error::Usage`]: the equations of the prior are singular.
-    pub(super) fn postures(&self, frames: &[usize]) -> Result<Vec<Posture>> {
-        let xyz = self.xyz.select(Axis(0), frames);
-        let fitted = self.fitted(&xyz)?;
-        let sequence = fitted.sequence(&mut |_| ())?;
-        let rows = sequence.values.rows().into_iter();
-        Ok(rows
-            .map(|row| fitted.skeleton.posture(&row.to_vec()))
-            .collect())
-    }
-
-    fn fitted<'a>(&'a self, xyz: &'a Array2<f64>) -> Result<Fitted<'a>> {
-        Ok(Fitted {
-            body: &self.body,
-            prior: &self.prior,
-            skeleton: self.body.skeleton(&self.numbers)?,
-            xyz,
-            rate: None,
-        })
-    }
-}
-
-/// The width between the front hips, of that which the landmarks have; `None` where it is not seen.
-fn pelvis_width(named: &[NamedMarker], xyz: &Array2<f64>, joints: JointSet) -> Option<f64> {
-    let front = landmark("ASI")?;
-    let of = |right: bool| {
-        named
-            .iter()
-            .position(|m| m.landmark == *front && m.is_right == right)
-    };
-    let (left, right) = (of(false)?, of(true)?);
-    let widths = (0..xyz.nrows())
-        .map(|t| point_at(xyz.view(), t, left).distance(point_at(xyz.view(), t, right)));
-    let expected = 2.0 * front.place(joints, false)[0].x;
-    Some(median(widths.filter(|w| w.is_finite()).collect())? / expected)
-}
-
-/// The frames that bones and markers are fitted on: of equal stretches those with most markers.
-fn frames_to_fit(xyz: &Array2<f64>) -> Vec<Vec<f64>> {
-    let count = xyz.nrows();
-    let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count();
-    let of_stretch = |n: usize| {
-        let stretch = n * count / FRAMES..((n + 1) * count / FRAMES);
-        let middle = (stretch.start + stretch.end) / 2;
-        stretch.max_by_key(|t| (seen(*t), usize::MAX - t.abs_diff(middle)))
-    };
-    let frames = (0..FRAMES).filter_map(of_stretch).filter(|t| seen(*t) >= 9);
-    frames.map(|t| xyz.row(t).to_vec()).collect()
-}
-
-/// What is known of the poses of people, for the joints of the body.
-pub(super) fn pose_prior(
-    body: &Body,
-    prior: &RotationPrior,
-    joints: JointSet,
-) -> Result<JointPrior> {
-    let skeleton = body.bare_skeleton(&body.mean)?;
-    let points: Vec<(usize, usize)> = (CMU.iter().enumerate())
-        .filter_map(|(n, name)| Some((skeleton.find(name)?, n)))
-        .collect();
-    let mut own = JointPrior::new(prior, &skeleton, 0, &points);
-    if joints == JointSet::Anatomical {
-        own.covariance *= FREER * FREER;
-        for (n, &bone) in own.bones.iter().enumerate() {
-            if skeleton.bones()[bone].name.ends_with("clavicle") {
-                let mut diagonal = own.covariance.diag_mut();
-                let mut block = diagonal.slice_mut(s![3 * n..3 * n + 3]);
-                block += COLLAR.to_radians().powi(2);
-            }
-        }
-    }
-    Ok(own)
-}
-
-/// A body that was fitted, and the take.
-struct Fitted<'a> {
-    body: &'a Body,
-    prior: &'a JointPrior,
-    /// With markers.
-    skeleton: Skeleton,
-    /// The markers (frames, 3 M), cm.
-    xyz: &'a Array2<f64>,
-    /// Frames a second, where they are known.
-    rate: Option<f64>,
-}
-
-impl Fitted<'_> {
-    fn sequence(&self, watch: &mut dyn FnMut(usize)) -> Result<SequenceFit> {
-        let joints = self.body.marker_bones();
-        let solver = frame_solver(&self.skeleton, &joints, self.prior)?;
-        let shape = (self.xyz.nrows(), joints.len());
-        let sd = Array2::from_shape_fn(shape, |(_, m)| self.body.markers[m].sd);
-        let targets = Targets {
-            joints: &joints,
-            cmu: &vec![None; joints.len()],
-            xyz: self.xyz.view(),
-            sd: Some(sd.view()),
-            rate: self.rate,
-        };
-        Ok(fit_frames(
-            &self.skeleton,
-            &targets,
-            0,
-            solver,
-            false,
-            watch,
-        ))
-    }
-
-    /// Where some bones end in every frame (frames, 3 B), cm.
-    fn ends(&self, sequence: &SequenceFit, bones: &[usize]) -> Result<Array2<f64>> {
-        let count = sequence.values.nrows();
-        let rows = map_chunks(count, 64, |range| {
-            let of = |t: usize| {
-                let posture = self.skeleton.posture(&sequence.values.row(t).to_vec());
-                let ends = bones.iter().flat_map(|b| posture.ends[*b].to_array());
-                ends.collect::<Vec<f64>>()
-            };
-            range.flat_map(of).collect::<Vec<f64>>()
-        });
-        Array2::from_shape_vec((count, 3 * bones.len()), rows.concat())
-            .map_err(|e| Error::usage(e.to_string()))
-    }
-
-    /// The names of joints and the bones that end there.
-    fn named_bones(&self, set: JointSet) -> Result<(Vec<String>, Vec<usize>)> {
-        let missing = |bone: &str| Error::usage(format!("the body has no bone {bone}"));
-        let all = set.joints().into_iter().map(|(name, bone)| {
-            let found = self.skeleton.find(&bone).ok_or_else(|| missing(&bone))?;
-            Ok((name, found))
-        });
-        Ok(all.collect::<Result<Vec<_>>>()?.into_iter().unzip())
-    }
-
-    fn deviations(
-        &self,
-        sequence: &SequenceFit,
-        precision: &Array2<f64>,
-        set: JointSet,
-    ) -> Result<Array2<f64>> {
-        let (names, bones) = self.named_bones(set)?;
-        let joints = self.body.marker_bones();
-        let solver = frame_solver(&self.skeleton, &joints, self.prior)?;
-        let singular = || Error::usage("bones and markers are not known: singular equations");
-        let numbers = Cholesky::new(precision.clone()).ok_or_else(singular)?;
-        let deviations = Deviations {
-            body: self.body,
-            solver: &solver,
-            numbers: &numbers,
-            bones: &bones,
-        };
-        let weights = self.body.weights();
-        let count = sequence.values.nrows();
-        let rows = map_chunks(count, 8, |range| {
-            let mut scratch = Scratch::default();
-            let mut of = |t: usize| {
-                let state = solver.state_of(&sequence.values.row(t).to_vec());
-                let frame = self.xyz.row(t).to_vec();
-                let at = solver.linearized(&state, &frame, &weights, &mut scratch);
-                let own = deviations.of(&at, &scratch);
-                own.unwrap_or_else(|| vec![f64::NAN; bones.len()])
-            };
-            range.flat_map(&mut of).collect::<Vec<f64>>()
-        });
-        let mut sd = Array2::from_shape_vec((count, bones.len()), rows.concat())
-            .map_err(|e| Error::usage(e.to_string()))?;
-        for (j, name) in names.iter().enumerate() {
-            sd.column_mut(j)
-                .mapv_inplace(|v| v * Deviations::factor_of(name));
-        }
-        Ok(sd)
-    }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::body::{BONES, Body};
     use super::*;
+    use crate::pose::joints::CMU;
+    use crate::prior::rotations::RotationPrior;
     const NAMES: &str = "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN LSHO RSHO LUPA RUPA LELB RELB LFRM \
                          RFRM LWRA RWRA LWRB RWRB LFIN RFIN LFWT RFWT LBWT RBWT LTHI RTHI LKNE \
                          RKNE LSHN RSHN LANK RANK LHEE RHEE LMT5 RMT5 LTOE RTOE";

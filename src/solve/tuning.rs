@@ -5,6 +5,8 @@
 pub(super) const SD: f64 = 1.0;
 /// Frames that bones and markers are fitted on.
 pub(super) const FRAMES: usize = 24;
+/// How many of these are of a static take, if there is one.
+pub(super) const STATIC_FRAMES: usize = 6;
 /// As many frames count against what is known of people: skin slides, so that frames are not
 /// independent. At 60 and more the take's own motion is believed too much.
 pub(super) const INDEPENDENT: f64 = 6.0;

@@ -94,6 +94,10 @@ pub struct Args {
         help_heading = "Method"
     )]
     truth: Vec<PathBuf>,
+    /// Static take of the person: markers on it tell bones too, also those that are only there (of
+    /// the inner knee and ankle, as a rule)
+    #[arg(long = "static", value_name = "STATIC", help_heading = "Method")]
+    static_take: Option<PathBuf>,
     /// Skeleton of the person, with CMU's bones, whose lengths are kept
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Method")]
     asf: Option<PathBuf>,
@@ -150,6 +154,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .as_ref()
         .map(|p| Asf::read(open(p)?, None))
         .transpose()?;
+    let statics = args.static_take.as_ref();
+    let statics = statics
+        .map(|path| one_take(path, &args.read.rules()))
+        .transpose()?;
     let settings = SolveSettings {
         joints: match args.joints {
             Joints::Cmu => JointSet::Cmu,
@@ -157,6 +165,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         },
         set,
         skeleton: given.as_ref().map(|asf| &asf.skeleton),
+        statics: statics.as_ref().map(MotionFile::poses),
         deviations: args.sd,
     };
     let bar = Progress::new("solve", file.poses().frames() as u64);
