@@ -43,6 +43,7 @@ impl TakePages {
             poses,
             rate: file.rate(),
             bones: &file.bones()?,
+            markers: None,
             figures: vec![Figure::new("take", poses.xyz.view())],
             table: None,
         }

@@ -82,6 +82,7 @@ fn page(input: &Path, file: &MotionFile, labels: &LabelReport) -> Result<Option<
         poses,
         rate: file.rate(),
         bones: &file.bones()?,
+        markers: None,
         figures: vec![
             Figure::new("labeled", moved.view()),
             Figure::new("capture", poses.xyz.view()),

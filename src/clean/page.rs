@@ -72,6 +72,7 @@ fn take_page(
         poses,
         rate: file.rate(),
         bones: &file.bones()?,
+        markers: None,
         figures,
         table: label_table(&labels.report),
     }

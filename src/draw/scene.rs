@@ -77,6 +77,9 @@ pub struct Scene<'a> {
     /// Pairs of points to join, the one nearer to the root first; without any, only points are
     /// drawn.
     pub bones: &'a [(usize, usize)],
+    /// From which point on they are markers: these, and the lines to them, are drawn thin (page
+    /// only).
+    pub markers: Option<usize>,
     /// Frames a second, of frames that are in no run: finite and above 0.
     pub rate: f64,
     /// The figures, in the order of their panels. The first is the reference for camera and ground

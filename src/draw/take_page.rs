@@ -31,6 +31,8 @@ pub(crate) struct TakePage<'a> {
     pub rate: Option<f64>,
     /// Pairs of points to join.
     pub bones: &'a [(usize, usize)],
+    /// From which point on they are markers, with lines to the bones that they are on.
+    pub markers: Option<usize>,
     /// How the points stand, over all frames.
     pub figures: Vec<Figure<'a>>,
     /// A table below it.
@@ -55,6 +57,7 @@ impl TakePage<'_> {
             title: &title,
             points: &self.poses.points,
             bones: self.bones,
+            markers: self.markers,
             rate,
             figures: self.figures.iter().map(seen).collect(),
             runs: &runs,

@@ -210,6 +210,40 @@ impl MarkerSet {
             .map_err(|e| Error::usage(e.to_string()))
     }
 
+    /// Whether a file is a learned set.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: it cannot be read.
+    pub fn is_learned(path: impl AsRef<Path>) -> Result<bool> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let json: Option<serde_json::Value> = serde_json::from_slice(&bytes).ok();
+        Ok(json.is_some_and(|json| json["kind"] == KIND))
+    }
+
+    /// Its markers, a line each: the name ({S} for the side), the bone, and where on it, cm.
+    pub fn summary(&self) -> String {
+        let mut lines = vec![
+            format!("kind       {KIND}"),
+            format!("name       {}", self.name),
+        ];
+        let mut known: Vec<&str> = Vec::new();
+        for line in self.lines.values() {
+            if known.contains(&line.pattern.as_str()) {
+                continue;
+            }
+            known.push(&line.pattern);
+            let Landmark { bone, along, .. } = &line.landmark;
+            let [at, sd] = line.landmark.place(self.joints, false);
+            let (at, sd) = (at.to_array().map(|v| format!("{v:.1}")), sd.to_array());
+            let (at, sd) = (at.join(" "), sd.map(|v| format!("{v:.1}")).join(" "));
+            let name = &line.pattern;
+            lines.push(format!("{name:<10} {bone} {along}, {at} (sd {sd}) cm"));
+        }
+        lines.push(format!("markers    {}", known.len()));
+        lines.join("\n") + "\n"
+    }
+
     /// The pattern of a marker that the set knows; its name else.
     pub(crate) fn pattern<'a>(&'a self, name: &'a str) -> &'a str {
         self.lines

@@ -13,6 +13,7 @@ mod landmarks;
 mod learning;
 mod marker_sets;
 mod naming;
+mod page;
 mod person;
 mod solved_take;
 mod solver;

@@ -7,6 +7,8 @@ use crate::pose::Poses;
 use crate::pose::rotation::Axis;
 use glam::DMat3;
 use ndarray::Array2;
+use serde::Serialize;
+use serde_json::json;
 
 /// A take of markers, solved.
 #[derive(Debug)]
@@ -33,7 +35,7 @@ pub struct SolvedTake {
 }
 
 /// A marker that was used.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UsedMarker {
     /// Its name.
     pub name: String,
@@ -92,6 +94,23 @@ impl SolvedTake {
             ));
         }
         lines
+    }
+
+    /// What programs want to know of it: the set, the markers and how they fit, the lengths of the
+    /// bones, cm, and how many frames have no joints.
+    pub fn report(&self) -> serde_json::Value {
+        let bones = self.skeleton.skeleton.bones().iter();
+        let lengths = bones.map(|b| (b.name.clone(), json!(b.offset.length())));
+        json!({
+            "set": self.set,
+            "markers": self.used,
+            "of_static": self.of_static,
+            "left_out": self.left_out,
+            "bones": lengths.collect::<serde_json::Map<_, _>>(),
+            "frames": self.joints.frames(),
+            "unsolved": self.unsolved,
+            "findings": self.findings(),
+        })
     }
 
     /// What somebody should look at, a line each.

@@ -30,7 +30,10 @@ const MAY_NAME: &[(&str, &[&str])] = &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "label", "io",
         ],
     ),
-    ("solve", &["pose", "numeric", "prior", "label", "io", "ik"]),
+    (
+        "solve",
+        &["pose", "numeric", "prior", "label", "io", "ik", "draw"],
+    ),
     ("draw", &["pose", "numeric", "io"]),
     (
         "evaluate",

@@ -4,6 +4,7 @@ use clap::{Parser, Subcommand};
 use posing::cli::args::CommonArgs;
 use posing::cli::{input, streams};
 use posing::io::Model;
+use posing::solve::MarkerSet;
 use posing::{Error, Result};
 use std::path::PathBuf;
 
@@ -28,8 +29,8 @@ pub struct Args {
 enum What {
     /// Print a model's kind, points, sizes, training error, history and credit
     Info {
-        /// Model file (default: the built-in model)
-        #[arg(value_name = "MODEL.npz")]
+        /// Model file, or a marker set that label or solve learned (default: the built-in model)
+        #[arg(value_name = "MODEL.npz|SET.json")]
         model: Option<PathBuf>,
         /// Print the metadata as JSON
         #[arg(long)]
@@ -50,6 +51,14 @@ const STEPS: usize = 4;
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     match &args.what {
+        What::Info {
+            model: Some(path),
+            json,
+        } if MarkerSet::is_learned(path)? => {
+            let set = MarkerSet::open(path)?;
+            let text = if *json { set.to_json()? } else { set.summary() };
+            streams::write_bytes(None, text.as_bytes(), false)?;
+        }
         What::Info { model, json } => {
             let model = match model {
                 Some(path) => input::open_model(path)?,

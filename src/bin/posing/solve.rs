@@ -113,6 +113,12 @@ pub struct Args {
     /// Also write skeleton and motion as BVH
     #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
     bvh: Option<PathBuf>,
+    /// Also write a page that plays joints and markers, each with a line to its bone
+    #[arg(long, value_name = "OUT.html", help_heading = "Output")]
+    page: Option<PathBuf>,
+    /// Also write which markers were used, how they fit and the lengths of the bones, as JSON
+    #[arg(long, value_name = "OUT.json", help_heading = "Output")]
+    json: Option<PathBuf>,
     #[command(flatten)]
     out: OutputArgs,
     #[command(flatten)]
@@ -251,6 +257,16 @@ fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
     if let Some(path) = &args.bvh {
         let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
         write_bytes(Some(path), &bvh.to_bytes(1.0), false)?;
+    }
+    if let Some(path) = &args.json {
+        let text = format!("{:#}\n", solved.report());
+        write_bytes(Some(path), text.as_bytes(), false)?;
+    }
+    if let Some(path) = &args.page {
+        match solved.page(&file.table.name, file.poses())? {
+            Some(page) => write_bytes(Some(path), page.as_bytes(), false)?,
+            None => messages::info("the take cannot be played: no page"),
+        }
     }
     Ok(())
 }

@@ -44,6 +44,7 @@ pub(crate) fn embedded(
     json!({
         "points": scene.points,
         "bones": scene.bones,
+        "markers": scene.markers,
         "sides": geometry.sides.iter().map(side).collect::<String>(),
         "head": geometry.head,
         "rate": scene.rate / every as f64,

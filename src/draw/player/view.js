@@ -76,6 +76,7 @@ function limbColor(figure, side, overlaid, behind) {
   const color = ink.figures[figure % 6];
   return side === "r" ? `color-mix(in srgb, ${color} 50%, ${ink.panel})` : color;
 }
+const isMarker = point => scene.markers !== null && point >= scene.markers;
 const boneSide = ([a, b]) => scene.sides[b] !== "m" ? scene.sides[b] : scene.sides[a];
 
 function drawShadow(ctx, project, figure, frame) {
@@ -84,7 +85,7 @@ function drawShadow(ctx, project, figure, frame) {
   let scale = 1;
   for (const [a, b] of scene.bones) {
     const i = base + 3 * a, j = base + 3 * b;
-    if (Number.isNaN(xyz[i]) || Number.isNaN(xyz[j])) continue;
+    if (isMarker(b) || Number.isNaN(xyz[i]) || Number.isNaN(xyz[j])) continue;
     const p = project(xyz[i], scene.ground, xyz[i + 2]), q = project(xyz[j], scene.ground, xyz[j + 2]);
     ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]); scale = p[3];
   }
@@ -145,9 +146,10 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
   parts.sort((a, b) => a[0] - b[0]);
   for (const [, p, bone] of parts) {
     if (bone) {
-      const a = at[bone[0]], b = at[bone[1]], thick = thickness((a[3] + b[3]) / 2);
+      const a = at[bone[0]], b = at[bone[1]], isLine = isMarker(bone[1]);
+      const thick = isLine ? 1 : thickness((a[3] + b[3]) / 2);
       const guessed = status[frame * points + bone[0]] === 2 || status[frame * points + bone[1]] === 2;
-      if (!overlaid && !behind) drawEdge(ctx, a, b, thick);
+      if (!overlaid && !behind && !isLine) drawEdge(ctx, a, b, thick);
       ctx.beginPath(); ctx.moveTo(a[0], a[1]); ctx.lineTo(b[0], b[1]);
       ctx.setLineDash(guessed ? [thick * 1.6, thick * 1.1] : []);
       ctx.lineCap = guessed ? "butt" : "round";
@@ -155,7 +157,7 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
       continue;
     }
     const [x, y, , scale] = at[p], thick = thickness(scale);
-    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : scene.bones.length ? thick * .72 : Math.max(3, thick);
+    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : isMarker(p) ? Math.max(1.5, thick * .4) : scene.bones.length ? thick * .72 : Math.max(3, thick);
     drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid, behind), status[frame * points + p]);
     if (p === marked) {
       ctx.beginPath(); ctx.arc(x, y, Math.max(radius, 4) + 4, 0, 7);
