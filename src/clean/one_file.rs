@@ -11,7 +11,7 @@ use super::record::{
 use super::redo;
 use super::replaced::{ReplacedPosition, replaced};
 use super::rotations::CleanedFile;
-use super::skeleton::{SkeletonSettings, Solved, skeleton_path};
+use super::skeleton::{self, SkeletonSettings};
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, TakeAudit, audit_motion};
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
@@ -158,7 +158,7 @@ impl CleanSettings {
             skeleton,
         };
         let skeletons = self.skeletons.as_ref().filter(|_| !is_of_rotations(format));
-        let has_skeleton = skeletons.is_none() || skeleton_path(&job.output).exists();
+        let has_skeleton = skeletons.is_none_or(|s| s.is_done(&job.output));
         let unchanged = unchanged(&job.output, &made_from);
         if let Some(summary) = unchanged.filter(|_| !self.again && has_skeleton) {
             return Ok(FileOutcome::Unchanged(summary));
@@ -217,6 +217,7 @@ impl CleanSettings {
         if !self.again && is_in_doubt(&job.output) {
             self.check_same(job, to, &file, &restored)?;
         }
+        skeleton::remove_old(&job.output);
         let old = begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
         let unheld = written.inspect_err(|_| give_up(&job.output, old.as_deref()))?;
@@ -263,7 +264,7 @@ impl CleanSettings {
             gaps_by_point: Vec::new(),
             outliers,
             rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
-            solved: solved.map(|solved| json!(solved)),
+            solved,
             left_out: 0,
             output: Fingerprint::read(&job.output)?,
         }
@@ -278,22 +279,22 @@ impl CleanSettings {
         file: &MotionFile,
         points: &Restoration<'_>,
         summary: &mut Summary,
-    ) -> Option<Solved> {
+    ) -> Option<serde_json::Value> {
         let skeletons = self
             .skeletons
             .as_ref()
             .filter(|_| !is_of_rotations(file.format))?;
-        match skeletons.write(job, file, points.xyz().to_owned()) {
+        match skeletons.write(&job.output, file, points.xyz().to_owned()) {
             Ok(solved) => {
                 let findings = solved.findings.iter();
                 summary
                     .findings
                     .extend(findings.map(|f| format!("skeleton: {f}")));
-                Some(solved)
+                Some(json!(solved))
             }
             Err(e) => {
                 summary.findings.push(format!("skeleton: none: {e}"));
-                None
+                Some(json!({"none": e.to_string()}))
             }
         }
     }

@@ -1,7 +1,6 @@
 //! The skeleton of a cleaned take of markers: its motion as a BVH beside the result.
 
 use super::record::{Fingerprint, record_path};
-use super::sources::Job;
 use crate::io::MotionFile;
 use crate::io::output::write_file;
 use crate::prior::provenance::hex;
@@ -54,16 +53,19 @@ impl SkeletonSettings {
         })
     }
 
+    /// Whether the skeleton that a record tells of is there, or why there is none.
+    pub(super) fn is_done(&self, output: &Path) -> bool {
+        let solved = recorded(output);
+        solved["none"].is_string() || is_own(output, &solved)
+    }
+
     /// Fails where a file of somebody else stands in the place of the skeleton.
     pub(super) fn check(&self, output: &Path) -> Result<()> {
         let path = skeleton_path(output);
         if !path.exists() {
             return Ok(());
         }
-        let record = std::fs::read(record_path(output)).unwrap_or_default();
-        let record: Value = serde_json::from_slice(&record).unwrap_or_default();
-        let own = Fingerprint::read(&path)?.sha256;
-        if record["solved"]["output"]["sha256"] == json!(own) {
+        if is_own(output, &recorded(output)) {
             return Ok(());
         }
         let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
@@ -76,7 +78,12 @@ impl SkeletonSettings {
     ///
     /// # Errors
     /// Those of [`solve`]; [`Error::Usage`]: several takes. [`Error::Io`]: writing fails.
-    pub(super) fn write(&self, job: &Job, file: &MotionFile, xyz: Array2<f64>) -> Result<Solved> {
+    pub(super) fn write(
+        &self,
+        output: &Path,
+        file: &MotionFile,
+        xyz: Array2<f64>,
+    ) -> Result<Solved> {
         let poses = crate::pose::Poses {
             xyz,
             ..file.poses().clone()
@@ -89,11 +96,40 @@ impl SkeletonSettings {
             ..SolveSettings::default()
         };
         let solved = solve(&poses, &settings, &mut |_| ())?;
-        let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
-        let path = skeleton_path(&job.output);
+        let rate = file.rate().ok_or("no rate, which BVH needs")?;
+        let bvh = solved.to_bvh(rate)?;
+        let path = skeleton_path(output);
         write_file(&path, &bvh.to_bytes(1.0))?;
         Ok(Solved::new(&solved, Fingerprint::read(&path)?))
     }
+}
+
+/// What the record of a result says of its skeleton.
+fn recorded(output: &Path) -> Value {
+    let record = std::fs::read(record_path(output)).unwrap_or_default();
+    let record: Value = serde_json::from_slice(&record).unwrap_or_default();
+    record["solved"].clone()
+}
+
+/// Whether the skeleton beside a result is there, and the one that its record tells of.
+fn is_own(output: &Path, solved: &Value) -> bool {
+    let found = Fingerprint::read(&skeleton_path(output));
+    found.is_ok_and(|found| solved["output"]["sha256"] == json!(found.sha256))
+}
+
+/// Takes away the skeleton of a result that is made anew.
+pub(super) fn remove_old(output: &Path) {
+    if is_own(output, &recorded(output)) {
+        // Where that fails, it stands there as an old one.
+        let _ = std::fs::remove_file(skeleton_path(output));
+    }
+}
+
+/// Whether a file is a skeleton that stands beside a result.
+pub(super) fn is_skeleton(path: &Path) -> bool {
+    let is_bvh = path.extension().is_some_and(|e| e == "bvh");
+    let result = path.with_extension("");
+    is_bvh && is_own(&result, &recorded(&result))
 }
 
 impl Solved {

@@ -1,6 +1,7 @@
 //! Which files are cleaned, and where each result goes.
 
 use super::record::{may_write, record_path};
+use super::skeleton::is_skeleton;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
 };
@@ -223,7 +224,7 @@ fn canonical(path: &Path) -> PathBuf {
 
 /// Whether a file was made by `clean`.
 fn is_result(path: &Path) -> bool {
-    record_path(path).exists() && may_write(path, false).is_ok()
+    record_path(path).exists() && may_write(path, false).is_ok() || is_skeleton(path)
 }
 
 /// The format that the name of a result asks for, where it is another than that of the capture's

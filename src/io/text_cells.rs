@@ -123,7 +123,10 @@ impl TextCells {
             points.iter().filter(|p| has(p)).count()
         };
         let head = lines.iter().take(first - 1).enumerate();
-        let (line, _) = head.max_by_key(|(n, line)| (named(line), *n))?;
+        let counts = head
+            .map(|(n, line)| (named(line), n))
+            .filter(|(count, _)| *count > 0);
+        let (_, line) = counts.max()?;
         let mut row = Row::new(lines[line], self.separator);
         let was = Row::new(lines[line], self.separator);
         for (point, name) in names {

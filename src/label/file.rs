@@ -4,7 +4,6 @@ use super::changes::{Change, ChangeKind};
 use super::naming::{LabelModel, NamedTracks, UnsureTrack, name_tracks};
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
-use super::unlabeled::own_name;
 use crate::error::with_options;
 use crate::io::motion_file::ReadRules;
 use crate::io::{MotionFile, PointMove};
@@ -92,7 +91,7 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
 
 /// Names the tracks of a file, none of which has a label, as a model says, and puts these labels
 /// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (0 to
-/// 1) keeps its name. `rules` are those that the file was read by.
+/// 1) has no label. `rules` are those that the file was read by.
 ///
 /// # Errors
 /// [`Error::Data`]: neither the file nor an option says its rate; it holds several takes, rotations
@@ -110,8 +109,7 @@ pub fn label_from_nothing(
     if poses.takes().len() > 1 {
         return refuse("holds several takes; cut one out with the command `trim`");
     }
-    let is_known = |p: &&String| model.labels().iter().any(|l| l == own_name(p));
-    if let Some(label) = poses.points.iter().find(is_known) {
+    if let Some(label) = poses.points.iter().find(|p| model.is_label(p)) {
         return refuse(&format!(
             "has labels already, such as {label}; without the option `from-nothing` its other \
              tracks are joined to them"
@@ -148,8 +146,7 @@ fn rate_of(file: &MotionFile) -> Result<f64> {
 impl LabelReport {
     /// Whether something is not sure.
     pub fn is_unsure(&self) -> bool {
-        let is_open = |named: &NamedTracks| !named.unsure.is_empty();
-        !self.unsure.is_empty() || self.named.as_ref().is_some_and(is_open)
+        !self.unsure.is_empty() || self.named.as_ref().is_some_and(NamedTracks::is_unsure)
     }
 
     /// What is to be told, a line each: changes, what is not sure, and why nothing was checked.

@@ -39,6 +39,11 @@ impl Hosts {
         hosts
     }
 
+    /// Whether a label becomes a track.
+    pub(super) fn has(&self, label: usize) -> bool {
+        self.track[label].is_some()
+    }
+
     /// The tracks and the names that they get.
     pub(super) fn names(&self, labels: &[String]) -> Vec<(usize, String)> {
         let all = self.track.iter().zip(labels);

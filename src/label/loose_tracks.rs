@@ -3,6 +3,7 @@
 use super::evidence::independent_frames;
 use super::links::{Links, chains};
 use super::pieces::{Piece, pieces};
+use super::tuning::naming::LOOKED_AT;
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;
 use glam::DVec3;
@@ -167,6 +168,14 @@ impl<'a> LooseTracks<'a> {
         path: usize,
     ) -> BTreeSet<usize> {
         let all = self.frames_of(path).filter_map(|t| holders[[label, t]]);
+        all.filter(|other| *other != path).collect()
+    }
+
+    /// The paths that are seen in some of the frames of one.
+    pub(super) fn seen_with(&self, path: usize) -> BTreeSet<usize> {
+        let step = self.frames(path).div_ceil(LOOKED_AT).max(1);
+        let frames = self.frames_of(path).step_by(step);
+        let all = frames.flat_map(|t| self.seen(t).map(|(other, _)| other).collect::<Vec<_>>());
         all.filter(|other| *other != path).collect()
     }
 

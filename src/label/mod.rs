@@ -28,7 +28,9 @@ mod whole_take;
 
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
-pub use naming::{FittedLabels, FoundLabel, LabelModel, NamedFrame, NamedTracks, UnsureTrack};
+pub use naming::{
+    FittedLabels, FoundLabel, LabelModel, MovedPiece, NamedFrame, NamedTracks, UnsureTrack,
+};
 pub use people::points_of_person;
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;

@@ -35,6 +35,12 @@ pub trait LabelModel: Sync {
     /// The labels (L).
     fn labels(&self) -> &[String];
 
+    /// Whether a label is one of several that the model cannot tell apart.
+    fn is_one_of_several(&self, label: usize) -> bool;
+
+    /// Whether a track of this name has a label already, one of these or of others.
+    fn is_label(&self, name: &str) -> bool;
+
     /// Names the points of frames, each by itself; cm, y up.
     ///
     /// # Errors
@@ -74,9 +80,30 @@ pub struct NamedTracks {
     pub labels: Vec<FoundLabel>,
     /// The labels that are no track's.
     pub missing: Vec<String>,
+    /// Pieces of tracks that moved to the columns of others.
+    pub moved: Vec<MovedPiece>,
     /// Pieces of tracks that may be a label and are not sure.
     pub unsure: Vec<UnsureTrack>,
+    /// Tracks that are seen in most of the take and have no label.
+    pub others: Vec<String>,
+    /// Labels that the model cannot tell apart, which no track gets.
+    pub alike: Vec<String>,
 }
+
+/// A piece of a track in the column of another.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MovedPiece {
+    /// The track, by the name that it had.
+    pub track: String,
+    /// The first frame, from 0, and the one after the last.
+    pub frames: [usize; 2],
+    /// The track in whose column it is, by the name that that had; `None`: no column was free, and
+    /// it was taken out.
+    pub to: Option<String>,
+}
+
+/// Tracks that a line names.
+const SHOWN: usize = 5;
 
 /// A label that was found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -146,25 +173,37 @@ pub(crate) fn name_tracks(
             *own = own.filter(|own| other.is_none_or(|other| other == *own));
         }
     }
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| !model.is_one_of_several(*l)));
     let hosts = Hosts::new(&tracks, &labels, naming.labels);
+    // A label without a column of its own has nowhere to go.
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
     let mut named = NamedTracks {
         moves: hosts.moves(&tracks, &labels),
         names: hosts.names(model.labels()),
         ..NamedTracks::default()
     };
-    named.tell(
-        &tracks,
-        [&labels, &runs[0].labels],
-        model.labels(),
-        &poses.points,
-    );
+    named.tell(&tracks, [&labels, &runs[0].labels], model, &poses.points);
     Ok(named)
 }
 
 impl NamedTracks {
+    /// Whether something is not sure.
+    pub fn is_unsure(&self) -> bool {
+        !self.unsure.is_empty() || self.is_other_set()
+    }
+
+    /// Whether so many labels are no track's that these may be of another marker set.
+    fn is_other_set(&self) -> bool {
+        self.missing.len() as f64 > MISSING * (self.labels.len() + self.missing.len()) as f64
+    }
+
     /// What is to be told of them, a line each.
     pub fn lines(&self) -> Vec<String> {
-        let count = self.labels.len() + self.missing.len();
+        let count = self.labels.len() + self.missing.len() + self.alike.len();
         let tracks: usize = self.labels.iter().map(|l| l.tracks.len()).sum();
         let found = self.labels.len();
         let mut lines = vec![format!(
@@ -173,12 +212,41 @@ impl NamedTracks {
         if !self.missing.is_empty() {
             lines.push(format!("no track is {}", self.missing.join(", ")));
         }
+        if self.is_other_set() {
+            let what = "so many labels are no track's that it may be another marker set; then others \
+                        may be wrong too";
+            lines.push(what.to_string());
+        }
+        if !self.alike.is_empty() {
+            lines.push(format!(
+                "{} cannot be told apart by the set; learn it from a labeled take, or give that as \
+                 the option `like`",
+                self.alike.join(", ")
+            ));
+        }
         let of_piece = |piece: &UnsureTrack| {
             let [start, end] = piece.frames;
             let UnsureTrack { track, label, .. } = piece;
             let last = end - 1;
-            format!("{track} in frames {start} to {last} may be {label}: not sure, so it stays")
+            format!(
+                "{track} in frames {start} to {last} may be {label}: not sure, so it has no label"
+            )
         };
+        if !self.others.is_empty() {
+            let (count, some) = (self.others.len(), self.others.iter().take(SHOWN));
+            let some = some.map(String::as_str).collect::<Vec<_>>().join(", ");
+            let more = if count > SHOWN { ", …" } else { "" };
+            lines.push(format!(
+                "no label fits {count} tracks that are seen in most of the take ({some}{more}): \
+                 other markers, or another person?"
+            ));
+        }
+        let lost = self.moved.iter().filter(|m| m.to.is_none()).count();
+        if lost > 0 {
+            lines.push(format!(
+                "{lost} pieces of tracks are no label's, and no column was free for them: taken out"
+            ));
+        }
         lines.extend(self.unsure.iter().map(of_piece));
         lines
     }
@@ -189,9 +257,23 @@ impl NamedTracks {
         &mut self,
         tracks: &LooseTracks<'_>,
         [sure, likely]: [&PathLabels; 2],
-        labels: &[String],
+        model: &dyn LabelModel,
         points: &[String],
     ) {
+        let labels = model.labels();
+        let moved = self.moves.iter().map(|m| MovedPiece {
+            track: points[m.from].clone(),
+            frames: [m.frames.start, m.frames.end],
+            to: m.to.map(|to| points[to].clone()),
+        });
+        self.moved = moved.collect();
+        let is_other =
+            |path: &usize| likely[*path].is_none() && 2 * tracks.frames(*path) > tracks.xyz.nrows();
+        let others = (0..likely.len()).filter(is_other);
+        self.others = others
+            .flat_map(|path| tracks.tracks_of(path).take(1))
+            .map(|t| points[t].clone())
+            .collect();
         for (l, label) in labels.iter().enumerate() {
             let own: Vec<usize> = (0..sure.len()).filter(|p| sure[*p] == Some(l)).collect();
             let frames = own.iter().map(|path| tracks.frames(*path)).sum();
@@ -200,6 +282,7 @@ impl NamedTracks {
                 .flat_map(|path| tracks.tracks_of(*path))
                 .collect();
             match frames {
+                0 if model.is_one_of_several(l) => self.alike.push(label.clone()),
                 0 => self.missing.push(label.clone()),
                 _ => self.labels.push(FoundLabel {
                     label: label.clone(),
@@ -269,7 +352,10 @@ impl Naming<'_> {
     /// Names frames by themselves.
     fn votes(&self) -> Result<Vec<Vote>> {
         let tracks = self.tracks;
-        let shortest = (SHORTEST * tracks.rate) as usize;
+        let longest = (0..tracks.paths.len())
+            .map(|path| tracks.frames(path))
+            .max();
+        let shortest = ((SHORTEST * tracks.rate) as usize).min(longest.unwrap_or(1) / 2);
         let of_frame = |t: usize| {
             let long = tracks
                 .seen(t)
@@ -315,9 +401,13 @@ impl Naming<'_> {
             let mut next = self.nearest(&costs);
             self.drop_needless(&mut costs, &mut next);
             round += 1;
-            let is_same = next == labels;
+            // Nothing changes, and what is new is of labels that the fit knew.
+            let is_settled = labels.iter().zip(&next).all(|(was, is)| match (was, is) {
+                (None, Some(_)) => labels.contains(is),
+                _ => was == is,
+            });
             labels = next;
-            if is_same || round == ROUNDS {
+            if is_settled || round == ROUNDS {
                 let nats = costs.mapv(nats);
                 return Ok(Run {
                     score: self.score(&labels, &costs),
@@ -329,13 +419,21 @@ impl Naming<'_> {
         }
     }
 
-    /// Does without labels that few frames have, where others fit their paths hardly worse.
+    /// Does without labels where others, which no path has, fit their paths hardly worse.
     fn drop_needless(&self, costs: &mut Array2<f64>, labels: &mut PathLabels) {
-        let frames = self.tracks.xyz.nrows();
         for label in 0..self.labels {
-            let own = (0..labels.len()).filter(|path| labels[*path] == Some(label));
-            let held: usize = own.map(|path| self.tracks.frames(path)).sum();
-            if held == 0 || 2 * held > frames {
+            let own: Vec<usize> = (0..labels.len())
+                .filter(|path| labels[*path] == Some(label))
+                .collect();
+            let held: usize = own.iter().map(|path| self.tracks.frames(*path)).sum();
+            let is_free = |l: &usize| !labels.contains(&Some(*l));
+            let free: Vec<usize> = (0..self.labels).filter(is_free).collect();
+            let is_near = |path: &usize| {
+                let own = nats(costs[[*path, label]]);
+                free.iter()
+                    .any(|l| nats(costs[[*path, *l]]) >= own - NEEDLESS)
+            };
+            if !own.iter().any(is_near) {
                 continue;
             }
             let mut without = costs.clone();
@@ -362,6 +460,8 @@ impl Naming<'_> {
         let tracks = self.tracks;
         let wider = |sd: &f64| REJECTED / (REJECTED + WIDER * sd * sd);
         let wider: Vec<f64> = fit.sd.iter().map(wider).collect();
+        // A place that may be anywhere is less likely to be this one.
+        let anywhere: Vec<f64> = wider.iter().map(|w| -3.0 * SD * SD * w.ln()).collect();
         let row_of = |t: usize| self.frames.binary_search(&t).ok();
         let rows = map_chunks(tracks.paths.len(), 4, |range| {
             let row = |path: usize| {
@@ -373,7 +473,7 @@ impl Naming<'_> {
                     count += 1.0;
                     for (label, sum) in sums.iter_mut().enumerate() {
                         let far = point_at(fit.places.view(), n, label).distance_squared(at);
-                        *sum += (far * wider[label]).min(FARTHEST * FARTHEST);
+                        *sum += (far * wider[label] + anywhere[label]).min(FARTHEST * FARTHEST);
                     }
                 }
                 sums.into_iter().map(move |s| s / count)
@@ -438,6 +538,13 @@ impl Run {
             };
             let others = (0..self.nats.ncols()).filter(|l| *l != label);
             let gain = others.map(loss).fold(own, f64::min);
+            // A path without a label may be it as well.
+            let rivals = tracks
+                .seen_with(path)
+                .into_iter()
+                .filter(|q| self.labels[*q].is_none());
+            let rival = rivals.map(|q| self.nats[[q, label]]).fold(0.0, f64::max);
+            let gain = gain.min(own - tracks.weight(path) * rival);
             (gain >= least).then_some(label)
         };
         self.labels.iter().enumerate().map(of).collect()

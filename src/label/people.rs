@@ -96,6 +96,11 @@ pub fn points_of_person(points: &[String], name: &str) -> Result<Vec<(usize, Str
     Ok(person.points.iter().map(own).collect())
 }
 
+/// How many people the names of points tell apart.
+pub(crate) fn named_people(points: &[String]) -> usize {
+    named(points, &labeled(points)).len()
+}
+
 /// What tells a person in a name, and the person's own name.
 type Parting = fn(&str) -> (&str, &str);
 

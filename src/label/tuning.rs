@@ -275,7 +275,7 @@ pub(crate) mod naming {
     /// Labels that the frames agree on, at least.
     pub(crate) const FEWEST_LABELS: usize = 8;
     /// Frames that are named by themselves, and how many of a stretch are looked at for the one.
-    pub(crate) const KEY_FRAMES: usize = 16;
+    pub(crate) const KEY_FRAMES: usize = 18;
     pub(crate) const LOOKED_AT: usize = 24;
     /// Paths of so many seconds are named there.
     pub(crate) const SHORTEST: f64 = 0.15;
@@ -292,9 +292,11 @@ pub(crate) mod naming {
     /// paths are compared.
     pub(crate) const REJECTED: f64 = 60.0;
     pub(crate) const EVERY: f64 = 0.1;
+    /// Share of the labels that may be no track's, before the set may be another.
+    pub(crate) const MISSING: f64 = 0.1;
     /// By how many variances of its place on the body a label reaches farther.
     pub(crate) const WIDER: f64 = 2.0;
-    /// Nats a frame that a label must be worth which most frames lack.
+    /// Nats a frame that a label must be worth over others, which no path has.
     pub(crate) const NEEDLESS: f64 = 2.0;
     /// Standard deviation of a label about its place, cm, and the nats of a path by which its odds
     /// are e times as good: frames are not independent.

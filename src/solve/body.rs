@@ -149,7 +149,8 @@ impl Body {
     /// Lets the pelvis follow the width between the markers of the front hips, which is `measured`
     /// of the one expected.
     pub(super) fn scale_pelvis(&mut self, measured: f64) {
-        let scale = 1.0 + PELVIS * (measured - 1.0);
+        let [least, most] = WIDTHS;
+        let scale = 1.0 + PELVIS * (measured.clamp(least, most) - 1.0);
         for (m, marker) in self.markers.iter().enumerate() {
             if marker.bone == 0 {
                 let own = BONES + 3 * m;

@@ -8,7 +8,7 @@ use super::person::{Calibrated, calibrated};
 use super::solver::too_few;
 use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, LEAST_PEOPLE};
-use crate::label::unlabeled::{is_computed, is_unlabeled};
+use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
 use crate::numeric::statistics::median;
 use crate::pose::{Poses, point_at};
 use crate::prior::rotations::bones::mirror;
@@ -161,7 +161,7 @@ fn other_markers(
         let along = along.clamp(0.0, 1.0);
         let at = at - along * own;
         let landmark = Landmark::new(&bones[bone].name, along, [at, DVec3::splat(OTHER_SD)]);
-        Some((points[p].clone(), landmark, at))
+        Some((own_name(&points[p]).to_string(), landmark, at))
     };
     Ok((0..points.len()).filter(is_other).filter_map(of).collect())
 }

@@ -265,16 +265,16 @@ impl MarkerSet {
             .max_by_key(|set| count(set))
     }
 
-    /// The markers that takes of it have, one of each landmark, and the names of these.
+    /// Whether it knows a marker of this name.
+    pub(crate) fn knows(&self, name: &str) -> bool {
+        self.lines.contains_key(&plain(name))
+    }
+
+    /// The markers that takes of it have, and the names of these.
     pub(crate) fn all(&self) -> (Vec<String>, Vec<NamedMarker>) {
         let mut names: Vec<String> = Vec::new();
         let mut markers: Vec<NamedMarker> = Vec::new();
         for line in self.lines.values().filter(|line| !line.is_rare) {
-            let has =
-                |m: &NamedMarker| (&m.landmark, m.is_right) == (&line.landmark, line.is_right);
-            if markers.iter().any(has) {
-                continue;
-            }
             let side = if line.is_right { "R" } else { "L" };
             markers.push(NamedMarker {
                 point: names.len(),

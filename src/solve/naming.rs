@@ -4,16 +4,18 @@
 //! rounds, markers and points are assigned to each other within a gate that narrows, and the pose
 //! follows ([`FrameSolver`](crate::ik::frame_solver::FrameSolver)).
 
-use super::body::Body;
+use super::body::{BONES, Body};
 use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{calibrated, pose_prior};
-use super::tuning::ODD_PLACE;
 use super::tuning::naming::*;
+use super::tuning::{LEAST_SD, ODD_PLACE};
 use crate::ik::frame_solver::{FrameSolver, FrameState, Scratch};
+use crate::label::unlabeled::own_name;
 use crate::label::{FittedLabels, LabelModel, NamedFrame};
 use crate::numeric::assignment::assign;
 use crate::numeric::parallel::map_chunks;
+use crate::numeric::statistics::median;
 use crate::pose::kinematics::Posture;
 use crate::pose::{Channel, Skeleton};
 use crate::prior::rotations::{JointPrior, RotationPrior};
@@ -60,6 +62,17 @@ impl LabelModel for BodyModel {
         &self.labels
     }
 
+    fn is_one_of_several(&self, label: usize) -> bool {
+        let place = |m: &NamedMarker| (m.landmark.clone(), m.is_right);
+        let own = place(&self.named[label]);
+        self.named.iter().filter(|m| place(m) == own).count() > 1
+    }
+
+    fn is_label(&self, name: &str) -> bool {
+        let own = |l: &String| l == own_name(name);
+        self.labels.iter().any(own) || MarkerSet::shipped().iter().any(|set| set.knows(name))
+    }
+
     fn name_frames(&self, frames: &[Vec<DVec3>]) -> Result<Vec<NamedFrame>> {
         let joints = self.body.marker_bones();
         let solver = FrameSolver::new(&self.skeleton, &joints, 0, &self.prior)?;
@@ -100,7 +113,9 @@ impl Search<'_> {
             let gate = WIDE * shrink.powi(round as i32);
             for (cost, state) in &mut states {
                 let targets = self.targets(points, state, gate);
-                let weights = vec![(SIGMAS / gate).powi(2); self.joints.len()];
+                let shares = self.shares(gate).into_iter();
+                let weights = shares.map(|share| share * (SIGMAS / gate).powi(2));
+                let weights: Vec<f64> = weights.collect();
                 let from = state.clone();
                 let fit = self
                     .solver
@@ -131,7 +146,9 @@ impl Search<'_> {
     fn starts(&self, points: &[DVec3]) -> Vec<(f64, FrameState)> {
         let nowhere = vec![f64::NAN; 3 * self.joints.len()];
         let mean = self.solver.start(0, &nowhere);
-        let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        // Reflections far off do not move it.
+        let of = |c: usize| median(points.iter().map(|p| p[c]).collect()).unwrap_or(0.0);
+        let middle = DVec3::new(of(0), of(1), of(2));
         let root = &self.model.skeleton.bones()[0];
         let first = self.model.skeleton.dofs_of(0).start;
         let turned = |n: usize| {
@@ -158,8 +175,25 @@ impl Search<'_> {
 
     fn assigned(&self, points: &[DVec3], state: &FrameState, gate: f64) -> Vec<Option<usize>> {
         let markers = self.markers(state);
-        let cost = |m: usize, n: usize| markers[m].distance_squared(points[n]);
+        let shares = self.shares(gate);
+        // Of two places as near the one that is better known is likelier.
+        let vague = |share: f64| -3.0 * share.ln() * (gate / SIGMAS).powi(2);
+        let cost = |m: usize, n: usize| {
+            shares[m] * markers[m].distance_squared(points[n]) + vague(shares[m])
+        };
         assign(markers.len(), points.len(), gate * gate, cost)
+    }
+
+    /// The share of its squared distance that counts of each marker: less of those whose place on
+    /// the body is little known.
+    fn shares(&self, gate: f64) -> Vec<f64> {
+        let of = |marker: usize| {
+            let own = BONES + 3 * marker..BONES + 3 * marker + 3;
+            let variance: f64 = own.map(|n| self.model.body.precision[[n, n]].recip()).sum();
+            let beyond = (variance - 3.0 * LEAST_SD * LEAST_SD).max(0.0);
+            gate * gate / (gate * gate + WIDER * beyond)
+        };
+        (0..self.joints.len()).map(of).collect()
     }
 
     /// The points of the markers (3 a marker; NaN is missing).

@@ -32,6 +32,8 @@ pub struct SolvedTake {
     pub left_out: Vec<String>,
     /// Frames without joints.
     pub unsolved: usize,
+    /// Frames whose pose was not settled after many steps.
+    pub unsettled: usize,
 }
 
 /// A marker that was used.
@@ -109,6 +111,7 @@ impl SolvedTake {
             "bones": lengths.collect::<serde_json::Map<_, _>>(),
             "frames": self.joints.frames(),
             "unsolved": self.unsolved,
+            "unsettled": self.unsettled,
             "findings": self.findings(),
         })
     }
@@ -131,6 +134,12 @@ impl SolvedTake {
                 lines.push("no frame has three markers: there are no joints".to_string());
             }
             n => lines.push(format!("{n} frames have too few markers: no joints there")),
+        }
+        if self.unsettled > 0 {
+            let n = self.unsettled;
+            lines.push(format!(
+                "the poses of {n} frames are not settled after many steps"
+            ));
         }
         lines
     }

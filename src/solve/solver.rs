@@ -8,6 +8,7 @@ use super::person::{Calibrated, calibrated};
 use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
 use crate::io::Asf;
+use crate::label::people::named_people;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::{Error, Result};
 use ndarray::{Array2, s};
@@ -38,6 +39,11 @@ pub fn solve(
 ) -> Result<SolvedTake> {
     let set = (settings.set.or_else(|| MarkerSet::of(&poses.points)))
         .ok_or_else(|| Error::usage("no marker set"))?;
+    if named_people(&poses.points) > 1 {
+        let what = "the points are of several people by their names; take one out with the \
+                    command `trim` and its option `person`";
+        return Err(Error::usage(what));
+    }
     let all = AllMarkers::new(poses, settings.statics);
     let is_seen = |m: &NamedMarker| {
         let of = |xyz: &Array2<f64>| {
@@ -123,6 +129,7 @@ pub fn solve(
         of_static: of_static.collect(),
         left_out: left_out.map(|p| poses.points[p].clone()).collect(),
         unsolved: solved.iter().filter(|s| !**s).count(),
+        unsettled: sequence.unconverged,
         values: sequence.values,
     })
 }

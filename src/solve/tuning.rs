@@ -24,6 +24,8 @@ pub(super) const MOST_DAMPING: f64 = 1e6;
 pub(super) const GIVEN_BONE: f64 = 1e-4;
 /// How far the pelvis follows the width between the front hips.
 pub(super) const PELVIS: f64 = 0.5;
+/// How narrow and how wide people are there, in widths of the mean.
+pub(super) const WIDTHS: [f64; 2] = [0.6, 1.5];
 /// Markers that tell a body, at least.
 pub(super) const FEWEST_MARKERS: usize = 8;
 /// Share of the deviations of bones in joints that are CMU's.
@@ -59,6 +61,8 @@ pub(super) mod naming {
     pub(crate) const WIDE: f64 = 60.0;
     pub(crate) const NARROW: f64 = 8.0;
     pub(crate) const SIGMAS: f64 = 6.0;
+    /// By how many variances of its place on the body a marker reaches farther.
+    pub(crate) const WIDER: f64 = 2.0;
     /// Steps of the pose in a round.
     pub(crate) const STEPS: usize = 4;
     /// Rounds after which half of the turns are left.

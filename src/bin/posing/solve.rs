@@ -255,7 +255,9 @@ fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
         write_bytes(Some(path), &amc.to_bytes(), false)?;
     }
     if let Some(path) = &args.bvh {
-        let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
+        let what = "says no rate, which BVH needs; give it with --fps (frames per second)";
+        let no_rate = || Error::data(Place::file(&file.table.name), what);
+        let bvh = solved.to_bvh(file.rate().ok_or_else(no_rate)?)?;
         write_bytes(Some(path), &bvh.to_bytes(1.0), false)?;
     }
     if let Some(path) = &args.json {

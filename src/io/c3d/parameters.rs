@@ -100,8 +100,8 @@ pub(super) struct Entry {
     pub value: Option<Value>,
     /// Where the next entry begins; `None` after the last.
     pub next: Option<usize>,
-    /// Where the type of its value stands.
-    kind_at: usize,
+    /// Where the offset of the next entry stands, behind its name.
+    pub offset_at: usize,
 }
 
 impl Entry {
@@ -140,15 +140,40 @@ impl Entry {
             name,
             value,
             next,
-            kind_at: after + 2,
+            offset_at: after,
         }))
     }
 
-    /// The first so many bytes of its value.
-    pub(super) fn data(&self, section: &[u8], count: usize) -> Option<Range<usize>> {
-        let sizes = *section.get(self.kind_at + 1)? as usize;
-        let first = self.kind_at + 2 + sizes;
-        (first + count <= section.len()).then_some(first..first + count)
+    /// The bytes of its value, if they are of the type `kind`.
+    pub(super) fn data(&self, section: &[u8], kind: u8) -> Option<Range<usize>> {
+        let (own, data) = self.kind_and_data(section)?;
+        (own == kind).then_some(data)
+    }
+
+    fn kind_and_data(&self, section: &[u8]) -> Option<(u8, Range<usize>)> {
+        let at = self.offset_at + 2;
+        let (kind, sizes) = (*section.get(at)?, *section.get(at + 1)? as usize);
+        let items = section
+            .get(at + 2..at + 2 + sizes)?
+            .iter()
+            .map(|s| *s as usize);
+        let each = if kind == 2 || kind == 4 {
+            kind as usize
+        } else {
+            1
+        };
+        let first = at + 2 + sizes;
+        Some((kind, first..first + each * items.product::<usize>()))
+    }
+
+    /// The byte behind its description, by its own length.
+    pub(super) fn end(&self, section: &[u8]) -> Option<usize> {
+        let at = match self.value {
+            None => self.offset_at + 2,
+            Some(_) => self.kind_and_data(section)?.1.end,
+        };
+        let end = at + 1 + *section.get(at)? as usize;
+        (end <= section.len()).then_some(end)
     }
 }
 

@@ -1,7 +1,8 @@
-//! The points of a C3D file named anew: its parameters with other labels, all else as it is.
+//! The points of a C3D file named anew: its parameters with other labels, which lose their
+//! description, all else as it is.
 
 use super::numbers::Processor;
-use super::parameters::{Entry, Value};
+use super::parameters::{Entry, Parameters, Value};
 use super::write::{LABELS, LONGEST_NAME, MOST_BLOCKS, label_values};
 use super::{BLOCK, C3d, parameter_section};
 use crate::{Error, Place, Result};
@@ -24,8 +25,8 @@ impl C3d {
             let what = "has its frames before its parameters: its points cannot be named";
             return Err(place(what.into()));
         }
-        let mut all = labels(&section[..room], processor);
-        all.resize(self.layout.points, String::new());
+        let mut all = labels(&section[..room], processor).map_err(place)?;
+        all.resize(all.len().max(self.layout.points), String::new());
         for (point, name) in names {
             all[*point].clone_from(name);
         }
@@ -39,19 +40,28 @@ impl C3d {
         let mut head = self.bytes[..first].to_vec();
         let later = (blocks - room / BLOCK) as u16;
         if later > 0 {
-            let add = |bytes: &mut [u8]| {
-                let start = processor.u16([bytes[0], bytes[1]]).saturating_add(later);
-                bytes.copy_from_slice(&processor.u16_bytes(start));
+            // 0 says nothing.
+            let add = |bytes: &mut [u8]| match processor.u16([bytes[0], bytes[1]]) {
+                0 => Some(()),
+                start => {
+                    let start = processor.u16_bytes(start.checked_add(later)?);
+                    bytes[..2].copy_from_slice(&start);
+                    Some(())
+                }
             };
-            let said = entries(&own, processor).into_iter();
-            let said = said.filter(|e| e.entry.name == "DATA_START");
-            for data in said
-                .filter_map(|e| e.entry.data(&own, 2))
-                .collect::<Vec<_>>()
-            {
-                add(&mut own[data]);
+            let said = entries(&own, processor).map_err(place)?;
+            let group = point_group(&said);
+            let is_start =
+                |e: &&Placed| Some(e.entry.group) == group && e.entry.name == "DATA_START";
+            let data = said
+                .iter()
+                .find(is_start)
+                .and_then(|e| e.entry.data(&own, 2));
+            let data = data.filter(|data| data.len() >= 2);
+            let moved = data.is_none_or(|data| add(&mut own[data]).is_some());
+            if !moved || add(&mut head[START..START + 2]).is_none() {
+                return Err(place("has no room for such long names".into()));
             }
-            add(&mut head[START..START + 2]);
         }
         Ok([&head, &own, &self.bytes[first + room..]].concat())
     }
@@ -64,25 +74,31 @@ struct Placed {
 }
 
 /// The entries of a section.
-fn entries(section: &[u8], processor: Processor) -> Vec<Placed> {
+///
+/// # Errors
+/// They cannot be followed to their end.
+fn entries(section: &[u8], processor: Processor) -> Result<Vec<Placed>> {
+    if Parameters::read(section, processor).broken.is_some() {
+        return Err("has damaged parameters: its points cannot be named".into());
+    }
     let mut all = Vec::new();
     let mut at = 4;
     while let Some(entry) = Entry::at(section, at, processor) {
-        let next = entry.next;
-        let end = next.unwrap_or_else(|| {
-            let zeros = section.iter().rev().take_while(|b| **b == 0).count();
-            (section.len() - zeros).max(at)
-        });
+        let next = entry.next.filter(|next| *next > at);
+        let end = next
+            .or(entry.end(section))
+            .filter(|end| *end <= section.len());
+        let end = end.ok_or("has damaged parameters: its points cannot be named")?;
         all.push(Placed {
             entry,
-            bytes: at..end.min(section.len()),
+            bytes: at..end,
         });
         match next {
-            Some(next) if next > at => at = next,
-            _ => break,
+            Some(next) => at = next,
+            None => break,
         }
     }
-    all
+    Ok(all)
 }
 
 /// Whether a parameter lists labels of points: LABELS, LABELS2 and so on.
@@ -99,17 +115,18 @@ fn point_group(all: &[Placed]) -> Option<u8> {
     group.map(|e| e.entry.group)
 }
 
-fn labels(section: &[u8], processor: Processor) -> Vec<String> {
-    let all = entries(section, processor);
+/// All labels of points, also those of points that the file does not have.
+fn labels(section: &[u8], processor: Processor) -> Result<Vec<String>> {
+    let all = entries(section, processor)?;
     let group = point_group(&all);
-    let own = all
-        .into_iter()
-        .filter(|e| Some(e.entry.group) == group && is_labels(&e.entry));
-    let texts = own.filter_map(|e| match e.entry.value {
+    let is_own = |e: &Placed| Some(e.entry.group) == group && is_labels(&e.entry);
+    let mut own: Vec<Entry> = all.into_iter().filter(is_own).map(|e| e.entry).collect();
+    own.sort_by_key(|e| (e.name.len(), e.name.clone()));
+    let texts = own.into_iter().filter_map(|e| match e.value {
         Some(Value::Text(texts)) => Some(texts),
         _ => None,
     });
-    texts.flatten().collect()
+    Ok(texts.flatten().collect())
 }
 
 /// A section with these labels of points in place of its own.
@@ -117,7 +134,7 @@ fn with_labels(section: &[u8], processor: Processor, labels: &[String]) -> Resul
     if let Some(long) = labels.iter().find(|l| l.len() > LONGEST_NAME) {
         return Err(format!("has no room for so long a name as {long}").into());
     }
-    let all = entries(section, processor);
+    let all = entries(section, processor)?;
     let group = point_group(&all).ok_or("has no parameters of points: they cannot be named")?;
     let is_own = |e: &Placed| e.entry.group == group && is_labels(&e.entry);
     // Where they stood, else behind their group.
@@ -130,13 +147,18 @@ fn with_labels(section: &[u8], processor: Processor, labels: &[String]) -> Resul
             out.extend(label_entries(group, processor, labels)?);
         }
         if !is_own(placed) {
+            let (first, offset) = (out.len(), placed.entry.offset_at - placed.bytes.start);
             out.extend(&section[placed.bytes.clone()]);
+            // The last one may lead nowhere.
+            let length = placed.bytes.len() - offset;
+            let length = u16::try_from(length).map_err(|_| "has damaged parameters")?;
+            out[first + offset..first + offset + 2].copy_from_slice(&processor.u16_bytes(length));
         }
     }
     if place == Some(all.len()) {
         out.extend(label_entries(group, processor, labels)?);
     }
-    // Where the labels were last, the entry before them leads to these two zeros.
+    // The last entry leads to these two zeros.
     out.extend([0, 0]);
     Ok(out)
 }

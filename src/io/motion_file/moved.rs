@@ -85,10 +85,20 @@ impl MotionFile {
             }
             _ => return refuse("is of a format whose points are not named; give it as C3D or CSV"),
         };
-        Ok(MotionFile {
+        let named = MotionFile {
             notes: self.notes.clone(),
             ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
-        })
+        };
+        let mut wanted = self.table.poses.points.clone();
+        names
+            .iter()
+            .for_each(|(p, name)| wanted[*p].clone_from(name));
+        if named.table.poses.points != wanted {
+            return refuse(
+                "cannot be written with other names of its points; give it as C3D or as a table",
+            );
+        }
+        Ok(named)
     }
 
     /// A file that is a table, with another table.
