@@ -213,8 +213,7 @@ impl NamedTracks {
             lines.push(format!("no track is {}", self.missing.join(", ")));
         }
         if self.is_other_set() {
-            let what = "so many labels are no track's that it may be another marker set; then others \
-                        may be wrong too";
+            let what = "so many labels are no track's: it may be another set, and names be wrong";
             lines.push(what.to_string());
         }
         if !self.alike.is_empty() {
@@ -454,8 +453,8 @@ impl Naming<'_> {
             .sum()
     }
 
-    /// The mean squared distance of each path from each label, cm² (paths, L); less of a label that
-    /// may be anywhere.
+    /// The mean squared distance of each path from each label, cm² (paths, L); less of a label
+    /// that may be anywhere.
     fn costs(&self, fit: &FittedLabels) -> Array2<f64> {
         let tracks = self.tracks;
         let wider = |sd: &f64| REJECTED / (REJECTED + WIDER * sd * sd);

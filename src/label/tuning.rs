@@ -304,6 +304,6 @@ pub(crate) mod naming {
     pub(crate) const SLOPE: f64 = 8.0;
     /// Share of the frames in which two halves of the votes may differ, before each is followed to
     /// its end, and of the best of these runs from which on another counts.
-    pub(crate) const UNLIKE: f64 = 0.03;
+    pub(crate) const UNLIKE: f64 = 0.06;
     pub(crate) const NEAR: f64 = 0.97;
 }

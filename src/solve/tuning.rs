@@ -64,9 +64,9 @@ pub(super) mod naming {
     /// By how many variances of its place on the body a marker reaches farther.
     pub(crate) const WIDER: f64 = 2.0;
     /// Steps of the pose in a round.
-    pub(crate) const STEPS: usize = 4;
+    pub(crate) const STEPS: usize = 3;
     /// Rounds after which half of the turns are left.
-    pub(crate) const HALVED: [usize; 2] = [4, 8];
+    pub(crate) const HALVED: [usize; 2] = [2, 5];
 }
 
 /// Markers that no set knows.
