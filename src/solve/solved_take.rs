@@ -147,7 +147,7 @@ impl SolvedTake {
     /// Skeleton and motion as a BVH, y up, at `rate` frames a second.
     ///
     /// # Errors
-    /// None for values that [`solve`] made.
+    /// None for values that [`solve`](super::solve) made.
     pub fn to_bvh(&self, rate: f64) -> Result<Bvh> {
         let order = [Axis::Z, Axis::Y, Axis::X];
         let skeleton = &self.skeleton.skeleton;
