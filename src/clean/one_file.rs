@@ -286,11 +286,12 @@ impl CleanSettings {
             .filter(|_| !is_of_rotations(file.format))?;
         match skeletons.write(&job.output, file, points.xyz().to_owned()) {
             Ok(solved) => {
-                let findings = solved.findings.iter();
+                let findings = solved["findings"].as_array().into_iter().flatten();
+                let findings = findings.filter_map(|f| f.as_str());
                 summary
                     .findings
                     .extend(findings.map(|f| format!("skeleton: {f}")));
-                Some(json!(solved))
+                Some(solved)
             }
             Err(e) => {
                 summary.findings.push(format!("skeleton: none: {e}"));

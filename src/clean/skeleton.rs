@@ -3,11 +3,11 @@
 use super::record::{Fingerprint, record_path};
 use crate::io::MotionFile;
 use crate::io::output::write_file;
+use crate::pose::Poses;
 use crate::prior::provenance::hex;
-use crate::solve::{MarkerSet, SolveSettings, SolvedTake, UsedMarker, solve};
+use crate::solve::{MarkerSet, SolveSettings, solve};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
-use serde::Serialize;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
@@ -17,21 +17,6 @@ use std::path::{Path, PathBuf};
 pub struct SkeletonSettings {
     /// The marker set; `None`: of each file the built-in one that knows most of its markers.
     pub set: Option<MarkerSet>,
-}
-
-/// What a record says of the skeleton.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct Solved {
-    set: String,
-    markers: usize,
-    left_out: Vec<String>,
-    /// Markers that do not fit their names.
-    suspects: Vec<String>,
-    /// Frames without joints.
-    unsolved: usize,
-    #[serde(skip)]
-    pub findings: Vec<String>,
-    output: Fingerprint,
 }
 
 /// Where the skeleton of a result goes.
@@ -62,10 +47,7 @@ impl SkeletonSettings {
     /// Fails where a file of somebody else stands in the place of the skeleton.
     pub(super) fn check(&self, output: &Path) -> Result<()> {
         let path = skeleton_path(output);
-        if !path.exists() {
-            return Ok(());
-        }
-        if is_own(output, &recorded(output)) {
+        if !path.exists() || is_own(output, &recorded(output)) {
             return Ok(());
         }
         let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
@@ -74,7 +56,7 @@ impl SkeletonSettings {
     }
 
     /// Solves a take whose points were cleaned, at `xyz` (frames, 3 P; cm), and writes its skeleton
-    /// and motion beside the result.
+    /// and motion beside the result; what is to be told of it.
     ///
     /// # Errors
     /// Those of [`solve`]; [`Error::Usage`]: several takes. [`Error::Io`]: writing fails.
@@ -83,8 +65,8 @@ impl SkeletonSettings {
         output: &Path,
         file: &MotionFile,
         xyz: Array2<f64>,
-    ) -> Result<Solved> {
-        let poses = crate::pose::Poses {
+    ) -> Result<Value> {
+        let poses = Poses {
             xyz,
             ..file.poses().clone()
         };
@@ -100,7 +82,9 @@ impl SkeletonSettings {
         let bvh = solved.to_bvh(rate)?;
         let path = skeleton_path(output);
         write_file(&path, &bvh.to_bytes(1.0))?;
-        Ok(Solved::new(&solved, Fingerprint::read(&path)?))
+        let mut report = solved.report();
+        report["output"] = json!(Fingerprint::read(&path)?);
+        Ok(report)
     }
 }
 
@@ -130,19 +114,4 @@ pub(super) fn is_skeleton(path: &Path) -> bool {
     let is_bvh = path.extension().is_some_and(|e| e == "bvh");
     let result = path.with_extension("");
     is_bvh && is_own(&result, &recorded(&result))
-}
-
-impl Solved {
-    fn new(solved: &SolvedTake, output: Fingerprint) -> Solved {
-        let suspects = solved.used.iter().filter(|m| m.is_suspect());
-        Solved {
-            set: solved.set.clone(),
-            markers: solved.used.len(),
-            left_out: solved.left_out.clone(),
-            suspects: suspects.map(|m: &UsedMarker| m.name.clone()).collect(),
-            unsolved: solved.unsolved,
-            findings: solved.findings(),
-            output,
-        }
-    }
 }

@@ -39,6 +39,14 @@ impl LikeArgs {
     /// # Errors
     /// Those of reading a file; [`crate::Error::Data`]: one has too few labels.
     pub fn templates(&self, read: &ReadArgs) -> Result<Arc<Templates>> {
-        Templates::learn(&self.takes(read)?, self.same_person).map(Arc::new)
+        self.templates_of(&self.takes(read)?)
+    }
+
+    /// What the takes tell, which were read already.
+    ///
+    /// # Errors
+    /// [`crate::Error::Data`]: one has too few labels.
+    pub fn templates_of(&self, takes: &[MotionFile]) -> Result<Arc<Templates>> {
+        Templates::learn(takes, self.same_person).map(Arc::new)
     }
 }

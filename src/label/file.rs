@@ -1,7 +1,9 @@
 //! The labels of a file put right, and what is said of it.
 
 use super::changes::{Change, ChangeKind};
-use super::naming::{LabelModel, NamedTracks, UnsureTrack, name_tracks};
+use super::label_model::LabelModel;
+use super::named_tracks::{NamedTracks, UnsureTrack};
+use super::naming::name_tracks;
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
 use crate::error::with_options;

@@ -8,10 +8,12 @@ mod file;
 mod handedness;
 mod hosts;
 mod identities;
+mod label_model;
 mod labeled_take;
 mod links;
 mod loose_tracks;
 mod mirror;
+mod named_tracks;
 pub(crate) mod naming;
 pub(crate) mod out_and_back;
 mod paths;
@@ -28,9 +30,8 @@ mod whole_take;
 
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
-pub use naming::{
-    FittedLabels, FoundLabel, LabelModel, MovedPiece, NamedFrame, NamedTracks, UnsureTrack,
-};
+pub use label_model::{FittedLabels, LabelModel, NamedFrame};
+pub use named_tracks::{FoundLabel, MovedPiece, NamedTracks, UnsureTrack};
 pub use people::points_of_person;
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;

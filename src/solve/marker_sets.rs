@@ -119,7 +119,7 @@ impl MarkerSet {
         let learned: Learned = serde_json::from_str(&text)
             .ok()
             .filter(|l: &Learned| l.kind == KIND)
-            .ok_or_else(|| bad("is no marker set that solve has learned".to_string()))?;
+            .ok_or_else(|| bad("is no marker set that label or solve has learned".to_string()))?;
         let known = |(pattern, marker): (String, LearnedMarker)| {
             let place = [marker.offset, marker.sd].map(DVec3::from_array);
             (pattern, Landmark::new(&marker.bone, marker.along, place))
@@ -221,7 +221,7 @@ impl MarkerSet {
         Ok(json.is_some_and(|json| json["kind"] == KIND))
     }
 
-    /// Its markers, a line each: the name ({S} for the side), the bone, and where on it, cm.
+    /// The markers, a line each: the name ({S} for the side), the bone, and where on it, cm.
     pub fn summary(&self) -> String {
         let mut lines = vec![
             format!("kind       {KIND}"),

@@ -63,9 +63,10 @@ impl LabelModel for BodyModel {
     }
 
     fn is_one_of_several(&self, label: usize) -> bool {
-        let place = |m: &NamedMarker| (m.landmark.clone(), m.is_right);
-        let own = place(&self.named[label]);
-        self.named.iter().filter(|m| place(m) == own).count() > 1
+        let own = &self.named[label];
+        let is_there =
+            |m: &&NamedMarker| (&m.landmark, m.is_right) == (&own.landmark, own.is_right);
+        self.named.iter().filter(is_there).count() > 1
     }
 
     fn is_label(&self, name: &str) -> bool {

@@ -39,7 +39,7 @@ pub struct SolvedTake {
 /// A marker that was used.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UsedMarker {
-    /// Its name.
+    /// The marker's name.
     pub name: String,
     /// The bone that it is on.
     pub bone: String,

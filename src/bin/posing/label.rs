@@ -31,8 +31,8 @@ use std::path::{Path, PathBuf};
 /// were taken out, and, where something changed or is not sure, RESULT.html plays the take before
 /// and after. Exit code 3: something is not sure.
 ///
-/// With --from-nothing, takes without any label: each track gets the name of a marker of a set, its
-/// pieces move to one column, and what is not sure keeps its name and is told.
+/// With --from-nothing, takes without any label: the pieces of each marker of a set move to one
+/// column, which gets its name; what is not sure gets no label and is told.
 #[derive(Parser)]
 #[command(
     name = "label",
@@ -89,7 +89,7 @@ pub struct Args {
         help_heading = "From nothing"
     )]
     set: Option<String>,
-    /// Confidence from which on a name is given, 0.5 to 1; what is less sure keeps its own
+    /// Confidence from which on a label is given, from 0.5, below 1
     #[arg(
         long,
         value_name = "S",
@@ -124,12 +124,13 @@ pub fn work(args: &Args) -> Result<Outcome> {
         let what = "--keep-labels is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));
     }
+    let like = args.like.takes(&args.read)?;
     let settings = LabelSettings {
         keep: args.keep_labels.clone(),
-        like: args.like.templates(&args.read)?,
+        like: args.like.templates_of(&like)?,
         ..LabelSettings::default()
     };
-    let model = args.from_nothing.then(|| model(args)).transpose()?;
+    let model = args.from_nothing.then(|| model(args, &like)).transpose()?;
     each(&jobs, |one| label(args, &settings, model.as_ref(), one))
 }
 
@@ -141,12 +142,11 @@ fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// The body with the markers of the set, placed as in the labeled takes if there are some.
-fn model(args: &Args) -> Result<BodyModel> {
+fn model(args: &Args, like: &[MotionFile]) -> Result<BodyModel> {
     let set = args.set.as_deref().map(marker_set).transpose()?;
-    let files = args.like.takes(&args.read)?;
-    match (files.is_empty(), set) {
+    match (like.is_empty(), set) {
         (true, Some(set)) => BodyModel::new(&set),
-        (_, set) => BodyModel::new(&learned(&files, "like", set.as_deref())?),
+        (_, set) => BodyModel::new(&learned(like, "like", set.as_deref())?),
     }
 }
 
@@ -176,9 +176,10 @@ fn label(
     model: Option<&BodyModel>,
     job: &BatchJob,
 ) -> Result<Outcome> {
-    let file = MotionFile::open_by(&job.input, &args.read.rules()?)?;
+    let rules = args.read.rules()?;
+    let file = MotionFile::open_by(&job.input, &rules)?;
     let (file, report) = match model {
-        Some(model) => label_from_nothing(&file, &args.read.rules()?, model, args.sure, settings)?,
+        Some(model) => label_from_nothing(&file, &rules, model, args.sure, settings)?,
         None => {
             let report = check_labels(&file, settings)?;
             (file, report)

@@ -3,7 +3,7 @@
 
 use super::numbers::Processor;
 use super::parameters::{Entry, Parameters, Value};
-use super::write::{LABELS, LONGEST_NAME, MOST_BLOCKS, label_values};
+use super::write::{LONGEST_NAME, MOST_BLOCKS, label_parameters};
 use super::{BLOCK, C3d, parameter_section};
 use crate::{Error, Place, Result};
 use std::ops::Range;
@@ -76,7 +76,7 @@ struct Placed {
 /// The entries of a section.
 ///
 /// # Errors
-/// They cannot be followed to their end.
+/// The entries cannot be followed to their end.
 fn entries(section: &[u8], processor: Processor) -> Result<Vec<Placed>> {
     if Parameters::read(section, processor).broken.is_some() {
         return Err("has damaged parameters: its points cannot be named".into());
@@ -115,7 +115,7 @@ fn point_group(all: &[Placed]) -> Option<u8> {
     group.map(|e| e.entry.group)
 }
 
-/// All labels of points, also those of points that the file does not have.
+/// Labels of points, also of those that the file does not have.
 fn labels(section: &[u8], processor: Processor) -> Result<Vec<String>> {
     let all = entries(section, processor)?;
     let group = point_group(&all);
@@ -166,12 +166,7 @@ fn with_labels(section: &[u8], processor: Processor, labels: &[String]) -> Resul
 /// The entries LABELS, LABELS2 and so on of a group.
 fn label_entries(group: u8, processor: Processor, labels: &[String]) -> Result<Vec<u8>> {
     let mut out = Vec::new();
-    for (i, labels) in labels.chunks(LABELS).enumerate() {
-        let name = match i {
-            0 => "LABELS".to_string(),
-            i => format!("LABELS{}", i + 1),
-        };
-        let value = label_values(labels.iter().map(String::as_str));
+    for (name, value) in label_parameters(labels) {
         out.extend([name.len() as u8, group]);
         out.extend(name.as_bytes());
         // Behind the offset the value, and a description of no length.

@@ -17,7 +17,7 @@ pub(super) const MOST_BLOCKS: usize = 255;
 /// The bytes of a name at most.
 pub(super) const LONGEST_NAME: usize = 255;
 /// The most labels that one parameter holds, and points that the header counts.
-pub(super) const LABELS: usize = 255;
+const LABELS: usize = 255;
 const MOST_POINTS: usize = u16::MAX as usize;
 
 impl C3d {
@@ -249,13 +249,8 @@ impl NewC3d<'_> {
         section.texts(1, "UNITS", &[self.units]);
         section.texts(1, "X_SCREEN", &[self.screen[0]]);
         section.texts(1, "Y_SCREEN", &[self.screen[1]]);
-        for (i, labels) in self.points.chunks(LABELS).enumerate() {
-            let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
-            let name = match i {
-                0 => "LABELS".to_string(),
-                i => format!("LABELS{}", i + 1),
-            };
-            section.texts(1, &name, &labels);
+        for (name, value) in label_parameters(&self.points) {
+            section.entry(1, &name, &value);
         }
         section.group(2, "TRIAL");
         section.integers(2, "ACTUAL_START_FIELD", &words(self.first_frame));
@@ -266,12 +261,24 @@ impl NewC3d<'_> {
     }
 }
 
+/// The parameters that hold the labels of points, LABELS, LABELS2 and so on, and their values.
+pub(super) fn label_parameters(labels: &[String]) -> impl Iterator<Item = (String, Vec<u8>)> {
+    labels.chunks(LABELS).enumerate().map(|(i, labels)| {
+        let name = match i {
+            0 => "LABELS".to_string(),
+            i => format!("LABELS{}", i + 1),
+        };
+        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+        (name, text_value(&labels))
+    })
+}
+
 /// The value of a parameter of texts, as its type, its dimensions and its data: all as wide as the
 /// longest.
-pub(super) fn label_values<'a>(texts: impl Iterator<Item = &'a str> + Clone) -> Vec<u8> {
-    let longest = texts.clone().map(str::len).max().unwrap_or(0);
+fn text_value(texts: &[&str]) -> Vec<u8> {
+    let longest = texts.iter().map(|t| t.len()).max().unwrap_or(0);
     let width = longest.clamp(1, LONGEST_NAME);
-    let mut value = vec![-1_i8 as u8, 2, width as u8, texts.clone().count() as u8];
+    let mut value = vec![-1_i8 as u8, 2, width as u8, texts.len() as u8];
     for text in texts {
         let mut cell = text.as_bytes().to_vec();
         cell.resize(width, b' ');
@@ -299,8 +306,7 @@ impl Section {
     }
 
     fn texts(&mut self, group: i8, name: &str, texts: &[&str]) {
-        let value = label_values(texts.iter().copied());
-        self.entry(group, name, &value);
+        self.entry(group, name, &text_value(texts));
     }
 
     /// A single number has no dimension.
