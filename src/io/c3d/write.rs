@@ -249,7 +249,7 @@ impl NewC3d<'_> {
         section.texts(1, "UNITS", &[self.units]);
         section.texts(1, "X_SCREEN", &[self.screen[0]]);
         section.texts(1, "Y_SCREEN", &[self.screen[1]]);
-        for (name, value) in label_parameters(&self.points) {
+        for (name, value) in label_parameters(self.points) {
             section.entry(1, &name, &value);
         }
         section.group(2, "TRIAL");
