@@ -53,7 +53,7 @@ tables: build
 	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)
 
 bench: needs
-	$(CARGO) bench --bench speed --bench coding --bench latency --bench growth --bench metric --bench registration --bench editing
+	$(CARGO) bench --bench speed --bench coding --bench latency --bench growth --bench metric --bench registration --bench editing --bench solving
 
 # Compares with SPAMS, scikit-learn, pyarrow and NumPy, installed into a virtual environment.
 PEERS := target/peers

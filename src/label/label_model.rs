@@ -46,6 +46,6 @@ pub struct FittedLabels {
     /// How little is known of where each label is on the body, cm: large of those that are known in
     /// no frame.
     pub sd: Vec<f64>,
-    /// Whether it is where no such label is.
-    pub is_odd: Vec<bool>,
+    /// How far that is from where such labels are mostly, standard deviations.
+    pub deviations: Vec<f64>,
 }

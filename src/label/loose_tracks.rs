@@ -131,18 +131,6 @@ impl<'a> LooseTracks<'a> {
         places
     }
 
-    /// The share of the frames that two ways to label both label in which they differ.
-    pub(super) fn unlike(&self, a: &PathLabels, b: &PathLabels) -> f64 {
-        let both = a.iter().zip(b).enumerate();
-        let both = both.filter_map(|(path, (a, b))| Some((self.frames(path), (*a)? == (*b)?)));
-        let (mut same, mut other) = (0, 0);
-        both.for_each(|(frames, is_same)| match is_same {
-            true => same += frames,
-            false => other += frames,
-        });
-        other as f64 / (same + other).max(1) as f64
-    }
-
     /// How many frames that say something of their own a path has.
     pub(super) fn weight(&self, path: usize) -> f64 {
         independent_frames(self.frames(path), self.rate).min(MOST_WEIGHT)

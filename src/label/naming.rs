@@ -19,6 +19,7 @@ use crate::numeric::parallel::map_chunks;
 use crate::pose::{Poses, point_at};
 use glam::DVec3;
 use ndarray::{Array2, Axis};
+use std::cmp::Reverse;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
 /// than `sure` (0 to 1) keeps none.
@@ -49,23 +50,9 @@ pub(crate) fn name_tracks(
                     does another axis point up (the option `up`)?";
         return Err(what.into());
     }
-    let mut runs = vec![naming.fitted(all)?];
-    // One choice of frames may end in a wrong ring of names, which no exchange of two undoes.
-    let half = |n| naming.elected(&votes.iter().skip(n).step_by(2).cloned().collect::<Vec<_>>());
-    let halves = [half(0), half(1)];
-    if tracks.unlike(&halves[0], &halves[1]) > UNLIKE {
-        for half in halves {
-            runs.push(naming.fitted(half)?);
-        }
-    }
-    runs.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let best = naming.improved(naming.fitted(all, ROUNDS)?)?;
     let least = sure.max(0.5);
-    let mut labels = runs[0].sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
-    for other in runs.iter().filter(|run| run.score >= NEAR * runs[0].score) {
-        for (own, other) in labels.iter_mut().zip(&other.labels) {
-            *own = own.filter(|own| other.is_none_or(|other| other == *own));
-        }
-    }
+    let mut labels = best.sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
     labels
         .iter_mut()
         .for_each(|label| *label = label.filter(|l| !model.is_one_of_several(*l)));
@@ -77,12 +64,11 @@ pub(crate) fn name_tracks(
     let moves = hosts.moves(&tracks, &labels);
     let names = hosts.names(model.labels());
     let mut named = NamedTracks::new(moves, names, &poses.points);
-    named.tell(&tracks, [&labels, &runs[0].labels], model, &poses.points);
+    named.tell(&tracks, [&labels, &best.labels], model, &poses.points);
     Ok(named)
 }
 
 /// The names of one frame by its paths, and how much they count.
-#[derive(Debug, Clone)]
 struct Vote {
     weight: f64,
     named: Vec<(usize, Option<usize>)>,
@@ -93,7 +79,8 @@ struct Run {
     labels: PathLabels,
     /// How far each path is from each label: nats a frame by which it is likelier than none.
     nats: Array2<f64>,
-    is_odd: Vec<bool>,
+    /// How far each label is from where such labels are mostly, standard deviations.
+    deviations: Vec<f64>,
     /// The nats of all paths.
     score: f64,
 }
@@ -161,8 +148,8 @@ impl Naming<'_> {
         self.tracks.elect(&sums)
     }
 
-    /// Fits the model, and labels by it, in rounds.
-    fn fitted(&self, mut labels: PathLabels) -> Result<Run> {
+    /// Fits the model, and labels by it, in so many rounds at most.
+    fn fitted(&self, mut labels: PathLabels, rounds: usize) -> Result<Run> {
         let mut round = 0;
         loop {
             let known = self
@@ -180,16 +167,58 @@ impl Naming<'_> {
                 _ => was == is,
             });
             labels = next;
-            if is_settled || round == ROUNDS {
+            if is_settled || round == rounds {
                 let nats = costs.mapv(nats);
                 return Ok(Run {
                     score: self.score(&labels, &costs),
                     labels,
                     nats,
-                    is_odd: fit.is_odd,
+                    deviations: fit.deviations,
                 });
             }
         }
+    }
+
+    /// Improves a run: one that has fitted itself to wrong names sees no better ones, so long paths
+    /// without a label are given one near them that is not in its usual place.
+    fn improved(&self, mut best: Run) -> Result<Run> {
+        let long = self.tracks.xyz.nrows() as f64 * LONG;
+        let is_left =
+            |path: &usize| best.labels[*path].is_none() && self.tracks.frames(*path) as f64 >= long;
+        let mut left: Vec<usize> = (0..best.labels.len()).filter(is_left).collect();
+        left.sort_by_key(|path| Reverse(self.tracks.frames(*path)));
+        for path in left.into_iter().take(TRIED) {
+            let near = self.unusual_near(&best, path);
+            let Some(label) = near.filter(|_| best.labels[path].is_none()) else {
+                continue;
+            };
+            let run = self.fitted(self.given(&best.labels, path, label), 1)?;
+            if run.score > best.score {
+                best = self.fitted(run.labels, ROUNDS - 1)?;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The label nearest to a path that nobody has or that is not in its usual place.
+    fn unusual_near(&self, run: &Run, path: usize) -> Option<usize> {
+        let is_near = |l: &usize| {
+            run.nats[[path, *l]] > nats(FARTHEST * FARTHEST)
+                && (run.deviations[*l] >= UNUSUAL || !run.labels.contains(&Some(*l)))
+        };
+        let nearer = |a: &usize, b: &usize| run.nats[[path, *a]].total_cmp(&run.nats[[path, *b]]);
+        (0..self.labels).filter(is_near).max_by(nearer)
+    }
+
+    /// The labels with one given to a path, by those that have it in its frames.
+    fn given(&self, labels: &PathLabels, path: usize, label: usize) -> PathLabels {
+        let holders = self.tracks.holders(labels, self.labels);
+        let mut labels = labels.clone();
+        for other in self.tracks.held(&holders, label, path) {
+            labels[other] = None;
+        }
+        labels[path] = Some(label);
+        labels
     }
 
     /// Does without labels where others, which no path has, fit their paths hardly worse.
@@ -199,12 +228,18 @@ impl Naming<'_> {
                 .filter(|path| labels[*path] == Some(label))
                 .collect();
             let held: usize = own.iter().map(|path| self.tracks.frames(*path)).sum();
-            let is_free = |l: &usize| !labels.contains(&Some(*l));
-            let free: Vec<usize> = (0..self.labels).filter(is_free).collect();
+            let holders = self.tracks.holders(labels, self.labels);
+            // Nobody has it, or somebody for a short while.
+            let is_free = |path: usize, other: usize| {
+                let held = self.tracks.held(&holders, other, path).into_iter();
+                let held: usize = held.map(|q| self.tracks.frames(q)).sum();
+                other != label && held * SHORT <= self.tracks.frames(path)
+            };
             let is_near = |path: &usize| {
                 let own = nats(costs[[*path, label]]);
-                free.iter()
-                    .any(|l| nats(costs[[*path, *l]]) >= own - NEEDLESS)
+                (0..self.labels)
+                    .filter(|l| nats(costs[[*path, *l]]) >= own - NEEDLESS)
+                    .any(|l| is_free(*path, l))
             };
             if !own.iter().any(is_near) {
                 continue;
@@ -297,8 +332,11 @@ impl Run {
     /// free then or that another path gives for theirs.
     fn sure(&self, tracks: &LooseTracks<'_>, least: f64) -> PathLabels {
         let holders = tracks.holders(&self.labels, self.nats.ncols());
+        let rare = tracks.xyz.nrows() as f64 * RARE;
+        let is_rare = |label: usize| (holders.row(label).iter().flatten().count() as f64) < rare;
+        let is_rare: Vec<bool> = (0..self.nats.ncols()).map(is_rare).collect();
         let of = |(path, label): (usize, &Option<usize>)| {
-            let label = (*label).filter(|l| !self.is_odd[*l])?;
+            let label = (*label).filter(|l| self.deviations[*l] < ODD && !is_rare[*l])?;
             let own = tracks.weight(path) * self.nats[[path, label]];
             let loss = |other: usize| {
                 let held = tracks.held(&holders, other, path);

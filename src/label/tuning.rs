@@ -302,8 +302,14 @@ pub(crate) mod naming {
     /// are e times as good: frames are not independent.
     pub(crate) const SD: f64 = 1.5;
     pub(crate) const SLOPE: f64 = 8.0;
-    /// Share of the frames in which two halves of the votes may differ, before each is followed to
-    /// its end, and of the best of these runs from which on another counts.
-    pub(crate) const UNLIKE: f64 = 0.06;
-    pub(crate) const NEAR: f64 = 0.97;
+    /// Deviations from its usual place from which on a label may be another, and is none.
+    pub(crate) const UNUSUAL: f64 = 2.5;
+    pub(crate) const ODD: f64 = 5.0;
+    /// A label is almost free where those that have it have one in so many frames of a path.
+    pub(crate) const SHORT: usize = 4;
+    /// Share of the take from which on a path is long, and how many such paths are tried.
+    pub(crate) const LONG: f64 = 0.1;
+    pub(crate) const TRIED: usize = 2;
+    /// Share of the take that a label has at least: the rest may be reflections.
+    pub(crate) const RARE: f64 = 0.15;
 }

@@ -16,7 +16,9 @@ use crate::numeric::parallel::map_chunks;
 use crate::pose::Skeleton;
 use crate::prior::rotations::JointPrior;
 use crate::{Error, Result};
+use glam::DMat3;
 use ndarray::{Array1, Array2, Axis};
+use std::f64::consts::PI;
 
 /// What is known of a person once the frames are fitted.
 pub(super) struct Calibration {
@@ -95,9 +97,22 @@ impl Calibrator<'_> {
         let numbers = self.body.mean.clone();
         let poses = self.with_solver(&numbers, |solver, n, scratch| {
             let frame = &self.frames[n];
-            let start = Start::Far(solver.start(0, frame));
             let weights = self.body.weights();
-            solver.solve(frame, &weights, start, scratch).state
+            let start = solver.start(0, frame);
+            let mut solve = |start| solver.solve(frame, &weights, Start::Far(start), scratch);
+            let fit = solve(start.clone());
+            let seen = frame.iter().filter(|v| v.is_finite()).count() / 3;
+            if fit.energy < FITS * seen as f64 {
+                return fit.state;
+            }
+            // Two wrong names at the pelvis turn it about.
+            let mut about = start;
+            about.rotations[0] = DMat3::from_rotation_y(PI) * about.rotations[0];
+            let about = solve(about);
+            match about.energy < fit.energy {
+                true => about.state,
+                false => fit.state,
+            }
         })?;
         Ok(State { numbers, poses })
     }

@@ -7,7 +7,7 @@ use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{Calibrated, calibrated};
 use super::solver::too_few;
 use super::tuning::learning::*;
-use super::tuning::{BUILT_IN, FEWEST_MARKERS, LEAST_PEOPLE};
+use super::tuning::{BUILT_IN, FEWEST_MARKERS, FRAMES, LEAST_PEOPLE};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
 use crate::numeric::statistics::median;
 use crate::pose::{Poses, point_at};
@@ -94,7 +94,7 @@ fn places_in(
         }
         xyz = concatenate![Axis(1), xyz, joints.xyz];
     }
-    let calibrated = calibrated(&named, &xyz.view(), None, joints_of, None)?;
+    let calibrated = calibrated(&named, (&xyz.view(), FRAMES), None, joints_of, None)?;
     let mut sides: BTreeMap<String, Vec<(NamedMarker, DVec3)>> = BTreeMap::new();
     for (m, marker) in named.into_iter().take(count).enumerate() {
         let own = BONES + 3 * m;

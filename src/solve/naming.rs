@@ -8,8 +8,8 @@ use super::body::{BONES, Body};
 use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{calibrated, pose_prior};
+use super::tuning::LEAST_SD;
 use super::tuning::naming::*;
-use super::tuning::{LEAST_SD, ODD_PLACE};
 use crate::ik::frame_solver::{FrameSolver, FrameState, Scratch};
 use crate::label::unlabeled::own_name;
 use crate::label::{FittedLabels, LabelModel, NamedFrame};
@@ -87,11 +87,9 @@ impl LabelModel for BodyModel {
     }
 
     fn fit(&self, known: ArrayView2<'_, f64>) -> Result<FittedLabels> {
-        let fit = calibrated(&self.named, &known, None, self.joints, None)?;
+        let fit = calibrated(&self.named, (&known, FRAMES), None, self.joints, None)?;
         Ok(FittedLabels {
-            is_odd: (0..self.labels.len())
-                .map(|m| fit.deviations(m) >= ODD_PLACE)
-                .collect(),
+            deviations: (0..self.labels.len()).map(|m| fit.deviations(m)).collect(),
             places: fit.places()?,
             sd: fit.place_deviations()?,
         })

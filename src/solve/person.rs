@@ -11,8 +11,10 @@ use crate::numeric::statistics::median;
 use crate::pose::joints::CMU;
 use crate::pose::kinematics::Posture;
 use crate::pose::{Skeleton, point_at};
+use crate::prior::rotations::bones::mirror;
 use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
+use glam::DVec3;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
 /// A person whose bones and markers were fitted.
@@ -26,11 +28,11 @@ pub(super) struct Calibrated {
     pub precision: Array2<f64>,
 }
 
-/// Fits bones and markers to a take of points at `xyz` (frames, 3 P), and a static one; bones are
-/// those of `given`, if it is.
+/// Fits bones and markers to so many frames of a take of points at `xyz` (frames, 3 P), and of a
+/// static one; bones are those of `given`, if it is.
 pub(super) fn calibrated(
     named: &[NamedMarker],
-    xyz: &ArrayView2<'_, f64>,
+    (xyz, count): (&ArrayView2<'_, f64>, usize),
     statics: Option<&Array2<f64>>,
     joints: JointSet,
     given: Option<&Skeleton>,
@@ -50,7 +52,7 @@ pub(super) fn calibrated(
         body.scale_pelvis(width);
     }
     let still = if statics.is_some() { STATIC_FRAMES } else { 0 };
-    let mut frames = frames_to_fit(&xyz, FRAMES - still);
+    let mut frames = frames_to_fit(&xyz, count - still);
     frames.extend(statics.iter().flat_map(|s| frames_to_fit(s, still)));
     let prior = pose_prior(&body, &prior, joints)?;
     let calibrator = Calibrator {
@@ -71,10 +73,36 @@ pub(super) fn calibrated(
 impl Calibrated {
     /// How far a marker is from where such markers are mostly, standard deviations.
     pub(super) fn deviations(&self, marker: usize) -> f64 {
-        let own = BONES + 3 * marker..BONES + 3 * marker + 3;
-        let off = |n: usize| self.numbers[n] - self.body.mean[n];
-        let squares = own.map(|n| off(n).powi(2) * self.body.precision[[n, n]]);
-        squares.sum::<f64>().sqrt()
+        self.square_from(marker, marker).sqrt()
+    }
+
+    /// The marker on the other side of its bone that it changes places with: each is likelier the
+    /// other. (Others of a bone may be turned about with it: a wrist's.)
+    pub(super) fn exchanged_with(&self, marker: usize) -> Option<usize> {
+        let bone = |m: usize| self.body.markers[m].bone;
+        let mean = |m: usize| DVec3::from_slice(&self.body.mean[BONES + 3 * m..]);
+        let is_mirrored = |other: &usize| {
+            bone(*other) == bone(marker)
+                && *other != marker
+                && mirror(mean(*other)).distance(mean(marker)) < 1e-9
+        };
+        let gain = |other: usize| {
+            let as_named = self.square_from(marker, marker) + self.square_from(other, other);
+            as_named - self.square_from(marker, other) - self.square_from(other, marker)
+        };
+        let others = (0..self.body.markers.len()).filter(is_mirrored);
+        let best = others.max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
+        (gain(best) >= EXCHANGED).then_some(best)
+    }
+
+    /// Squared deviations of a marker's place from where those like `other` are, on one bone.
+    fn square_from(&self, marker: usize, other: usize) -> f64 {
+        let of = |c: usize| {
+            let [own, there] = [marker, other].map(|m| BONES + 3 * m + c);
+            let off = self.numbers[own] - self.body.mean[there];
+            off.powi(2) * self.body.precision[[there, there]]
+        };
+        (0..3).map(of).sum()
     }
 
     /// Standard deviation of the place of each marker on its bone, cm.

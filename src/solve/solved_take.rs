@@ -47,15 +47,24 @@ pub struct UsedMarker {
     pub distance: f64,
     /// How far that place is from where such a marker is mostly, standard deviations.
     pub deviations: f64,
+    /// The marker on the other side of its bone that it changes places with: each is where the
+    /// other mostly is.
+    pub exchanged_with: Option<String>,
 }
 
 impl UsedMarker {
     /// Whether its name may be wrong.
     pub fn is_suspect(&self) -> bool {
-        self.deviations >= ODD_PLACE || self.distance >= FAR
+        self.deviations >= ODD_PLACE || self.distance >= FAR || self.exchanged_with.is_some()
     }
 
     fn finding(&self) -> String {
+        if let Some(other) = &self.exchanged_with {
+            return format!(
+                "{} is where {other} mostly is, which is in its place",
+                self.name
+            );
+        }
         format!(
             "{} does not fit its name: it is {:.1} standard deviations from where such markers \
              are, and {:.1} cm from its place in the mean; is it another?",

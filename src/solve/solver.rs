@@ -67,7 +67,7 @@ pub fn solve(
         .collect();
     let calibrated = calibrated(
         &named,
-        &all.take.view(),
+        (&all.take.view(), FRAMES),
         all.statics.as_ref(),
         settings.joints,
         settings.skeleton,
@@ -99,13 +99,15 @@ pub fn solve(
         false => None,
     };
     let of_take = |(m, _): &(usize, &NamedMarker)| sequence.by_target[*m].1 > 0;
-    let used = named.iter().enumerate().filter(of_take).map(|(m, marker)| {
+    let name_of = |m: usize| all.points[named[m].point].clone();
+    let used = named.iter().enumerate().filter(of_take).map(|(m, _)| {
         let (sum, count) = sequence.by_target[m];
         UsedMarker {
-            name: all.points[marker.point].clone(),
+            name: name_of(m),
             bone: body.template.bones()[body.markers[m].bone].name.clone(),
             distance: sum / count.max(1) as f64,
             deviations: calibrated.deviations(m),
+            exchanged_with: calibrated.exchanged_with(m).map(name_of),
         }
     });
     let of_static = named.iter().enumerate().filter(|m| !of_take(m));
@@ -316,6 +318,27 @@ pub(super) mod tests {
         std::fs::write(file.path(), "{}").unwrap();
         let error = MarkerSet::open(file.path()).unwrap_err().to_string();
         assert!(error.contains("marker set"), "{error}");
+    }
+
+    #[test]
+    fn exchanged_markers_are_told() {
+        let (poses, _) = person(60);
+        assert_eq!(solved(&poses, false).findings(), [""; 0]);
+        for pair in [["LFWT", "RFWT"], ["LBWT", "RBWT"], ["LKNE", "RKNE"]] {
+            let mut harmed = poses.clone();
+            let [a, b] = pair.map(|name| poses.points.iter().position(|p| p == name).unwrap());
+            harmed.points.swap(a, b);
+            let found = solved(&harmed, false);
+            let told: Vec<&str> = (found.used.iter())
+                .filter(|m| m.is_suspect())
+                .map(|m| m.name.as_str())
+                .collect();
+            assert!(
+                pair.iter().all(|name| told.contains(name)),
+                "{pair:?} {told:?}"
+            );
+            assert!(told.len() <= 3, "{pair:?} {told:?}");
+        }
     }
 
     #[test]

@@ -15,6 +15,8 @@ pub(super) const LEAST_SD: f64 = 1.2;
 /// Steps of the fit of bones and markers, at most, and the share of the cost that ends them.
 pub(super) const STEPS: usize = 12;
 pub(super) const TOLERANCE: f64 = 3e-3;
+/// The cost of a marker, at most, of a start that fits.
+pub(super) const FITS: f64 = 10.0;
 /// Damping of the first step, and its factors.
 pub(super) const DAMPING: f64 = 1e-3;
 pub(super) const RELAX: f64 = 0.2;
@@ -51,9 +53,14 @@ pub(super) const LEAST_PEOPLE: f64 = 3.0;
 /// prototype: at most 4.8 deviations; of 20 exchanged pairs all found.)
 pub(super) const ODD_PLACE: f64 = 5.0;
 pub(super) const FAR: f64 = 10.0;
+/// Or where left and right of a bone, each in the other's place, have so much less of squared
+/// deviations.
+pub(super) const EXCHANGED: f64 = 16.0;
 
 /// Names of points by the body.
 pub(super) mod naming {
+    /// Frames that bones and markers are fitted on.
+    pub(crate) const FRAMES: usize = 16;
     /// Turns about the vertical to start from.
     pub(crate) const YAWS: usize = 8;
     /// Rounds, and the gates of the first and the last, cm; a gate is so many deviations.
