@@ -4,7 +4,7 @@
 //! not, the mean of what each one misses over the take, in the frame of its part, becomes its
 //! offset.
 
-use super::fit::{BodyState, Fit, FitProblem, prior_weight};
+use super::fit::{BodyState, Fit, FitProblem};
 use super::fit_prior::{FitPrior, NormalEquations};
 use super::marker_model::MarkerModel;
 use crate::Result;
@@ -151,6 +151,9 @@ fn shared_shape(
         return Err("no frame has four of the body's points or more".into());
     }
     let first = parallel::map_chunks(problems.len(), 1, |k| problems[k.start].solve(None));
+    let problems: Vec<FitProblem<'_>> = (problems.iter().zip(&first))
+        .map(|(problem, fit)| problem.as_in(fit))
+        .collect();
     let mut rotations: Vec<_> = first.iter().map(|f| f.state.rotations.clone()).collect();
     let count = model.components();
     if count == 0 {
@@ -166,7 +169,7 @@ fn shared_shape(
                 shape: Vec::new(),
             };
             let problem = problems[k.start].with_model(&fixed);
-            let fit = problem.solve(Some(&start));
+            let fit = problem.descend(start);
             let state = BodyState {
                 rotations: fit.state.rotations,
                 shape: shape.clone(),
@@ -182,7 +185,8 @@ fn shared_shape(
             sum.gradient += &reduced.gradient;
         }
         // Each frame has brought the prior of the one shape; it counts once.
-        let surplus = prior_weight(prior) * (problems.len() - 1) as f64;
+        let all: f64 = problems.iter().map(FitProblem::variance).sum();
+        let surplus = all - all / problems.len() as f64;
         sum.hessian.diag_mut().mapv_inplace(|v| v - surplus);
         sum.gradient
             .scaled_add(-surplus, &Array1::from(shape.clone()));

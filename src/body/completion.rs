@@ -2,7 +2,7 @@
 
 use super::body_model::BodyModel;
 use super::fit::Fit;
-use super::marker_model::MarkerModel;
+use super::warp::Warp;
 use glam::{DMat3, DVec3};
 
 /// The two surfaces of a fit, centimeters.
@@ -10,19 +10,21 @@ use glam::{DMat3, DVec3};
 pub struct Completion {
     /// The vertices of the model with the fitted rotations and shape, put where the markers are.
     pub predicted: Vec<DVec3>,
-    /// These, warped towards the markers as the energy E_H + w_Z Σ |y_m - z_m|² says.
+    /// These, warped by a thin plate so that markers are where they were seen, but for the noise.
     pub completed: Vec<DVec3>,
 }
 
 /// Makes the surfaces; `shape` are the matrices of the fitted shape (see
-/// [`super::ShapeModel::matrices`]).
-pub fn complete(body: &BodyModel, markers: &MarkerModel, fit: &Fit, shape: &[DMat3]) -> Completion {
+/// [`super::ShapeModel::matrices`]), `noise` the standard deviation of a marker, cm a coordinate.
+pub fn complete(body: &BodyModel, fit: &Fit, shape: &[DMat3], noise: f64) -> Completion {
     let vertices = body.synthesize_shaped(&fit.state.rotations, shape);
     // The marker model's positions are relative to the first vertex.
     let shift = fit.shift - vertices[0];
     let predicted: Vec<DVec3> = vertices.iter().map(|v| *v + shift).collect();
-    let warp = markers.warp(&fit.pulls);
-    let completed = predicted.iter().zip(warp).map(|(v, w)| *v + w).collect();
+    let completed = match Warp::new(&fit.missed, noise) {
+        Some(warp) => predicted.iter().map(|v| *v + warp.at(*v)).collect(),
+        None => predicted.clone(),
+    };
     Completion {
         predicted,
         completed,

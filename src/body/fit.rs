@@ -1,34 +1,50 @@
 //! The pose and the shape of a body from markers on it.
 //!
-//! The full energy is E_H(y) + w_Z Σ |y_m - z_m|² over the vertices y, the rotations R and the
-//! shape β. For given R and β the best y is known in closed form. With r = P synth(R, β) - z what
-//! the markers miss, and K how they give when they are pulled (P A⁻¹ Pᵀ), what remains, less the
-//! model's disagreement with itself, is
+//! With r = synth(R, β) - z what the markers miss, in centimeters, and one shift of all free,
 //!
 //! ```text
-//! rᵀ (I / w_Z + K)⁻¹ r,   with one shift of all markers free
+//! Σ_m w_m |r_m|² + σ² (squared standard deviations of the twists and of β)
 //! ```
 //!
-//! The minimum over R and β is found by damped Gauss-Newton steps (Levenberg-Marquardt), every one
-//! of which lowers it, with weak priors on the twists of the joints and on β. The paper's block
-//! descent takes hundreds of rounds, and its energy rises between them.
+//! is least over the rotations R and the shape β, by damped Gauss-Newton steps
+//! (Levenberg-Marquardt), every one of which lowers it. σ is what the markers and the model itself
+//! miss: it is estimated from the fit. Markers that are many σ off are left out: their weights fall
+//! first as those of Geman and McClure do. The paper's energy lets the markers pull the surface off
+//! the model at no cost for low frequencies, so that more markers make the model's place worse; and
+//! its block descent takes hundreds of rounds, between which its energy rises.
 
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};
 use crate::Result;
 use crate::numeric::levenberg_marquardt::Damping;
 use crate::numeric::linalg::Cholesky;
+use crate::numeric::statistics::median;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use glam::{DMat3, DVec3};
-use ndarray::{Array1, Array2, s};
+use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 
-/// The weight w_Z of the markers against the edges.
-pub(crate) const MARKER_WEIGHT: f64 = 3.0;
 /// Markers that determine a pose at all.
 pub const FEWEST: usize = 4;
 /// Steps accepted at most.
 const MOST_STEPS: usize = 60;
+/// Rounds of weights and σ, and the change of σ² that ends them.
+const ROUNDS: usize = 8;
+const SETTLED: f64 = 0.02;
+/// The median and the mean of the squared length of a normal vector in space.
+const MEDIAN_SQUARE: f64 = 2.366;
+/// A marker counts a quarter where it is so many σ off, and is left out where it is so many.
+const DOUBTED: f64 = 3.0;
+const LEFT_OUT: f64 = 6.0;
+/// The least share of the residuals' variance that a fit leaves.
+const LEAST_FREE: f64 = 0.1;
+/// A fit is poor where σ² is so large, cm², or one marker in so many is left out; the mirror image
+/// fits far better where its σ² is this share.
+const POOR: f64 = 2.0;
+const POOR_SHARE: usize = 5;
+const MIRRORED: f64 = 0.4;
+/// The least σ by which markers are left out, cm.
+const LEAST_DOUBT: f64 = 1.0;
 /// A step that lowers the energy by less than this share is the last.
 const SMALL: f64 = 1e-8;
 /// The last damping tried is 1e7: `most` lies between it and the next, however they are rounded.
@@ -59,11 +75,23 @@ pub struct Fit {
     pub energies: Vec<f64>,
     /// What the predicted vertices are moved by, once the marker model's positions are known.
     pub shift: DVec3,
-    /// The markers that were seen, and what pulls the completed surface there (the multipliers of
-    /// the warp).
-    pub pulls: Vec<(usize, DVec3)>,
-    /// The root mean square distance of the predicted markers from those seen, centimeters.
+    /// Where the predicted markers are that count, and how far those seen are from there.
+    pub missed: Vec<(DVec3, DVec3)>,
+    /// The root mean square distance of the predicted markers from those that count, centimeters.
     pub rms: f64,
+    /// The markers that do not fit, and how far each is from its place on the body, centimeters.
+    pub left_out: Vec<(usize, f64)>,
+    /// σ², cm² a coordinate: what markers and model miss.
+    pub variance: f64,
+    /// Whether the mirror image of the markers fits far better: left and right are exchanged.
+    pub is_mirrored: bool,
+}
+
+impl Fit {
+    fn is_poor(&self) -> bool {
+        let out = self.left_out.len();
+        self.variance > POOR || out * POOR_SHARE > out + self.missed.len()
+    }
 }
 
 /// The markers of one frame.
@@ -73,10 +101,10 @@ pub struct FitProblem<'a> {
     prior: &'a FitPrior,
     seen: Vec<usize>,
     targets: Vec<DVec3>,
-    /// (I / w_Z + K)⁻¹ for the markers seen, with one shift free.
-    weights: Array2<f64>,
-    /// What gives the best shift: -Σ_m s_m r_m.
-    shift: Array1<f64>,
+    /// Of each marker that is seen.
+    weights: Array1<f64>,
+    /// σ².
+    variance: f64,
 }
 
 /// The energy of a state, and what its derivatives need.
@@ -105,40 +133,121 @@ impl<'a> FitProblem<'a> {
                 format!("has {} markers, a body needs {FEWEST} or more", seen.len()).into(),
             );
         }
-        let mut stiff = Array2::from_shape_fn((seen.len(), seen.len()), |(i, j)| {
-            model.compliance[[seen[i], seen[j]]]
-        });
-        stiff.diag_mut().mapv_inplace(|v| v + 1.0 / MARKER_WEIGHT);
-        let inverse = Cholesky::new(stiff)
-            .and_then(|c| c.solve(&Array2::eye(seen.len())))
-            .ok_or("has markers whose weights are not finite")?;
-        let sums = inverse.sum_axis(ndarray::Axis(1));
-        let total = sums.sum();
-        let weights = Array2::from_shape_fn(inverse.dim(), |(i, j)| {
-            inverse[[i, j]] - sums[i] * sums[j] / total
-        });
         Ok(FitProblem {
             targets: markers.iter().flatten().copied().collect(),
-            shift: sums / total,
+            weights: Array1::ones(seen.len()),
+            variance: prior.variance(),
             model,
             prior,
             seen,
-            weights,
         })
     }
 
     /// Fits rotations, and the shape if the model has components. Without a start the pose begins
     /// from the rigid fit of all markers and from that of the markers of each part, and the
-    /// better end is kept.
+    /// better end is kept. Markers that do not fit are left out.
     pub fn solve(&self, start: Option<&BodyState>) -> Fit {
         match start {
-            Some(start) => self.descend(start.clone()),
+            Some(start) => self.settled(start.clone()),
             None => {
-                let fits = self.starts().into_iter().map(|s| self.descend(s));
-                let best = fits.min_by(|a, b| a.energy.total_cmp(&b.energy));
-                best.unwrap_or_else(|| self.descend(self.upright()))
+                let mut best = self.best();
+                best.is_mirrored = best.is_poor() && {
+                    let turned = self.targets.iter().map(|t| DVec3::new(-t.x, t.y, t.z));
+                    let mirrored = FitProblem {
+                        targets: turned.collect(),
+                        ..self.clone()
+                    };
+                    mirrored.best().variance < MIRRORED * best.variance
+                };
+                best
             }
         }
+    }
+
+    /// The best end of all starts.
+    fn best(&self) -> Fit {
+        let fits = self.starts().into_iter().map(|s| self.settled(s));
+        let best = fits.min_by(|a, b| a.variance.total_cmp(&b.variance));
+        best.unwrap_or_else(|| self.settled(self.upright()))
+    }
+
+    /// Rounds of fits, of weights of the markers and of σ.
+    fn settled(&self, start: BodyState) -> Fit {
+        let mut problem = self.clone();
+        let mut fit = problem.descend(start);
+        for _ in 0..ROUNDS {
+            let now = problem.evaluate(&fit.state);
+            let squares = problem.squares(&now);
+            let free = problem.free(&now, &fit.state);
+            let of_median = median(squares.to_vec()).unwrap_or(0.0) / MEDIAN_SQUARE / free;
+            let variance = of_median.max(self.prior.variance());
+            let reach = DOUBTED * DOUBTED * variance.max(LEAST_DOUBT * LEAST_DOUBT);
+            problem.weights = squares.mapv(|d| (1.0 + d / reach).powi(-2));
+            let change = (variance / problem.variance).ln().abs();
+            problem.variance = variance;
+            fit = problem.descend(fit.state);
+            if change < SETTLED {
+                break;
+            }
+        }
+        // The median is that of the best: those that count tell σ, and which others count too.
+        for _ in 0..ROUNDS {
+            let squares = problem.squares(&problem.evaluate(&fit.state));
+            let variance = problem.variance.max(LEAST_DOUBT * LEAST_DOUBT);
+            let counts = |d: f64| d <= LEFT_OUT * LEFT_OUT * variance;
+            let weights = squares.mapv(|d| if counts(d) { 1.0 } else { 0.0 });
+            if weights == problem.weights || weights.sum() < FEWEST as f64 {
+                break;
+            }
+            problem.weights = weights;
+            fit = problem.descend(fit.state);
+            let now = problem.evaluate(&fit.state);
+            let square = problem.weights.dot(&problem.squares(&now)) / problem.weights.sum();
+            let free = problem.free(&now, &fit.state);
+            problem.variance = (square / 3.0 / free).max(self.prior.variance());
+        }
+        problem.weights.mapv_inplace(f64::round);
+        problem.descend(fit.state)
+    }
+
+    /// The squared distance of each marker that is seen from its place, cm².
+    fn squares(&self, now: &Evaluation) -> Array1<f64> {
+        let shift = self.shift(now);
+        let square = |r: ndarray::ArrayView1<'_, f64>| -> f64 {
+            (0..3).map(|a| (r[a] + shift[a]).powi(2)).sum()
+        };
+        now.residual.rows().into_iter().map(square).collect()
+    }
+
+    /// The share of the residuals' variance that the fit leaves them: what it is free to follow it
+    /// takes away.
+    fn free(&self, now: &Evaluation, state: &BodyState) -> f64 {
+        let normal = self.normal_equations(now, state);
+        let n = normal.gradient.len();
+        let mut prior = NormalEquations::zeros(n);
+        self.add_prior(now, state, &mut prior);
+        let mut hessian = normal.hessian;
+        hessian.diag_mut().mapv_inplace(|v| v + 1e-9);
+        let held = Cholesky::new(hessian).and_then(|c| c.solve(&prior.hessian));
+        let followed = held.map_or(0.0, |held| n as f64 - held.diag().sum());
+        let count = 3.0 * self.weights.sum();
+        ((count - 3.0 - followed) / count).max(LEAST_FREE)
+    }
+
+    /// The same markers, weighed as a fit of them found.
+    pub(super) fn as_in(&self, fit: &Fit) -> FitProblem<'a> {
+        let is_out = |m: &usize| fit.left_out.iter().any(|(out, _)| out == m);
+        let weight = |m: &usize| if is_out(m) { 0.0 } else { 1.0 };
+        FitProblem {
+            weights: self.seen.iter().map(weight).collect(),
+            variance: fit.variance,
+            ..self.clone()
+        }
+    }
+
+    /// σ², by which the priors count.
+    pub(super) fn variance(&self) -> f64 {
+        self.variance
     }
 
     /// The same markers for another model of them.
@@ -212,7 +321,8 @@ impl<'a> FitProblem<'a> {
         vec![state(vec![whole; self.model.parts()]), state(by_part)]
     }
 
-    fn descend(&self, state: BodyState) -> Fit {
+    /// The least energy from a start, with the weights and the σ that the problem has.
+    pub(super) fn descend(&self, state: BodyState) -> Fit {
         let now = self.evaluate(&state);
         let (mut normal, mut energies) = (NormalEquations::zeros(0), Vec::new());
         let start = (now.energy, (now, state));
@@ -234,21 +344,47 @@ impl<'a> FitProblem<'a> {
     }
 
     fn finish(&self, state: BodyState, now: &Evaluation, energies: Vec<f64>) -> Fit {
-        let shift = -self.shift.dot(&now.residual);
-        let pulls = self.weights.dot(&now.residual);
-        let pulls = self.seen.iter().zip(pulls.rows());
-        let left = (now.residual.rows().into_iter())
-            .map(|r| (0..3).map(|a| (r[a] + shift[a]).powi(2)).sum::<f64>());
+        let shift = self.shift(now);
+        let squares = self.squares(now);
+        let counts = |i: &usize| self.weights[*i] > 0.0;
+        let (own, others): (Vec<usize>, Vec<usize>) = (0..self.seen.len()).partition(counts);
+        let left: f64 = own.iter().map(|i| squares[*i]).sum();
+        let missed = |i: &usize| {
+            let at = now.at.positions[self.seen[*i]] + shift;
+            (at, self.targets[*i] - at)
+        };
         Fit {
             state,
             energy: now.energy,
             energies,
-            rms: (left.sum::<f64>() / self.seen.len() as f64).sqrt(),
-            shift: DVec3::new(shift[0], shift[1], shift[2]),
-            pulls: pulls
-                .map(|(m, p)| (*m, DVec3::new(p[0], p[1], p[2])))
+            rms: (left / own.len().max(1) as f64).sqrt(),
+            shift,
+            missed: own.iter().map(missed).collect(),
+            left_out: (others.iter())
+                .map(|i| (self.seen[*i], squares[*i].sqrt()))
                 .collect(),
+            variance: self.variance,
+            is_mirrored: false,
         }
+    }
+
+    /// The shift of the predicted markers that leaves least.
+    fn shift(&self, now: &Evaluation) -> DVec3 {
+        let sum = self.weights.dot(&now.residual);
+        -DVec3::new(sum[0], sum[1], sum[2]) / self.weights.sum()
+    }
+
+    /// W x, with one shift free.
+    fn weighted(&self, x: &ArrayView2<'_, f64>) -> Array2<f64> {
+        let means = self.weights.dot(x) / self.weights.sum();
+        let weights = self.weights.view().insert_axis(Axis(1));
+        (x - &means) * weights
+    }
+
+    fn add_prior(&self, now: &Evaluation, state: &BodyState, to: &mut NormalEquations) {
+        let (joints, twists) = (self.model.joints(), &now.at.twists);
+        let turns = twist_derivatives(joints, twists, &state.rotations);
+        (self.prior).add(self.variance, joints, twists, &turns, &state.shape, to);
     }
 
     fn evaluate(&self, state: &BodyState) -> Evaluation {
@@ -256,10 +392,10 @@ impl<'a> FitProblem<'a> {
         let residual = Array2::from_shape_fn((self.seen.len(), 3), |(i, a)| {
             at.positions[self.seen[i]][a] - self.targets[i][a]
         });
-        let data = (&residual * &self.weights.dot(&residual)).sum();
+        let data = (&residual * &self.weighted(&residual.view())).sum();
         let prior = self.prior.energy(&at.twists, &state.shape);
         Evaluation {
-            energy: data + prior_weight(self.prior) * prior,
+            energy: data + self.variance * prior,
             at,
             residual,
         }
@@ -273,13 +409,11 @@ impl<'a> FitProblem<'a> {
         let jacobian = self.jacobian(now, &turns, n);
         for axis in 0..3 {
             let rows = jacobian.slice(s![axis..;3, ..]);
-            let weighted = self.weights.dot(&rows);
+            let weighted = self.weighted(&rows);
             normal.hessian += &rows.t().dot(&weighted);
             normal.gradient += &weighted.t().dot(&now.residual.column(axis));
         }
-        let weight = prior_weight(self.prior);
-        let twists = &now.at.twists;
-        (self.prior).add(weight, joints, twists, &turns, &state.shape, &mut normal);
+        self.add_prior(now, state, &mut normal);
         normal
     }
 
@@ -326,18 +460,13 @@ impl<'a> FitProblem<'a> {
     }
 }
 
-/// How much the priors count against the squared centimeters of the energy.
-pub(super) fn prior_weight(prior: &FitPrior) -> f64 {
-    MARKER_WEIGHT * prior.variance()
-}
-
 /// The step that solves (H + damping · diag H) x = -g.
 fn damped_step(normal: &NormalEquations, damping: f64) -> Option<Array1<f64>> {
     let mut damped = normal.hessian.clone();
     damped
         .diag_mut()
         .mapv_inplace(|v| v * (1.0 + damping) + 1e-12);
-    let right = normal.gradient.mapv(|v| -v).insert_axis(ndarray::Axis(1));
+    let right = normal.gradient.mapv(|v| -v).insert_axis(Axis(1));
     let step = Cholesky::new(damped)?.solve(&right)?;
     step.iter()
         .all(|v| v.is_finite())
@@ -408,6 +537,32 @@ mod tests {
         assert!(fit.rms < 0.05, "{}", fit.rms);
         // From no start at all it ends as well.
         assert!(problem.solve(None).energy < fit.energy * 1.01);
+    }
+
+    #[test]
+    fn markers_that_do_not_fit_are_left_out() {
+        let body = bending_body();
+        let on: Vec<usize> = (0..48).step_by(2).collect();
+        let markers: Vec<Marker> = on.iter().map(|v| Marker::on(*v)).collect();
+        let model = MarkerModel::new(&body, &markers);
+        let mesh = body.synthesize(&body.training_rotations[3], &[0.5, -0.3]);
+        let mut seen: Vec<_> = on.iter().map(|v| Some(mesh[*v])).collect();
+        let prior = body.fit_prior();
+        let fit =
+            |seen: &[Option<DVec3>]| FitProblem::new(&model, &prior, seen).unwrap().solve(None);
+        let right = fit(&seen);
+        assert_eq!(right.left_out, []);
+        seen[5] = seen[5].map(|at| at + DVec3::new(12.0, 16.0, 0.0));
+        seen.swap(2, 20);
+        let found = fit(&seen);
+        let out: Vec<usize> = found.left_out.iter().map(|(m, _)| *m).collect();
+        assert_eq!(out, [2, 5, 20]);
+        assert!((found.left_out[1].1 - 20.0).abs() < 1.0);
+        let turned = |f: &Fit, part: usize| f.state.rotations[part].to_cols_array();
+        for part in 0..2 {
+            let pairs = turned(&right, part).into_iter().zip(turned(&found, part));
+            assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) < 0.05);
+        }
     }
 
     #[test]

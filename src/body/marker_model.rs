@@ -16,7 +16,6 @@ use crate::numeric::parallel;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2, ArrayView1, s};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Triangles of one task.
 const CHUNK: usize = 256;
@@ -43,11 +42,6 @@ impl Marker {
 /// The positions of markers as a function of rotations and shape.
 #[derive(Debug, Clone)]
 pub struct MarkerModel {
-    /// A⁻¹ Pᵀ (V, m): how all vertices give when one marker is pulled (see
-    /// `Template::solve`).
-    pub influence: Arc<Array2<f64>>,
-    /// P A⁻¹ Pᵀ (m, m): how the markers themselves give.
-    pub compliance: Array2<f64>,
     /// The parts of the joints.
     joints: Vec<[usize; 2]>,
     parts: Vec<PartTerms>,
@@ -91,22 +85,17 @@ impl MarkerModel {
                 points[[*v, m]] += weight;
             }
         }
+        // How all vertices give when one marker is pulled.
         let influence = template.solve(points.view());
-        let compliance = Array2::from_shape_fn((markers.len(), markers.len()), |(m, n)| {
-            let at = |(v, weight): &(usize, f64)| weight * influence[[*v, n]];
-            markers[m].vertices.iter().map(at).sum()
-        });
         let offsets = markers.iter().map(|marker| {
             let largest = marker.vertices.iter().max_by(|a, b| a.1.total_cmp(&b.1));
             let part = largest.map_or(0, |(v, _)| template.vertex_parts[*v]);
             (part, marker.offset)
         });
         MarkerModel {
-            compliance,
             joints: template.joint_parts(),
             parts: terms_of_parts(body, &influence),
             offsets: offsets.collect(),
-            influence: Arc::new(influence),
         }
     }
 
@@ -123,16 +112,6 @@ impl MarkerModel {
     /// The part that marker `m` is on.
     pub(crate) fn part_of(&self, m: usize) -> usize {
         self.offsets[m].0
-    }
-
-    /// The displacement of all vertices that pulls at markers give.
-    pub fn warp(&self, pulls: &[(usize, DVec3)]) -> Vec<DVec3> {
-        let mut moved = vec![DVec3::ZERO; self.influence.nrows()];
-        for (v, moved) in moved.iter_mut().enumerate() {
-            let row = self.influence.row(v);
-            *moved = -pulls.iter().map(|(m, pull)| *pull * row[*m]).sum::<DVec3>();
-        }
-        moved
     }
 
     /// The parts of each joint.

@@ -13,6 +13,7 @@
 pub mod animation;
 pub(crate) mod body_model;
 pub mod completion;
+pub mod correspondence;
 pub mod decomposition;
 pub(crate) mod deformation_gradient;
 pub(crate) mod file;
@@ -34,6 +35,7 @@ pub mod take;
 pub mod template;
 pub mod train;
 pub(crate) mod vertex_jacobian;
+mod warp;
 
 pub use body_model::BodyModel;
 pub use decomposition::Decomposer;

@@ -7,6 +7,7 @@ use super::pair_file::PairFile;
 use super::{input, messages};
 use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
 use crate::body::file::part_name;
+use crate::body::fit::Fit;
 use crate::body::joint_markers::joint_markers;
 use crate::body::take::BodyTake;
 use crate::body::{BodyModel, Marker, MarkerModel};
@@ -16,6 +17,7 @@ use crate::numeric::statistics::median;
 use crate::pose::Poses;
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::pose::units::Units;
+use crate::restore::{Denoise, Restorer};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
@@ -363,6 +365,26 @@ fn shape_rows(path: &Path) -> Result<Vec<Option<Vec<f64>>>> {
 /// where the mesh has them.
 const JOINT_NOISE: f64 = 2.0;
 
+/// Takes noise from the paths of points, by themselves, where a rate is known.
+///
+/// # Errors
+/// Those of [`Restorer::denoise`].
+pub fn smooth(table: &mut Table, fps: Option<f64>) -> Result<()> {
+    if fps.is_none() {
+        return Ok(());
+    }
+    let options = Denoise {
+        fps,
+        ..Denoise::default()
+    };
+    let xyz = Restorer::without_model()
+        .denoise(table, &options)?
+        .xyz()
+        .to_owned();
+    table.poses.xyz = xyz;
+    Ok(())
+}
+
 /// Fits a take of markers; says how near they are.
 ///
 /// # Errors
@@ -401,6 +423,37 @@ pub fn report_fits(rms: Vec<f64>, frames: usize, points: &str, body: &str) {
     }
 }
 
+/// Tells which markers do not fit their bodies, and bodies that are mirrored; how many lines that
+/// are.
+pub fn report_markers(fits: &[&Fit], source: &str, names: &[String]) -> usize {
+    let mirrored = fits.iter().filter(|fit| fit.is_mirrored).count();
+    if mirrored > 0 {
+        messages::info(&format!(
+            "{source}: left and right are exchanged, or the markers mirrored, in {mirrored} of {} \
+             frames: their mirror image fits far better",
+            fits.len()
+        ));
+    }
+    let mut lines = usize::from(mirrored > 0);
+    let fits: Vec<_> = fits.iter().filter(|fit| !fit.is_mirrored).collect();
+    for (m, name) in names.iter().enumerate() {
+        let own = fits.iter().flat_map(|fit| &fit.left_out);
+        let own: Vec<f64> = own.filter(|(out, _)| *out == m).map(|(_, d)| *d).collect();
+        if own.is_empty() {
+            continue;
+        }
+        lines += 1;
+        messages::info(&format!(
+            "{source}: {name} does not fit: it is {:.1} cm from its place on the body (median) and \
+             is left out in {} of {} frames",
+            median(own.clone()).unwrap_or_default(),
+            own.len(),
+            fits.len()
+        ));
+    }
+    lines
+}
+
 /// The take of a pose table whose joints the body's model names.
 ///
 /// # Errors
@@ -413,7 +466,9 @@ pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
              --joints JOINTS.csv",
         ));
     }
-    let table = input::read_table(flags, false, false)?;
+    let mut table = input::read_table(flags, false, false)?;
+    let fps = flags.rate(&table.poses)?;
+    smooth(&mut table, fps)?;
     let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
     let markers = joint_markers(&body.template, &body.joint_names);
     let frames = marker_frames(body, &markers, &table, &names, "the body")?;
@@ -425,6 +480,5 @@ pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
         Offsets::Learned,
         &table.name,
     )?;
-    let fps = flags.rate(&table.poses)?;
     Ok(BodyTake::of(body, &animation, &table.poses, fps))
 }

@@ -13,8 +13,8 @@ const ARRAYS: [&str; 2] = ["vertices", "completed"];
 /// The arrays of `body-fit`, which are in centimeters.
 const IN_CM: [&str; 2] = ["completed", "predicted"];
 
-/// Whether the files are meshes: a folder, a name that ends in `.obj`, `.ply` or `.stl`, an NPZ
-/// archive or the beginning of a PLY file. Standard input is a table.
+/// Whether the files are meshes: a folder, a name that ends in `.obj`, `.ply`, `.stl` or `.off`, an
+/// NPZ archive or the beginning of a PLY file. Standard input is a table.
 ///
 /// # Errors
 /// Usage: some are and some are not.
@@ -195,7 +195,7 @@ pub fn name_of(path: &Path) -> String {
     }
     let mut name = path.file_name().unwrap_or_default().to_string_lossy();
     for ending in [
-        ".gz", ".zst", ".csv", ".npy", ".bvh", ".npz", ".obj", ".ply", ".stl",
+        ".gz", ".zst", ".csv", ".npy", ".bvh", ".npz", ".obj", ".ply", ".stl", ".off",
     ] {
         if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
             name = stem.to_string().into();

@@ -2,6 +2,7 @@
 //! bench`.
 
 use glam::{DMat3, DVec3};
+use posing::body::completion::complete;
 use posing::body::decomposition::{fit_rotations, synthesize};
 use posing::body::fit::FitProblem;
 use posing::body::marker_model::{Marker, MarkerModel};
@@ -187,13 +188,10 @@ impl<'a> Split<'a> {
                         let problem = FitProblem::new(&reduced, &prior, markers).unwrap();
                         let fit = problem.solve(None);
                         steps += fit.energies.len() - 1;
-                        let y = self
-                            .model
-                            .synthesize(&fit.state.rotations, &fit.state.shape);
-                        let warp = reduced.warp(&fit.pulls);
-                        predicted.push(errors(&y, truth));
-                        let y: Vec<DVec3> = y.iter().zip(&warp).map(|(a, b)| *a + *b).collect();
-                        completed.push(errors(&y, truth));
+                        let shape = self.model.shape.matrices(&fit.state.shape);
+                        let found = complete(&self.model, &fit, &shape, prior.noise);
+                        predicted.push(errors(&found.predicted, truth));
+                        completed.push(errors(&found.completed, truth));
                     }
                     println!(
                         "{count} markers, {:.0} mm, {name}: completed {}, predicted {}, {:.1} ms, {:.1} steps",

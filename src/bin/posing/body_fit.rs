@@ -6,9 +6,11 @@ use posing::body::completion::{Completion, complete};
 use posing::body::fit::{Fit, FitProblem};
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
+use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::{
-    marker_frames, open_body, read_marker_map, report_fits, write_rotations, write_shapes,
+    marker_frames, open_body, read_marker_map, report_fits, report_markers, write_rotations,
+    write_shapes,
 };
 use posing::cli::progress::Progress;
 use posing::cli::{input, streams};
@@ -71,7 +73,7 @@ pub struct Args {
     common: CommonArgs,
 }
 
-pub fn work(args: &Args) -> Result<()> {
+pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     input::check_single_stdin_with(&args.input, [&args.model, &args.on])?;
     let body = open_body(&args.model)?;
@@ -90,13 +92,13 @@ pub fn work(args: &Args) -> Result<()> {
             let problem = FitProblem::new(&model, &prior, &block[range.start]).ok()?;
             let fit = problem.solve(None);
             let shape = body.shape.matrices(&fit.state.shape);
-            let completion = complete(&body, &model, &fit, &shape);
+            let completion = complete(&body, &fit, &shape, args.noise);
             Some((fit, completion))
         }));
         bar.set(fits.len() as u64);
     }
     drop(bar);
-    report(&fits, &table.name)?;
+    let findings = report(&fits, &table.name, &names)?;
     write(args, &body, &fits)?;
     let state = |f: &Option<(Fit, Completion)>| {
         let (fit, completion) = f.as_ref()?;
@@ -114,17 +116,22 @@ pub fn work(args: &Args) -> Result<()> {
             .collect();
         write_shapes(path, &poses, body.shape.len(), &shapes)?;
     }
-    Ok(())
+    Ok(match findings {
+        0 => Outcome::Done,
+        _ => Outcome::Findings,
+    })
 }
 
-fn report(fits: &[Option<(Fit, Completion)>], source: &str) -> Result<()> {
+/// Tells how the fits are; how many findings there are.
+fn report(fits: &[Option<(Fit, Completion)>], source: &str, names: &[String]) -> Result<usize> {
     let rms: Vec<f64> = fits.iter().flatten().map(|(f, _)| f.rms).collect();
     if rms.is_empty() {
         let what = "no frame has four markers of the map or more";
         return Err(Error::data(Place::file(source), what));
     }
     report_fits(rms, fits.len(), "markers are", "the predicted bodies");
-    Ok(())
+    let fits: Vec<&Fit> = fits.iter().flatten().map(|(fit, _)| fit).collect();
+    Ok(report_markers(&fits, source, names))
 }
 
 fn write(args: &Args, body: &BodyModel, fits: &[Option<(Fit, Completion)>]) -> Result<()> {

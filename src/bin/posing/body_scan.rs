@@ -27,7 +27,7 @@ use std::path::PathBuf;
                        body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply"
 )]
 pub struct Args {
-    /// Scan: OBJ, PLY or STL; without faces a cloud of points
+    /// Scan: OBJ, PLY, STL or OFF; without faces a cloud of points
     #[arg(value_name = "SCAN")]
     scan: PathBuf,
     /// Body model

@@ -70,7 +70,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "FORMAT",
-        value_parser = ["obj", "ply", "stl"],
+        value_parser = ["obj", "ply", "stl", "off"],
         help_heading = "Output"
     )]
     mesh_format: Option<String>,

@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use glam::DVec3;
+use posing::body::correspondence;
 use posing::body::fit::FEWEST;
 use posing::body::part_finding::find_parts;
 use posing::body::train::{Settings, train};
@@ -33,7 +34,7 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\
         \n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
-    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of \
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL, OFF; folders of them, read in the order of \
                        their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: \
                        vertex,part; both count from 0\n  joints.csv: part,joint; the point of a \
                        pose table at the joint where the part begins; in a second line of the \
@@ -97,6 +98,14 @@ pub fn work(args: &Args) -> Result<()> {
     };
     let (pose_meshes, people_meshes) = (meshes(&poses), people.as_ref().map_or(Vec::new(), meshes));
     let template = template(args, &poses, &pose_meshes)?;
+    let names = poses
+        .names
+        .iter()
+        .chain(people.iter().flat_map(|p| &p.names));
+    check(
+        &template,
+        names.zip(pose_meshes.iter().chain(&people_meshes)),
+    )?;
     let settings = Settings {
         components: usize::from(args.components),
         ..match args.paper {
@@ -175,6 +184,22 @@ fn template(args: &Args, poses: &MeshSet, meshes: &[Vec<DVec3>]) -> Result<Templ
         }
     };
     Template::new(first, faces, parts).map_err(fail)
+}
+
+/// Whether all meshes are the template's, vertex by vertex.
+fn check<'a>(
+    template: &Template,
+    mut meshes: impl Iterator<Item = (&'a String, &'a Vec<DVec3>)>,
+) -> Result<()> {
+    let own = |(name, mesh): (&'a String, &'a Vec<DVec3>)| {
+        Some((name, correspondence::mismatch(template, mesh)?))
+    };
+    let first = meshes.next();
+    let of_template = first.and_then(|(n, _)| Some((n, correspondence::wrong_template(template)?)));
+    match of_template.or_else(|| meshes.find_map(own)) {
+        Some((name, what)) => Err(Error::data(Place::file(name), what)),
+        None => Ok(()),
+    }
 }
 
 /// The part of each vertex (`vertex,part`).

@@ -1,4 +1,4 @@
-//! Triangle meshes: Wavefront OBJ, Stanford PLY, STL, and sets of meshes with one topology.
+//! Triangle meshes: Wavefront OBJ, Stanford PLY, STL, OFF, and sets of meshes with one topology.
 //!
 //! Lengths are in the unit of the file: none of the formats names one. All readers refuse
 //! coordinates that are not finite and faces that name vertices the file does not have. Polygons
@@ -8,6 +8,7 @@
 mod arrays;
 mod check;
 mod obj;
+mod off;
 mod ply;
 mod set;
 mod stl;
@@ -60,10 +61,12 @@ pub enum MeshFormat {
     Ply,
     /// STL, text or binary.
     Stl,
+    /// OFF, text.
+    Off,
 }
 
 impl MeshFormat {
-    /// The format that a path's extension names: `.obj`, `.ply` or `.stl`, in any case.
+    /// The format that a path's extension names: `.obj`, `.ply`, `.stl` or `.off`, in any case.
     ///
     /// # Errors
     /// [`Error::Usage`]: another extension, or none.
@@ -72,7 +75,7 @@ impl MeshFormat {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         MeshFormat::of_extension(extension).ok_or_else(|| {
             Error::usage(format!(
-                "{}: unknown mesh format; use the extension .obj, .ply or .stl",
+                "{}: unknown mesh format; use the extension .obj, .ply, .stl or .off",
                 path.display()
             ))
         })
@@ -84,6 +87,7 @@ impl MeshFormat {
             MeshFormat::Obj => "obj",
             MeshFormat::Ply => "ply",
             MeshFormat::Stl => "stl",
+            MeshFormat::Off => "off",
         }
     }
 
@@ -92,6 +96,7 @@ impl MeshFormat {
             "obj" => Some(MeshFormat::Obj),
             "ply" => Some(MeshFormat::Ply),
             "stl" => Some(MeshFormat::Stl),
+            "off" => Some(MeshFormat::Off),
             _ => None,
         }
     }
@@ -131,7 +136,7 @@ impl Mesh {
         match input.kind() {
             ContentKind::Empty => return fail("is empty, expected a mesh"),
             ContentKind::Npy | ContentKind::Npz => {
-                return fail("is a NumPy file, expected a mesh (OBJ, PLY or STL)");
+                return fail("is a NumPy file, expected a mesh (OBJ, PLY, STL or OFF)");
             }
             ContentKind::Text => {}
         }
@@ -140,6 +145,7 @@ impl Mesh {
             _ if ply::is_ply(&bytes) => ply::read(&bytes, &name)?,
             Some(MeshFormat::Ply) => return fail("does not begin with ply, as PLY files do"),
             Some(MeshFormat::Stl) => stl::read(&bytes, &name)?,
+            Some(MeshFormat::Off) => off::read(&bytes, &name)?,
             None if stl::is_stl(&bytes) => stl::read(&bytes, &name)?,
             Some(MeshFormat::Obj) | None => obj::read(&bytes, &name)?,
         };
@@ -152,8 +158,8 @@ impl Mesh {
     /// Writes the mesh to a file, complete or not at all. The extension names the format.
     ///
     /// # Errors
-    /// [`Error::Usage`]: another extension than `.obj`, `.ply` or `.stl`. [`Error::Io`]: the file
-    /// cannot be written.
+    /// [`Error::Usage`]: another extension than `.obj`, `.ply`, `.stl` or `.off`. [`Error::Io`]: the
+    /// file cannot be written.
     /// [`Error::Data`]: a face names a vertex that is not there.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let format = MeshFormat::of(&path)?;
@@ -174,6 +180,7 @@ impl Mesh {
             MeshFormat::Obj => obj::write(self),
             MeshFormat::Ply => ply::write(self),
             MeshFormat::Stl => stl::write(self),
+            MeshFormat::Off => off::write(self),
         })
     }
 

@@ -22,8 +22,8 @@ pub struct MeshSet {
 
 impl MeshSet {
     /// Opens meshes in the order of the paths. A path is a mesh file; a folder, of which all mesh
-    /// files (`.obj`, `.ply`, `.stl`, also with `.gz` or `.zst`) are read in the order of their
-    /// names; or an `.npz` archive.
+    /// files (`.obj`, `.ply`, `.stl`, `.off`, also with `.gz` or `.zst`) are read in the order of
+    /// their names; or an `.npz` archive.
     ///
     /// An archive has the arrays `vertices`, (meshes, vertices, 3) or (vertices, 3) of float32 or
     /// float64, and `faces`, (faces, 3) of a whole type, vertices counted from 0. A mesh that
@@ -93,7 +93,10 @@ fn mesh_files(folder: &Path) -> Result<Vec<PathBuf>> {
     }
     if files.is_empty() {
         let place = Place::file(folder.display().to_string());
-        return Err(Error::data(place, "has no mesh files (.obj, .ply, .stl)"));
+        return Err(Error::data(
+            place,
+            "has no mesh files (.obj, .ply, .stl, .off)",
+        ));
     }
     files.sort();
     Ok(files)

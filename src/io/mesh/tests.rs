@@ -30,7 +30,7 @@ fn files_are_saved_by_extension_and_read_compressed() {
     let path = folder.path().join("cube.OBJ");
     cube().save(&path).unwrap();
     assert_eq!(Mesh::open(&path).unwrap(), cube());
-    let error = cube().save(folder.path().join("cube.off")).unwrap_err();
+    let error = cube().save(folder.path().join("cube.dae")).unwrap_err();
     assert!(matches!(error, Error::Usage(_)), "{error}");
     let mut gz = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     gz.write_all(&cube().to_bytes(MeshFormat::Stl).unwrap())

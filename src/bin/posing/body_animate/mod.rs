@@ -11,7 +11,7 @@ use posing::body::take::BodyTake;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::fit_take;
 use posing::cli::body::{
-    marker_frames, open_body, read_marker_map, read_shapes, write_rotations, write_shapes,
+    marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
 use posing::cli::input;
@@ -71,6 +71,10 @@ pub struct Args {
     /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
     noise: f64,
+    /// Leave the markers as they are: else noise is taken from their paths first, as denoise --self
+    /// does, where a rate is known
+    #[arg(long)]
+    no_smooth: bool,
     /// Shape of another body: comma-separated numbers, or a table of one row
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
@@ -82,7 +86,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "FORMAT",
-        value_parser = ["obj", "ply", "stl"],
+        value_parser = ["obj", "ply", "stl", "off"],
         help_heading = "Output"
     )]
     mesh_format: Option<String>,
@@ -102,8 +106,11 @@ pub fn work(args: &Args) -> Result<()> {
     input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
     let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), Units::CM_Y)?;
     let body = open_body(&args.model)?;
-    let table = input::read_table(&args.input, false, false)?;
+    let mut table = input::read_table(&args.input, false, false)?;
     let fps = args.input.rate(&table.poses)?;
+    if !args.no_smooth {
+        smooth(&mut table, fps)?;
+    }
     output.check_times(
         table.poses.frames(),
         table.poses.time.is_some() || fps.is_some(),

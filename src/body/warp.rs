@@ -1,0 +1,133 @@
+//! The smoothest way to move all of space so that some points go where they should: a thin plate.
+//!
+//! ```text
+//! s(x) = Σ_k c_k |x − x_k| + b + B x,   with Σ c_k = 0 and Σ c_k x_kᵀ = 0
+//! ```
+//!
+//! bends least of all functions with these values at the x_k (J. Duchon 1977: in space the
+//! biharmonic spline is |r|). It is also the best estimate of a random field whose differences have
+//! a variance that grows with the distance; the noise of the values over that growth smooths it.
+
+use crate::numeric::linalg::Cholesky;
+use glam::{DMat3, DVec3};
+use ndarray::{Array2, s};
+
+/// Pairs up to this distance tell how the field grows, cm.
+const NEAR: f64 = 10.0;
+/// The least smoothing, cm: points that coincide leave the equations solvable.
+const LEAST_SMOOTHING: f64 = 1e-3;
+/// By how much the polynomials count more than the largest distance: the equations are positive
+/// definite then, and their solution is the same.
+const LIFT: f64 = 10.0;
+
+/// A warp of space.
+#[derive(Debug, Clone)]
+pub(crate) struct Warp {
+    /// The points and c.
+    centers: Vec<(DVec3, DVec3)>,
+    /// b and B; of points about `middle`.
+    shift: DVec3,
+    linear: DMat3,
+    middle: DVec3,
+}
+
+impl Warp {
+    /// The warp that moves each point by its own way, whose noise has a standard deviation of
+    /// `noise` a coordinate, cm. `None`: fewer than four points, or all in a plane.
+    pub(crate) fn new(moves: &[(DVec3, DVec3)], noise: f64) -> Option<Warp> {
+        let count = moves.len();
+        if count < 4 {
+            return None;
+        }
+        let middle = moves.iter().map(|(at, _)| *at).sum::<DVec3>() / count as f64;
+        let square = |(at, _): &(DVec3, DVec3)| (*at - middle) * (*at - middle);
+        let spread = (moves.iter().map(square).sum::<DVec3>() / count as f64).map(f64::sqrt);
+        if !(spread.min_element() > 0.0) {
+            return None;
+        }
+        let base = |at: DVec3| {
+            let own = (at - middle) / spread;
+            [1.0, own.x, own.y, own.z]
+        };
+        let polynomials = Array2::from_shape_fn((count, 4), |(i, c)| base(moves[i].0)[c]);
+        let apart = Array2::from_shape_fn((count, count), |(i, j)| moves[i].0.distance(moves[j].0));
+        let largest = apart.iter().copied().fold(0.0, f64::max);
+        let mut matrix = polynomials.dot(&polynomials.t()) * (LIFT * largest) - apart;
+        let smoothing = noise * noise / growth(moves, noise);
+        let smoothing = smoothing.max(LEAST_SMOOTHING);
+        matrix.diag_mut().mapv_inplace(|v| v + smoothing);
+        let values = Array2::from_shape_fn((count, 3), |(i, a)| moves[i].1[a]);
+        let factor = Cholesky::new(matrix)?;
+        let (own, theirs) = (factor.solve(&polynomials)?, factor.solve(&values)?);
+        let normal = Cholesky::new(polynomials.t().dot(&own))?;
+        let shared = normal.solve(&polynomials.t().dot(&theirs))?;
+        let pulls = theirs - own.dot(&shared);
+        // The polynomials are what the values are less the rest.
+        let left = polynomials.t().dot(&polynomials);
+        let rest = Array2::from_shape_fn((count, 3), |(i, a)| {
+            let plate = |j: usize| pulls[[j, a]] * moves[i].0.distance(moves[j].0);
+            values[[i, a]] - smoothing * pulls[[i, a]] + (0..count).map(plate).sum::<f64>()
+        });
+        let factors = Cholesky::new(left)?.solve(&polynomials.t().dot(&rest))?;
+        let row = |i: usize| DVec3::from_slice(&factors.slice(s![i, ..]).to_vec());
+        let pull = |j: usize| DVec3::from_slice(&pulls.slice(s![j, ..]).to_vec());
+        Some(Warp {
+            centers: (moves.iter().enumerate())
+                .map(|(j, (at, _))| (*at, -pull(j)))
+                .collect(),
+            shift: row(0),
+            linear: DMat3::from_cols(row(1) / spread.x, row(2) / spread.y, row(3) / spread.z),
+            middle,
+        })
+    }
+
+    /// What a point is moved by.
+    pub(crate) fn at(&self, point: DVec3) -> DVec3 {
+        let plate = self.centers.iter().map(|(at, c)| *c * point.distance(*at));
+        plate.sum::<DVec3>() + self.shift + self.linear * (point - self.middle)
+    }
+}
+
+/// How half the variance of a coordinate's difference grows with the distance, cm² per cm.
+fn growth(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (i, (a, moved)) in moves.iter().enumerate() {
+        for (b, other) in &moves[..i] {
+            let apart = a.distance(*b);
+            if apart < NEAR {
+                let half = moved.distance_squared(*other) / 6.0;
+                sum += (half - noise * noise) * apart;
+                squares += apart * apart;
+            }
+        }
+    }
+    // Where nothing but noise is seen, the warp is all but stiff.
+    let least = noise * noise / (100.0 * NEAR);
+    (sum / squares.max(f64::MIN_POSITIVE)).max(least).max(1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::parallel;
+    use rand::Rng;
+
+    #[test]
+    fn points_go_where_they_should_and_affine_maps_are_exact() {
+        let mut chance = parallel::rng(0, 0);
+        let mut random =
+            || DVec3::from_array(std::array::from_fn(|_| chance.random_range(-30.0..30.0)));
+        let points: Vec<DVec3> = (0..30).map(|_| random()).collect();
+        let bent = |x: DVec3| DVec3::new(0.01 * x.y * x.y, (x.z / 9.0).sin(), 0.0);
+        let moves: Vec<_> = points.iter().map(|x| (*x, bent(*x))).collect();
+        let warp = Warp::new(&moves, 0.0).unwrap();
+        assert!(moves.iter().all(|(x, y)| warp.at(*x).distance(*y) < 0.01));
+        let affine = |x: DVec3| DVec3::new(1.0 + 0.1 * x.y, -0.2 * x.x, 0.05 * x.z - 2.0);
+        let moves: Vec<_> = points.iter().map(|x| (*x, affine(*x))).collect();
+        let warp = Warp::new(&moves, 0.5).unwrap();
+        let at = DVec3::new(50.0, -4.0, 7.0);
+        assert!(warp.at(at).distance(affine(at)) < 1e-6);
+        let flat: Vec<_> = points.iter().map(|x| (x.with_z(0.0), DVec3::X)).collect();
+        assert!(Warp::new(&flat, 0.1).is_none() && Warp::new(&moves[..3], 0.1).is_none());
+    }
+}
