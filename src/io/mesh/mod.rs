@@ -158,8 +158,8 @@ impl Mesh {
     /// Writes the mesh to a file, complete or not at all. The extension names the format.
     ///
     /// # Errors
-    /// [`Error::Usage`]: another extension than `.obj`, `.ply`, `.stl` or `.off`. [`Error::Io`]: the
-    /// file cannot be written.
+    /// [`Error::Usage`]: an extension other than these of a mesh. [`Error::Io`]: the file cannot be
+    /// written.
     /// [`Error::Data`]: a face names a vertex that is not there.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let format = MeshFormat::of(&path)?;
