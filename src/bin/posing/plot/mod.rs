@@ -29,10 +29,10 @@ use std::path::PathBuf;
 /// filled, and how surely.
 ///
 /// Meshes are OBJ, PLY, STL or OFF files, folders of them, or NPZ files with vertices (frames, V,
-/// 3) and faces (F, 3), such as body-fit's. An SVG shows some of them, shaded, from the front. A page
-/// plays them with WebGL: each folder and NPZ file is a sequence of one topology, and all other
-/// files together are one more. Lengths are shown if the unit is known: give --units (body-fit's
-/// files are in cm).
+/// 3) and faces (F, 3), such as body-fit's. An SVG shows some of them, shaded, from the front. A
+/// page plays them with WebGL: each folder and NPZ file is a sequence of one topology, and all
+/// other files together are one more. Lengths are shown if the unit is known: give --units
+/// (body-fit's files are in cm).
 #[derive(Parser)]
 #[command(
     name = "plot",
