@@ -101,7 +101,7 @@ pub struct FitProblem<'a> {
     prior: &'a FitPrior,
     seen: Vec<usize>,
     targets: Vec<DVec3>,
-    /// Of each marker that is seen.
+    /// The weight of each marker that is seen.
     weights: Array1<f64>,
     /// σ².
     variance: f64,
@@ -234,7 +234,7 @@ impl<'a> FitProblem<'a> {
         ((count - 3.0 - followed) / count).max(LEAST_FREE)
     }
 
-    /// The same markers, weighed as a fit of them found.
+    /// This problem with the weights and the σ that a fit of it found.
     pub(super) fn as_in(&self, fit: &Fit) -> FitProblem<'a> {
         let is_out = |m: &usize| fit.left_out.iter().any(|(out, _)| out == m);
         let weight = |m: &usize| if is_out(m) { 0.0 } else { 1.0 };

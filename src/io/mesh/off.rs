@@ -24,8 +24,8 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
         true => next(&mut lines)?.ok_or_else(|| ends("numbers of vertices and faces"))?,
         false => rest.join(" "),
     };
-    let counts: Vec<usize> = counts.split(' ').filter_map(|w| w.parse().ok()).collect();
-    let &[vertices, faces, ..] = &counts[..] else {
+    let counts = counts.split(' ').take(2).map(|w| w.parse().ok());
+    let Some(&[vertices, faces]) = counts.collect::<Option<Vec<usize>>>().as_deref() else {
         return Err(Error::data(
             lines.here(),
             "expected the numbers of vertices and faces",
@@ -119,6 +119,7 @@ mod tests {
         for (from, to, expected) in [
             ("OFF", "off", "a.off:1: expected OFF"),
             ("4 1 0\n", "4\n", "a.off:3: expected the numbers"),
+            ("4 1 0\n", "4 x 0\n", "a.off:3: expected the numbers"),
             ("1 1 0\n", "1 1\n", "a.off:6: expected three numbers"),
             ("4 0 1 2 3", "4 0 1 2", "a.off:8: expected a face"),
             ("4 0 1 2 3", "4 0 1 2 4", "a.off:8: the face names vertex 4"),
