@@ -8,8 +8,8 @@ use super::toml_file;
 use crate::io::csv::push_cell;
 use crate::io::npy;
 use crate::io::text::{push_f32, push_f64};
-use crate::metric::JointMap;
 use crate::metric::body_frame::BodyFramePoses;
+use crate::metric::{JointMap, PoseMetric};
 use crate::numeric::parallel;
 use crate::pose::{NameMap, Poses};
 use crate::{Place, Result};
@@ -42,6 +42,33 @@ impl JointMapArgs {
     /// Those of [`joint_map`].
     pub fn joint_map(&self) -> Result<JointMap> {
         joint_map(&self.map)
+    }
+}
+
+/// The flag that names the sixteen joints of commands that find them by the points' names.
+#[derive(Debug, Clone, clap::Args)]
+pub struct FittingMapArgs {
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
+    /// them), or a TOML file; a metric has its own [default: by the points' names]
+    #[arg(
+        long,
+        value_name = "CMU|NAME|FILE.toml",
+        conflicts_with = "model",
+        help_heading = "Input"
+    )]
+    map: Option<String>,
+}
+
+impl FittingMapArgs {
+    /// The map of a metric, or that which the flag names; `None`: the points' names tell.
+    ///
+    /// # Errors
+    /// Those of [`joint_map`].
+    pub fn joint_map(&self, metric: Option<&PoseMetric>) -> Result<Option<JointMap>> {
+        match metric {
+            Some(metric) => Ok(Some(metric.map.clone())),
+            None => self.map.as_deref().map(joint_map).transpose(),
+        }
     }
 }
 

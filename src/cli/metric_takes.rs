@@ -7,7 +7,9 @@ use super::feature_table::body_frames;
 use super::{input, messages};
 use crate::io::csv::push_cell;
 use crate::io::text::excerpt;
-use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabeledPair, PoseMetric};
+use crate::metric::{
+    BodyFramePoses, FrameRef, IndexedTake, JointMap, LabeledPair, PoseIndex, PoseMetric,
+};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -34,7 +36,16 @@ pub fn open_metric(path: &Path) -> Result<PoseMetric> {
     PoseMetric::from_model(&input::open_model(path)?, &path.display().to_string())
 }
 
-/// Reads takes from `files`. A take that the tables do not name has the name of its file.
+/// Opens an index of takes.
+///
+/// # Errors
+/// [`Error::Data`]: the file cannot be read, or is no index.
+pub fn open_index(path: &Path) -> Result<PoseIndex> {
+    PoseIndex::from_model(&input::open_model(path)?, &path.display().to_string())
+}
+
+/// Reads takes from `files`. A take that the tables do not name has the name of its file. Without
+/// a map the joints are found by the points' names.
 ///
 /// # Errors
 /// [`Error::Data`]: a table cannot be read, lacks joints, shows no body height, or has a take
@@ -43,7 +54,7 @@ pub fn open_metric(path: &Path) -> Result<PoseMetric> {
 pub fn read_takes(
     flags: &InputArgs,
     files: Vec<PathBuf>,
-    map: &JointMap,
+    map: Option<&JointMap>,
     needs_rate: bool,
 ) -> Result<MetricTakes> {
     let flags = flags.with_files(files);
@@ -56,7 +67,11 @@ pub fn read_takes(
             table.name
         )));
     }
-    let takes = body_frames(&table.poses, &rates, map, &table.name)?;
+    let map = match map {
+        Some(map) => map.clone(),
+        None => JointMap::fitting(&table.poses.points),
+    };
+    let takes = body_frames(&table.poses, &rates, &map, &table.name)?;
     let own = crate::io::input::take_name(Path::new(&table.name));
     let name = |start: usize| match &table.poses.take {
         Some(takes) if !takes[start].is_empty() => takes[start].to_string(),
@@ -99,6 +114,19 @@ fn report_rates(rates: &[Option<f64>], source: &str) {
 }
 
 impl MetricTakes {
+    /// The takes, described by a metric.
+    pub fn index(&self, metric: &PoseMetric) -> PoseIndex {
+        let ranges = self.poses.takes();
+        let takes = (self.names.iter().zip(&self.takes)).zip(ranges);
+        let takes: Vec<_> = takes
+            .map(|((name, take), range)| {
+                let time = self.poses.time.as_ref().map(|time| &time[range]);
+                (IndexedTake::new(name, take, time), take)
+            })
+            .collect();
+        PoseIndex::new(metric, &takes)
+    }
+
     /// Every `every`-th frame of each take by a metric: which frames, and their vectors.
     pub fn embed(&self, metric: &PoseMetric, every: usize) -> (Vec<FrameRef>, Array2<f32>) {
         metric.embed_takes(&self.takes, |_| every)
@@ -121,11 +149,11 @@ impl MetricTakes {
     }
 
     /// Reads labeled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other
-    /// columns are ignored.
+    /// columns are ignored; people may disagree about a pair.
     ///
     /// # Errors
     /// [`Error::Data`], with the line: a column is missing, a take is unknown, a frame is out of
-    /// range, a label is neither 0 nor 1, or a pair is labeled both.
+    /// range, or a label is neither 0 nor 1.
     pub fn read_pairs(&self, path: &Path) -> Result<Vec<LabeledPair>> {
         self.read(path, true).map(|(pairs, _)| pairs)
     }
@@ -146,7 +174,6 @@ impl MetricTakes {
             .map(|(k, name)| (name.as_str(), k))
             .collect();
         let mut pairs: Vec<LabeledPair> = Vec::new();
-        let mut lines = HashMap::new();
         let mut has_labels = label.is_some();
         for record in file.rows() {
             let (line, record) = record?;
@@ -167,14 +194,6 @@ impl MetricTakes {
                     }
                 },
             };
-            let [a, b] = pair.ends;
-            if let Some((label, before)) = lines.insert((a.min(b), a.max(b)), (pair.is_alike, line))
-                && label != pair.is_alike
-            {
-                return Err(fail(format!(
-                    "contradicts line {before}: the same pair is labeled both 1 and 0"
-                )));
-            }
             pairs.push(pair);
         }
         match pairs.is_empty() {

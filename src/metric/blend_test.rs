@@ -15,10 +15,10 @@
 //! What is not seen, such as accelerations at the ends of a clip, counts as within its limit.
 //! People may judge otherwise: this is a rule in their place.
 
-use super::blend::Blend;
 use super::clip::Clip;
 use super::joint_map::{PARENTS, joint};
 use glam::DVec3;
+use std::ops::RangeInclusive;
 
 /// By how much of its length a bone may leave its range.
 pub(crate) const BONE_SLACK: f64 = 0.05;
@@ -40,6 +40,19 @@ const ROUNDING: f64 = 1e-6;
 
 /// The joints that are feet.
 const FEET: [usize; 2] = [joint::LFOOT, joint::RFOOT];
+
+/// Two clips joined, from inside. Offsets count frames from the transition.
+pub trait BlendedClips {
+    /// The clips: first a, then b.
+    fn clips(&self) -> [&Clip; 2];
+    /// The offsets at which the clips are blended.
+    fn span(&self) -> RangeInclusive<isize>;
+    /// Where a joint is, cm: in clip a before the span, in the moved clip b after it; NaN where
+    /// there is no such frame.
+    fn joint(&self, offset: isize, joint: usize) -> DVec3;
+    /// The clip of more weight (0: a, 1: b), and its frame.
+    fn source(&self, offset: isize) -> (usize, isize);
+}
 
 /// What a clip does by itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,15 +108,14 @@ pub struct BlendQuality {
 }
 
 impl BlendQuality {
-    /// Measures the cross-fade of `blend`, whose clips have the ranges `ranges`.
-    pub fn measure(blend: &Blend<'_>, ranges: [&ClipRange; 2]) -> BlendQuality {
-        let half = blend.half as isize;
+    /// Measures `blend`, whose clips have the ranges `ranges`.
+    pub fn measure(blend: &impl BlendedClips, ranges: [&ClipRange; 2]) -> BlendQuality {
         let mut quality = BlendQuality {
             bones: 0.0,
             feet: 0.0,
             acceleration: 0.0,
         };
-        for offset in -half..=half {
+        for offset in blend.span() {
             quality.bones = quality.bones.max(bones(blend, ranges, offset));
             quality.feet = quality.feet.max(feet(blend, ranges, offset));
             let acceleration = accelerations(blend, ranges, offset);
@@ -121,7 +133,7 @@ impl BlendQuality {
 }
 
 /// The worst bone, `offset` frames from the transition.
-fn bones(blend: &Blend<'_>, ranges: [&ClipRange; 2], offset: isize) -> f64 {
+fn bones(blend: &impl BlendedClips, ranges: [&ClipRange; 2], offset: isize) -> f64 {
     let excess = |j: usize| {
         let length = (blend.joint(offset, j) - blend.joint(offset, PARENTS[j])).length();
         let [a, b] = ranges.map(|range| range.bones[j]);
@@ -133,11 +145,10 @@ fn bones(blend: &Blend<'_>, ranges: [&ClipRange; 2], offset: isize) -> f64 {
 }
 
 /// The faster planted foot.
-fn feet(blend: &Blend<'_>, ranges: [&ClipRange; 2], offset: isize) -> f64 {
-    let leader = usize::from(blend.weight(offset) >= 0.5);
-    let clip = blend.clips[leader];
+fn feet(blend: &impl BlendedClips, ranges: [&ClipRange; 2], offset: isize) -> f64 {
+    let (leader, at) = blend.source(offset);
+    let clip = blend.clips()[leader];
     let step = clip.frames_in(STEP_SECONDS) as isize;
-    let at = blend.frames[leader] as isize + offset;
     let speed = |joint: &dyn Fn(isize) -> DVec3, t: isize| {
         (joint(t + step) - joint(t - step)).length() * clip.rate / (2 * step) as f64
     };
@@ -153,8 +164,8 @@ fn feet(blend: &Blend<'_>, ranges: [&ClipRange; 2], offset: isize) -> f64 {
 }
 
 /// The joint of the largest acceleration against its limit.
-fn accelerations(blend: &Blend<'_>, ranges: [&ClipRange; 2], offset: isize) -> f64 {
-    let [a, _] = blend.clips;
+fn accelerations(blend: &impl BlendedClips, ranges: [&ClipRange; 2], offset: isize) -> f64 {
+    let [a, _] = blend.clips();
     let step = a.frames_in(STEP_SECONDS) as isize;
     let of = |j: usize| {
         let limit = ranges[0].accelerations[j].max(ranges[1].accelerations[j]);
@@ -182,10 +193,14 @@ mod tests {
     use super::*;
     use crate::metric::body_frame::tests::{own_names, standing, take_of};
     use crate::metric::clip::tests::stroll;
+    use crate::metric::cross_fade::CrossFade;
 
     fn quality(a: &Clip, b: &Clip, frames: [usize; 2], half: usize) -> BlendQuality {
         let ranges = [a, b].map(ClipRange::measure);
-        BlendQuality::measure(&Blend::new([a, b], frames, half), [&ranges[0], &ranges[1]])
+        BlendQuality::measure(
+            &CrossFade::new([a, b], frames, half),
+            [&ranges[0], &ranges[1]],
+        )
     }
 
     /// A clip at 30 frames a second.

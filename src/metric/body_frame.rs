@@ -97,7 +97,7 @@ fn without_yaw(across: DVec3) -> impl Fn(DVec3) -> DVec3 {
 }
 
 /// The yaw of a body whose left hip joint lies in the direction `across` of the right one, radians.
-pub(super) fn yaw(across: DVec3) -> f64 {
+pub(crate) fn yaw(across: DVec3) -> f64 {
     (-across.z).atan2(across.x)
 }
 
@@ -118,7 +118,7 @@ fn height(frames: usize, at: impl Fn(usize, usize) -> DVec3) -> Option<f64> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::metric::joint_map::JOINTS;
     use ndarray::Array2;

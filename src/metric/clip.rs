@@ -85,7 +85,7 @@ impl Clip {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::metric::body_frame::tests::{own_names, standing, take_of};
     use crate::metric::joint_map::joint;

@@ -46,7 +46,7 @@ impl PoseFeatures {
         match self {
             PoseFeatures::Gpd => some(&Family::ALL),
             PoseFeatures::GpdWithAccelerations => Some(Gpd::default()),
-            PoseFeatures::Coordinates => some(&[Family::JointCoordinate, Family::JointKinetics]),
+            PoseFeatures::Coordinates => Some(Gpd::coordinates()),
             PoseFeatures::JointDistances => some(&[Family::JointJointDistance]),
             PoseFeatures::Orientations => None,
             #[cfg(feature = "published")]

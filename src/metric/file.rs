@@ -44,6 +44,12 @@ impl PoseMetric {
                 model.meta.kind
             )));
         }
+        PoseMetric::from_parts(model, source)
+    }
+
+    /// The metric that a model of any kind holds.
+    pub(super) fn from_parts(model: &Model, source: &str) -> Result<PoseMetric> {
+        let fail = |what: String| Error::data(Place::file(source), what);
         let points = JOINTS.iter().zip(&model.meta.points);
         let names = points.map(|(joint, point)| (joint.to_string(), point.clone()));
         let text = |name: &str| model.meta.details.get(name).and_then(Value::as_str);

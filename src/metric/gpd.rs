@@ -211,6 +211,12 @@ impl Gpd {
         }
     }
 
+    /// Coordinates of the joints and their velocities.
+    pub(crate) fn coordinates() -> Gpd {
+        let families = [Family::JointCoordinate, Family::JointKinetics];
+        Gpd::new(&families).without_accelerations()
+    }
+
     /// The same families, without accelerations.
     #[must_use]
     pub fn without_accelerations(self) -> Gpd {

@@ -79,6 +79,16 @@ impl JointMap {
         JointMap(CMU.map(String::from))
     }
 
+    /// The map by which the joints are found among `points`: that of the CMU skeleton where they
+    /// have its names, else the shipped map that fits them; CMU's again where none does.
+    pub fn fitting(points: &[String]) -> JointMap {
+        let cmu = JointMap::cmu();
+        match (cmu.find(points), NameMap::fitting(points)) {
+            (Err(_), Some(map)) => JointMap::of_names(map),
+            _ => cmu,
+        }
+    }
+
     /// A map of each joint's name to that of its point, such as `LHand` to `lwrist`.
     ///
     /// # Errors

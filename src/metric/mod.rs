@@ -9,20 +9,22 @@
 //! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
 //! and [`pose_metric`] is what was learned. [`nearest`] searches with it; [`baselines`] are the
 //! distances to compare with. [`transition`] finds frames at which one clip can go over into
-//! another, `blend` joins the clips there, and [`blend_test`] tells whether the result moves as
-//! the clips do.
+//! another, [`crate::ik`] joins the clips there, and [`blend_test`] tells whether the result moves
+//! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.
 
 #[cfg(feature = "published")]
 pub mod baselines;
-pub(crate) mod blend;
 pub mod blend_test;
 pub(crate) mod body_frame;
 #[cfg(feature = "published")]
 mod boost;
 pub mod clip;
+pub(crate) mod cross_fade;
+pub mod events;
 pub(crate) mod features;
 pub(crate) mod file;
 pub(crate) mod gpd;
+pub mod index;
 pub mod joint_map;
 #[cfg(feature = "published")]
 pub(crate) mod learners;
@@ -47,12 +49,13 @@ mod weights;
 
 #[cfg(feature = "published")]
 pub use baselines::Baseline;
-pub use blend::Blend;
-pub use blend_test::{BlendQuality, ClipRange};
+pub use blend_test::{BlendQuality, BlendedClips, ClipRange};
 pub use body_frame::BodyFramePoses;
 pub use clip::Clip;
+pub use events::{Event, EventSearch, Examples};
 pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
+pub use index::{IndexedTake, PoseIndex};
 pub use joint_map::JointMap;
 pub use nearest::PoseDatabase;
 pub use pairs::{FrameRef, LabeledPair};

@@ -1,5 +1,7 @@
 //! Pairs of poses that a person, or a rule, has called alike or not.
 
+use std::collections::HashMap;
+
 /// A frame of a take: indices from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameRef {
@@ -18,15 +20,36 @@ pub struct LabeledPair {
     pub is_alike: bool,
 }
 
-/// The position of a pair that is labeled both ways, in any order of its ends; `None` where labels
-/// agree.
-pub(crate) fn contradiction(pairs: &[LabeledPair]) -> Option<usize> {
-    let mut seen = std::collections::HashMap::new();
-    pairs.iter().position(|pair| {
+/// The labels that are left when those that contradict each other are weighed, in order, and the
+/// number of pairs that were labeled both ways. Of the labels of one pair, in any order of its
+/// ends, each of the fewer takes one of the more away: a pair that one of three people calls
+/// unlike counts once, and a draw not at all.
+pub(crate) fn weighed(pairs: &[LabeledPair]) -> (Vec<LabeledPair>, usize) {
+    let key = |pair: &LabeledPair| {
         let [a, b] = pair.ends;
-        let before = seen.insert((a.min(b), a.max(b)), pair.is_alike);
-        before.is_some_and(|label| label != pair.is_alike)
-    })
+        (a.min(b), a.max(b))
+    };
+    let mut labels: HashMap<_, [usize; 2]> = HashMap::new();
+    for pair in pairs {
+        labels.entry(key(pair)).or_default()[usize::from(pair.is_alike)] += 1;
+    }
+    let contradicted = labels.values().filter(|n| n[0] > 0 && n[1] > 0).count();
+    let mut left: HashMap<_, usize> = labels
+        .iter()
+        .map(|(key, n)| (*key, n[0].abs_diff(n[1])))
+        .collect();
+    let mut is_left = |pair: &&LabeledPair| {
+        let key = key(pair);
+        let [unlike, alike] = labels[&key];
+        let Some(left) = left.get_mut(&key).filter(|left| **left > 0) else {
+            return false;
+        };
+        let counts = (alike > unlike) == pair.is_alike;
+        *left -= usize::from(counts);
+        counts
+    };
+    let kept = pairs.iter().filter(|pair| is_left(pair)).copied().collect();
+    (kept, contradicted)
 }
 
 /// The largest share of pairs that one threshold on the distance decides right, (36) and (37), and
@@ -77,17 +100,18 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_labeled_both_ways_is_found_in_either_order() {
+    fn labels_that_contradict_each_other_are_weighed_in_either_order_of_the_ends() {
         let frame = |take, frame| FrameRef { take, frame };
         let pair = |a, b, is_alike| LabeledPair {
             ends: [a, b],
             is_alike,
         };
-        let (a, b) = (frame(0, 3), frame(1, 4));
-        assert_eq!(contradiction(&[pair(a, b, true), pair(b, a, true)]), None);
-        assert_eq!(
-            contradiction(&[pair(a, b, true), pair(b, a, false)]),
-            Some(1)
-        );
+        let (a, b, c) = (frame(0, 3), frame(1, 4), frame(1, 5));
+        let one = [pair(a, b, true), pair(b, a, true), pair(a, c, false)];
+        assert_eq!(weighed(&one), (one.to_vec(), 0));
+        let draw = [pair(a, b, true), pair(a, c, true), pair(b, a, false)];
+        assert_eq!(weighed(&draw), (vec![draw[1]], 1));
+        let most = [pair(a, b, true), pair(b, a, false), pair(a, b, false)];
+        assert_eq!(weighed(&most), (vec![most[1]], 1));
     }
 }

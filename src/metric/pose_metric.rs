@@ -8,6 +8,7 @@ use super::pairs::FrameRef;
 use super::scaling::Scaling;
 use crate::numeric::product::product;
 use ndarray::{Array2, ArrayView1, Axis, s};
+use std::ops::Range;
 
 /// Frames that are described together.
 const BATCH: usize = 4096;
@@ -64,7 +65,53 @@ pub struct PoseMetric {
     pub norm: Norm,
 }
 
+/// Seconds to the frames before and after that are described with a frame, unless one says
+/// otherwise.
+pub(super) const WINDOW: f64 = 0.2;
+
 impl PoseMetric {
+    /// The metric that needs no training: coordinates in body heights and their velocities as the
+    /// way of .2 seconds, of a frame and of those .2 seconds before and after it.
+    pub fn of_coordinates(map: JointMap) -> PoseMetric {
+        let scaling = Scaling::of_coordinates();
+        PoseMetric {
+            map,
+            features: PoseFeatures::Coordinates,
+            window: WINDOW,
+            projection: Projection::Weights(vec![1.0; 3 * scaling.scale.len()]),
+            scaling,
+            norm: Norm::Euclidean,
+        }
+    }
+
+    /// Whether this is [`PoseMetric::of_coordinates`], of whatever joints.
+    pub fn is_of_coordinates(&self) -> bool {
+        *self == PoseMetric::of_coordinates(self.map.clone())
+    }
+
+    /// The metric of one frame of which this one compares three side by side; `None` where that is
+    /// not what it does.
+    pub(crate) fn of_one_frame(&self) -> Option<PoseMetric> {
+        let Projection::Weights(weights) = &self.projection else {
+            return None;
+        };
+        let parts: Vec<&[f32]> = weights.chunks_exact(self.scaling.scale.len()).collect();
+        let is_window = parts.len() == 3 && parts.iter().all(|p| *p == parts[0]);
+        is_window.then(|| PoseMetric {
+            window: 0.0,
+            projection: Projection::Weights(parts[0].to_vec()),
+            ..self.clone()
+        })
+    }
+
+    /// The length of a vector.
+    pub(crate) fn dimensions(&self) -> usize {
+        match &self.projection {
+            Projection::Weights(weights) => weights.iter().filter(|w| **w != 0.0).count(),
+            Projection::Matrix(matrix) => matrix.ncols(),
+        }
+    }
+
     /// Whether takes need a frame rate.
     pub fn needs_rate(&self) -> bool {
         self.window > 0.0 || self.features.needs_rate()
@@ -80,7 +127,7 @@ impl PoseMetric {
     /// Some frames of a take, like [`PoseMetric::embed`].
     pub(crate) fn embed_frames(&self, take: &BodyFramePoses, frames: &[usize]) -> Array2<f32> {
         let windows: Vec<Vec<usize>> = (frames.iter())
-            .map(|t| window_frames(take, *t, self.window))
+            .map(|t| window_frames(&take.run_of(*t), take.rate, *t, self.window))
             .collect();
         let mut described: Vec<usize> = windows.concat();
         described.sort_unstable();
@@ -165,13 +212,17 @@ pub(super) fn window_parts(window: f64) -> usize {
     if window > 0.0 { 3 } else { 1 }
 }
 
-/// The frames of the window about frame `t`.
-fn window_frames(take: &BodyFramePoses, t: usize, window: f64) -> Vec<usize> {
+/// The frames of the window about frame `t`, which lies in `run`.
+pub(super) fn window_frames(
+    run: &Range<usize>,
+    rate: Option<f64>,
+    t: usize,
+    window: f64,
+) -> Vec<usize> {
     if window_parts(window) == 1 {
         return vec![t];
     }
-    let run = take.run_of(t);
-    let reach = take.rate.map_or(0, |rate| (window * rate).round() as usize);
+    let reach = rate.map_or(0, |rate| (window * rate).round() as usize);
     let before = t.saturating_sub(reach).max(run.start);
     vec![before, t, (t + reach).min(run.end - 1)]
 }

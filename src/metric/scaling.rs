@@ -1,7 +1,7 @@
 //! How features are scaled before poses are compared.
 
 use super::features::PoseFeatures;
-use super::gpd::Family;
+use super::gpd::{Family, Gpd};
 #[cfg(feature = "published")]
 use super::motion_matching;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -80,6 +80,17 @@ impl Scaling {
         Scaling { rule, shift, scale }
     }
 
+    /// Coordinates in body heights as they are, velocities as the way of .2 seconds, and nothing
+    /// else: no poses are needed.
+    pub(crate) fn of_coordinates() -> Scaling {
+        let families = Gpd::coordinates().feature_families();
+        Scaling {
+            rule: ScalingRule::None,
+            shift: vec![0.0; families.len()],
+            scale: families.iter().map(|f| unit(f).unwrap_or(0.0)).collect(),
+        }
+    }
+
     /// Scales poses (m, features) in place.
     pub(crate) fn apply(&self, poses: &mut Array2<f32>) {
         for mut pose in poses.rows_mut() {
@@ -138,13 +149,16 @@ fn balance(features: PoseFeatures, variances: &[f64]) -> Vec<f32> {
     }
 }
 
-fn balance_families(families: &[Family], variances: &[f64]) -> Vec<f32> {
-    // How a feature counts before the total is fixed: `None` for those that are standardized.
-    let unit = |family: &Family| match family {
+/// How a feature counts before the total is fixed: `None` for those that are standardized.
+fn unit(family: &Family) -> Option<f32> {
+    match family {
         Family::JointCoordinate => Some(1.0),
         Family::JointKinetics => Some(VELOCITY_SECONDS),
         _ => None,
-    };
+    }
+}
+
+fn balance_families(families: &[Family], variances: &[f64]) -> Vec<f32> {
     let coordinates = (families.iter().zip(variances))
         .filter_map(|(family, v)| Some(v * f64::from(unit(family)?).powi(2)))
         .sum::<f64>();

@@ -6,8 +6,8 @@ use super::joint_map::JointMap;
 #[cfg(feature = "published")]
 use super::learners::{self, TrainingPairs};
 use super::local_pairs::{Links, scatter_of_pairs};
-use super::pairs::{FrameRef, LabeledPair, contradiction};
-use super::pose_metric::{PoseMetric, Projection};
+use super::pairs::{FrameRef, LabeledPair, weighed};
+use super::pose_metric::{PoseMetric, Projection, WINDOW};
 use super::rdsr::{self, Criterion, RdsrSettings};
 use super::reduction;
 use super::scaling::ScalingRule;
@@ -85,7 +85,7 @@ impl TrainSettings {
             map,
             features: PoseFeatures::Gpd,
             scaling: ScalingRule::Balanced,
-            window: 0.2,
+            window: WINDOW,
             learner: Learner::Rdsr,
             rdsr: RdsrSettings {
                 criterion: Criterion::RatioTrace,
@@ -141,6 +141,9 @@ pub struct Trained {
     pub unlike: usize,
     /// Labeled pairs that lack joints.
     pub ignored: usize,
+    /// Pairs that were labeled both ways: the labels of the fewer people took as many of the
+    /// others' away.
+    pub contradicted: usize,
     /// Whether a learner that goes by steps came to an end before their limit, and the sparse
     /// graph is optimal within its tolerance.
     pub has_converged: bool,
@@ -153,13 +156,13 @@ pub struct Trained {
 /// Learns a metric from takes and labeled pairs of their frames.
 ///
 /// # Errors
-/// [`crate::Error::Unfit`]: no pair that the method needs, labels that contradict each other, no
-/// rate, or poses without variation.
+/// [`crate::Error::Unfit`]: no pair that the method needs, no rate, or poses without variation.
 pub fn train(
     takes: &[BodyFramePoses],
     pairs: &[LabeledPair],
     settings: &TrainSettings,
 ) -> Result<Trained> {
+    let (pairs, contradicted) = &weighed(pairs);
     check(takes, pairs, settings)?;
     let mut clock = Stopwatch::default();
     let labeled: BTreeSet<FrameRef> = pairs.iter().flat_map(|p| p.ends).collect();
@@ -183,14 +186,18 @@ pub fn train(
         sample,
         clock,
     };
-    match settings.learner {
+    let trained = match settings.learner {
         Learner::L2 => Ok(training.finish(full, Used::default())),
         #[cfg(feature = "published")]
         Learner::Lms => training.weights(&full, WeightRule::LeastSquares),
         #[cfg(feature = "published")]
         Learner::Boost => training.weights(&full, WeightRule::Boosting),
         _ => training.projection(&full),
-    }
+    }?;
+    Ok(Trained {
+        contradicted: *contradicted,
+        ..trained
+    })
 }
 
 /// A training under way.
@@ -211,6 +218,7 @@ impl Training<'_> {
             alike: used.alike,
             unlike: used.unlike,
             ignored: used.ignored,
+            contradicted: 0,
             has_converged: !used.stopped,
             violation: used.violation,
             seconds: self.clock.laps,
@@ -373,9 +381,6 @@ impl Labeled {
 }
 
 fn check(takes: &[BodyFramePoses], pairs: &[LabeledPair], settings: &TrainSettings) -> Result<()> {
-    if let Some(k) = contradiction(pairs) {
-        return Err(format!("pair {} is labeled both 1 and 0", k + 1).into());
-    }
     if settings.learner != Learner::L2 && !pairs.iter().any(|p| p.is_alike) {
         return Err("no pair has label 1".into());
     }

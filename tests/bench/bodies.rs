@@ -13,6 +13,7 @@ use posing::body::{BodyModel, Decomposer, Template};
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
+use std::collections::HashMap;
 use std::time::Instant;
 
 #[path = "../it/common/bodies.rs"]
@@ -24,10 +25,44 @@ fn main() {
     if !path.exists() {
         return println!("no bodies at ../shared/data/bodies: nothing is measured");
     }
-    let bodies = bodies::read(path);
+    let smooth = bodies::read(path);
     for split in 0..3 {
-        println!("split {split}");
-        Split::new(&bodies, split).report();
+        println!("smooth bodies, split {split}");
+        Split::new(&smooth, split).report(true);
+        println!("rough bodies, split {split}");
+        Split::new(&rough(&smooth, split), split).report(false);
+    }
+}
+
+/// The bodies made as hard as registered scans: to each is added a field of its own, smooth on the
+/// skin, of three wavelengths with a deviation of 3 mm a coordinate each.
+fn rough(smooth: &Bodies, seed: u64) -> Bodies {
+    const WAVES: usize = 96;
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1000 + seed);
+    let rest = &smooth.poses[0];
+    let mut roughened = |mesh: &Vec<DVec3>| -> Vec<DVec3> {
+        let mut normal = || rng.sample::<f64, _>(StandardNormal);
+        let mut vector = || DVec3::new(normal(), normal(), normal());
+        let mut waves = Vec::new();
+        for length in [4.0, 8.0, 16.0] {
+            for _ in 0..WAVES {
+                let strength = 0.3 * (2.0 / WAVES as f64).sqrt();
+                waves.push((vector() / length, vector().x * 20.0, vector() * strength));
+            }
+        }
+        (mesh.iter().zip(rest))
+            .map(|(v, at)| {
+                let field = waves
+                    .iter()
+                    .map(|(w, phase, a)| *a * (w.dot(*at) + phase).cos());
+                *v + field.sum::<DVec3>()
+            })
+            .collect()
+    };
+    Bodies {
+        poses: smooth.poses.iter().map(&mut roughened).collect(),
+        people: smooth.people.iter().map(&mut roughened).collect(),
+        ..smooth.clone()
     }
 }
 
@@ -106,7 +141,7 @@ impl<'a> Split<'a> {
         )
     }
 
-    fn report(&mut self) {
+    fn report(&mut self, with_scans: bool) {
         let template = &self.model.template;
         let decomposer = Decomposer::new(template, 0.007).unwrap();
         let pose = |k: &usize| self.bodies.poses[*k].as_slice();
@@ -127,11 +162,6 @@ impl<'a> Split<'a> {
         );
         for (name, model) in [("pose model", &self.model), ("paper", &self.paper)] {
             let start = Instant::now();
-            let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
-                .map(|(k, r)| errors(&model.synthesize(r, &[]), pose(k)))
-                .collect();
-            // The people's mean is not the poses' man.
-            let _ = e;
             let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
                 .map(|(k, r)| {
                     errors(
@@ -155,7 +185,9 @@ impl<'a> Split<'a> {
             }
         }
         self.markers();
-        self.scans();
+        if with_scans {
+            self.scans();
+        }
     }
 
     fn markers(&mut self) {
@@ -267,8 +299,46 @@ impl<'a> Split<'a> {
     }
 }
 
-/// What a scanner in front sees: points on triangles that face it, with noise and holes; and which
-/// vertices they show.
+/// Where the nearest triangle is along z, by place in x and y: what is more than half a
+/// centimeter behind it is hidden.
+struct DepthBuffer {
+    nearest: HashMap<[i64; 2], f64>,
+}
+
+impl DepthBuffer {
+    /// The width of a cell, cm.
+    const CELL: f64 = 0.25;
+
+    fn new(mesh: &[DVec3], faces: &[[usize; 3]]) -> DepthBuffer {
+        let mut nearest = HashMap::new();
+        for face in faces {
+            let [a, b, c] = face.map(|v| mesh[v]);
+            let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+            let steps = (2.0 * longest / Self::CELL).ceil().max(1.0) as usize;
+            for i in 0..=steps {
+                for j in 0..=steps - i {
+                    let (s, t) = (i as f64 / steps as f64, j as f64 / steps as f64);
+                    let p = a + (b - a) * s + (c - a) * t;
+                    let z = nearest.entry(Self::cell(p)).or_insert(f64::NEG_INFINITY);
+                    *z = z.max(p.z);
+                }
+            }
+        }
+        DepthBuffer { nearest }
+    }
+
+    fn cell(p: DVec3) -> [i64; 2] {
+        [p.x, p.y].map(|x| (x / Self::CELL).floor() as i64)
+    }
+
+    fn shows(&self, p: DVec3) -> bool {
+        let nearest = self.nearest.get(&Self::cell(p));
+        nearest.is_none_or(|z| p.z > z - 0.5)
+    }
+}
+
+/// What a scanner in front sees: points on triangles that face it and that no other hides, with
+/// noise and holes; and which vertices they show.
 fn front(
     mesh: &[DVec3],
     faces: &[[usize; 3]],
@@ -277,6 +347,7 @@ fn front(
     let holes: Vec<DVec3> = (0..6)
         .map(|_| mesh[rng.random_range(0..mesh.len())])
         .collect();
+    let buffer = DepthBuffer::new(mesh, faces);
     let mut points = Vec::new();
     let mut is_seen = vec![false; mesh.len()];
     for face in faces {
@@ -284,7 +355,10 @@ fn front(
         let normal = (b - a).cross(c - a);
         let unit = normal.normalize_or_zero();
         let middle = (a + b + c) / 3.0;
-        if unit.z < 0.2 || holes.iter().any(|h| (*h - middle).length() < 3.0) {
+        if unit.z < 0.2
+            || !buffer.shows(middle)
+            || holes.iter().any(|h| (*h - middle).length() < 3.0)
+        {
             continue;
         }
         face.iter().for_each(|v| is_seen[*v] = true);

@@ -19,7 +19,7 @@ const NOT_RUN: &[(&str, &str)] = &[
 /// Makes the files that the recipes name and the examples of the help texts do not.
 const MORE_FILES: &str = r#"
 set -euo pipefail
-cp truth.csv a.csv; cp truth.csv b.csv; cp walk.csv part.csv; posing c3d2xyz -q gait.c3d > gait.csv; cp restored.csv whole.csv
+cp truth.csv a.csv; cp truth.csv b.csv; cp walk.csv part.csv; cp walk.csv kick.csv; posing c3d2xyz -q gait.c3d > gait.csv; cp restored.csv whole.csv
 posing bvh2xyz walk.bvh | posing corrupt --gaps 2 --length 0.1 --points 2 | posing xyz2bvh --skeleton walk.bvh -o mixamo.bvh
 posing body-synth -q -m body.npz --pose truth.csv -o take.npz
 mkdir -p testdata && cp -R "$TAKES" testdata/cmu && cp -R "$BODIES" testdata/bodies && mkdir testdata/examples

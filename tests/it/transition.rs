@@ -90,7 +90,7 @@ fn a_walk_goes_over_into_its_own_moved_copy_as_if_nothing_were() {
     let walk = read(&table);
     assert_eq!(joined.frames(), walk.frames());
     for (a, b) in joined.xyz.iter().zip(&walk.xyz) {
-        assert!((a - b).abs() < 1e-6);
+        assert!((a - b).abs() < 1e-6, "{a} {b}");
     }
     for (a, b) in joined.time.unwrap().iter().zip(walk.time.unwrap()) {
         assert!((a - b).abs() < 1e-6);

@@ -2,8 +2,9 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
-use posing::cli::{feature_table, input, messages, streams};
+use posing::cli::{input, messages, streams};
 use posing::io::text::push_f32;
 use posing::metric::pairs::{FrameRef, LabeledPair, best_threshold};
 use posing::metric::{Baseline, JointMap, PoseMetric};
@@ -26,6 +27,7 @@ use std::path::{Path, PathBuf};
     name = "pose-distance",
     version,
     after_help = "Examples:\
+        \n  posing pose-distance truth.csv restored.csv\
         \n  posing pose-distance -m metric.npz truth.csv restored.csv\
         \n  posing pose-distance --baseline wjod --all truth.csv restored.csv -o distances.csv\
         \n  posing pose-distance -m metric.npz --pairs pairs.csv poses.csv\
@@ -34,13 +36,9 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Metric, by rdsr-train
-    #[arg(
-        short,
-        long,
-        value_name = "METRIC.npz",
-        required_unless_present = "baseline"
-    )]
+    /// Metric, by rdsr-train [default: coordinates and velocities, of a frame and of those .2 s
+    /// before and after it]
+    #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
     /// A published distance instead
     #[arg(long, value_name = "NAME", value_parser = baseline, conflicts_with = "model")]
@@ -54,15 +52,8 @@ pub struct Args {
     /// Each frame of A with each of B
     #[arg(long, conflicts_with = "pairs")]
     all: bool,
-    /// For a baseline: which points the sixteen joints are: CMU, a shipped map (posing complete
-    /// --help lists them), or a TOML file
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        default_value = "CMU",
-        help_heading = "Input"
-    )]
-    map: String,
+    #[command(flatten)]
+    map: FittingMapArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -80,14 +71,12 @@ pub fn work(args: &Args) -> Result<()> {
     let others = (args.model.iter()).chain(&args.labels).chain(&args.pairs);
     input::check_single_stdin_with(&args.input, others)?;
     let model = args.model.as_deref().map(open_metric).transpose()?;
-    let (map, needs_rate) = match (&model, args.baseline) {
-        (Some(metric), _) => (metric.map.clone(), metric.needs_rate()),
-        (None, baseline) => (
-            feature_table::joint_map(&args.map)?,
-            baseline.is_some_and(|b| b.features().needs_rate()),
-        ),
+    let map = args.map.joint_map(model.as_ref())?;
+    let needs_rate = match (&model, args.baseline) {
+        (None, Some(baseline)) => baseline.features().needs_rate(),
+        (metric, _) => metric.as_ref().is_none_or(PoseMetric::needs_rate),
     };
-    let read = |files| read_takes(&args.input, files, &map, needs_rate);
+    let read = |files| read_takes(&args.input, files, map.as_ref(), needs_rate);
     let tables = match &args.pairs {
         Some(_) => vec![read(args.input.files.clone())?],
         None => match &args.input.files[..] {
@@ -101,9 +90,12 @@ pub fn work(args: &Args) -> Result<()> {
             }
         },
     };
-    let metric = match model {
-        Some(metric) => metric,
-        None => learn_baseline(args, &map, &tables)?,
+    let metric = match (model, args.baseline) {
+        (Some(metric), _) => metric,
+        (None, None) => PoseMetric::of_coordinates(map.unwrap_or_default()),
+        (None, Some(baseline)) => {
+            learn_baseline(args, baseline, &map.unwrap_or_default(), &tables)?
+        }
     };
     let (a, b) = (&tables[0], tables.last().unwrap_or(&tables[0]));
     match &args.pairs {
@@ -112,8 +104,12 @@ pub fn work(args: &Args) -> Result<()> {
     }
 }
 
-fn learn_baseline(args: &Args, map: &JointMap, tables: &[MetricTakes]) -> Result<PoseMetric> {
-    let baseline = args.baseline.unwrap_or(Baseline::Jcd);
+fn learn_baseline(
+    args: &Args,
+    baseline: Baseline,
+    map: &JointMap,
+    tables: &[MetricTakes],
+) -> Result<PoseMetric> {
     let labels = match &args.labels {
         Some(path) => tables[0].read_pairs(path)?,
         None if baseline.is_learned() => {

@@ -8,7 +8,7 @@ use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
-use posing::{Place, Result};
+use posing::{Error, Place, Result};
 use std::path::PathBuf;
 
 /// Learn how alike poses are from labeled pairs
@@ -16,7 +16,8 @@ use std::path::PathBuf;
 /// Learns a metric, a distance of poses, from pairs of frames that are alike and from poses without
 /// labels (RDSR). retrieve, pose-distance and transition use it. More pairs help slowly: of ten
 /// poses found across people .881 were of the right action with 50 pairs, .887 with 150, .893 with
-/// 500 (HDM05). Pairs of label 1 alone are enough for rdsr, rca, nca and l2.
+/// 500 (HDM05). rdsr, rca and nca learn from pairs of label 1
+/// alone; l2 learns nothing.
 ///
 /// A label says that two takes show the same around two frames. Within --reach seconds of them,
 /// each pose is paired with the nearest poses of the takes that it is linked to. For labels that
@@ -39,9 +40,10 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Labeled pairs of frames of the input
+    /// Labeled pairs of frames of the input; l2 needs none. Where people contradict each other
+    /// about a pair, the most win by the difference of their numbers
     #[arg(long, value_name = "PAIRS.csv")]
-    pairs: PathBuf,
+    pairs: Option<PathBuf>,
     #[command(flatten)]
     map: JointMapArgs,
     /// What describes a pose: geometric features (gpd), distances of joints (jrf), coordinates
@@ -116,15 +118,29 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    input::check_single_stdin_with(&args.input, [&args.pairs])?;
+    input::check_single_stdin_with(&args.input, &args.pairs)?;
+    if args.pairs.is_none() && args.learner != Learner::L2 {
+        return Err(Error::usage(
+            "--pairs PAIRS.csv is missing: labeled pairs to learn from; without labels, retrieve \
+             and pose-distance need no metric",
+        ));
+    }
     let map = args.map.joint_map()?;
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
-    let takes = read_takes(&args.input, args.input.files.clone(), &map, needs_rate)?;
-    let pairs = takes.read_pairs(&args.pairs)?;
+    let takes = read_takes(
+        &args.input,
+        args.input.files.clone(),
+        Some(&map),
+        needs_rate,
+    )?;
+    let pairs = match &args.pairs {
+        Some(path) => takes.read_pairs(path)?,
+        None => Vec::new(),
+    };
     let trained =
         train(&takes.takes, &pairs, &settings).map_err(|e| e.at(Place::file(&takes.source)))?;
-    report(&trained);
+    report(args.learner, &trained);
     let mut model = trained.metric.to_model();
     let flags = [
         ("learner", value_name(args.learner)),
@@ -165,7 +181,7 @@ fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
     settings
 }
 
-fn report(trained: &Trained) {
+fn report(learner: Learner, trained: &Trained) {
     for (step, seconds) in &trained.seconds {
         messages::debug(&format!("{step}: {seconds:.2} s"));
     }
@@ -182,6 +198,16 @@ fn report(trained: &Trained) {
             "ignored {} pairs: joints missing",
             trained.ignored
         ));
+    }
+    if trained.contradicted > 0 {
+        messages::info(&format!(
+            "labeled both 1 and 0: {} pairs, of which the difference of the numbers counts",
+            trained.contradicted
+        ));
+    }
+    if learner == Learner::L2 {
+        messages::info("nothing is learned: the features are scaled by how they vary");
+        return;
     }
     let without = match trained.unlabeled {
         0 => String::new(),

@@ -2,8 +2,8 @@
 //! used.
 
 use super::takes::TakeSet;
-use crate::metric::blend::Blend;
 use crate::metric::blend_test::BlendQuality;
+use crate::metric::cross_fade::CrossFade;
 use crate::metric::{FrameRef, LabeledPair};
 use crate::numeric::parallel;
 use rand::Rng;
@@ -165,7 +165,7 @@ fn blends_well(set: &TakeSet, [a, b]: [FrameRef; 2]) -> Option<bool> {
     if !has_room(0, a.frame) || !has_room(1, b.frame) {
         return None;
     }
-    let blend = Blend::new(clips, [a.frame, b.frame], half);
+    let blend = CrossFade::new(clips, [a.frame, b.frame], half);
     let ranges = [&set.ranges[a.take], &set.ranges[b.take]];
     Some(BlendQuality::measure(&blend, ranges).is_good())
 }

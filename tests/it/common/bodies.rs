@@ -6,6 +6,7 @@ use std::path::Path;
 
 /// The shared meshes, centimeters.
 #[allow(dead_code)] // Every user takes a part of it.
+#[derive(Clone)]
 pub struct Bodies {
     pub poses: Vec<Vec<DVec3>>,
     pub people: Vec<Vec<DVec3>>,

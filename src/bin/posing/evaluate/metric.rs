@@ -64,7 +64,7 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
     input::check_single_stdin_with(&args.input, [&args.classes])?;
     let map = args.map.joint_map()?;
-    let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
+    let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
     let source = takes.source.clone();
     let set = classified(takes, &args.classes, &map)?;
     let subjects = set.subjects();

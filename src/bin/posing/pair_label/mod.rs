@@ -87,7 +87,7 @@ pub fn work(args: &Args) -> Result<()> {
     };
     let rules = args.rules();
     let map = args.map.joint_map()?;
-    let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
+    let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
     let pairs = PairSet::propose(&takes, &map, &rules)?;
     if let Some(path) = &args.csv {
         let bytes = pairs.write(PairFormat::Csv, "");

@@ -6,11 +6,11 @@ mod take_pairs;
 use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
-use posing::cli::{feature_table, input, messages};
-use posing::metric::train::Learner;
-use posing::metric::{JointMap, PoseFeatures, PoseMetric, TrainSettings, train};
-use posing::{Error, Place, Result};
+use posing::cli::feature_table::FittingMapArgs;
+use posing::cli::metric_takes::{open_metric, read_takes};
+use posing::cli::{input, messages};
+use posing::metric::{JointMap, PoseMetric};
+use posing::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Find frames at which one take can go over into another
@@ -25,9 +25,10 @@ use std::path::{Path, PathBuf};
 /// planted foot (slower than 20 cm/s, within 10 cm of its lowest height) is drawn faster than 30
 /// cm/s. acceleration: no joint's is above its largest in either take.
 ///
-/// A blend is the first take up to the transition, a cross-fade of the points about it, and the
-/// rest of the second take, turned about the vertical and moved on the ground to where the first
-/// one is.
+/// A blend is the first take up to the transition, a passage about it, and the rest of the second
+/// take, turned about the vertical and moved on the ground to go on where the first one is. In the
+/// passage bones turn from one take to the other and keep their lengths, both takes go at one
+/// cadence, and feet that stand stay in place.
 #[derive(Parser)]
 #[command(
     name = "transition",
@@ -43,15 +44,8 @@ pub struct Args {
     /// Metric, by rdsr-train (default: coordinates and velocities)
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
-    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists
-    /// them), or a TOML file; a metric has its own
-    #[arg(
-        long,
-        value_name = "CMU|NAME|FILE.toml",
-        conflicts_with = "model",
-        help_heading = "Input"
-    )]
-    map: Option<String>,
+    #[command(flatten)]
+    map: FittingMapArgs,
     /// Take that is left (default: each)
     #[arg(long, value_name = "TAKE")]
     from: Option<String>,
@@ -78,9 +72,9 @@ pub struct Args {
     /// Seconds between two transitions, in one of the takes at least
     #[arg(long, value_name = "S", default_value = "0.5", value_parser = seconds)]
     apart: f64,
-    /// Seconds of the cross-fade
-    #[arg(long, value_name = "S", default_value = "0.3", value_parser = seconds)]
-    over: f64,
+    /// Seconds of the blend [default: 0.3 to 1.2, the longest that is good]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    over: Option<f64>,
     /// Write the blended take of the nearest good transition to FILE, CSV or NPY
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     blend: Option<PathBuf>,
@@ -116,16 +110,13 @@ pub fn work(args: &Args) -> Result<()> {
         ));
     }
     let metric = args.model.as_deref().map(open_metric).transpose()?;
-    let map = match (&metric, &args.map) {
-        (Some(metric), _) => metric.map.clone(),
-        (None, Some(map)) => feature_table::joint_map(map)?,
-        (None, None) => JointMap::cmu(),
-    };
+    let map = args.map.joint_map(metric.as_ref())?;
     // A cross-fade is so many frames, whatever the metric needs.
-    let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
-    let metric = match metric {
-        Some(metric) => metric,
-        None => plain(&takes, map)?,
+    let takes = read_takes(&args.input, args.input.files.clone(), map.as_ref(), true)?;
+    let metric = match (metric, map) {
+        (Some(metric), _) => metric,
+        (None, Some(map)) => PoseMetric::of_coordinates(map),
+        (None, None) => PoseMetric::of_coordinates(JointMap::fitting(&takes.poses.points)),
     };
     let settings = TransitionSettings {
         from: args.from.clone(),
@@ -145,19 +136,6 @@ pub fn work(args: &Args) -> Result<()> {
         Some(path) => transitions.write_blend(&found, &args.input, path),
         None => Ok(()),
     }
-}
-
-/// Coordinates and velocities, each family scaled by how it varies in the takes.
-fn plain(takes: &MetricTakes, map: JointMap) -> Result<PoseMetric> {
-    let settings = TrainSettings {
-        features: PoseFeatures::Coordinates,
-        learner: Learner::L2,
-        ..TrainSettings::new(map)
-    };
-    let trained = train(&takes.takes, &[], &settings);
-    trained
-        .map(|t| t.metric)
-        .map_err(|e| e.at(Place::file(&takes.source)))
 }
 
 fn report(found: &[Transition]) {

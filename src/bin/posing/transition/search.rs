@@ -6,11 +6,12 @@ use ndarray::Array2;
 use posing::cli::args::{InputArgs, OutputArgs};
 use posing::cli::metric_takes::MetricTakes;
 use posing::cli::{messages, streams};
+use posing::ik::{Blend, Blender};
 use posing::io::Table;
 use posing::io::text::{excerpt, push_f32};
 use posing::metric::transition::candidates;
 use posing::metric::{
-    Blend, BlendQuality, Candidate, Clip, ClipRange, FrameRef, PoseMetric, TransitionSearch,
+    BlendQuality, Candidate, Clip, ClipRange, FrameRef, PoseMetric, TransitionSearch,
 };
 use posing::numeric::parallel;
 use posing::{Error, Place, Result};
@@ -19,6 +20,9 @@ use std::path::Path;
 
 /// Seconds from frame to frame of transitions of a take into itself, at least.
 const LEAST_JUMP: f64 = 1.0;
+
+/// Seconds that each take shows all joints about a transition, at least.
+const LEAST_ROOM: f64 = 0.3;
 
 /// Which transitions are looked for.
 #[derive(Debug, Clone)]
@@ -37,8 +41,8 @@ pub struct TransitionSettings {
     pub is_good_only: bool,
     /// Seconds between two transitions of a pair of takes, in one of the takes at least.
     pub apart: f64,
-    /// Seconds of the cross-fade.
-    pub over: f64,
+    /// Seconds of the blend; `None`: as long as it is good.
+    pub over: Option<f64>,
 }
 
 /// A candidate, and what its blend is like.
@@ -56,7 +60,7 @@ pub struct Transition {
 struct End {
     clip: Clip,
     range: ClipRange,
-    /// Whether each frame can be the middle of a cross-fade.
+    /// Whether each frame can be the middle of a blend.
     can_fade: Vec<bool>,
     /// The vectors of the frames by the metric; NaN for those that cannot.
     vectors: Array2<f32>,
@@ -78,7 +82,7 @@ impl<'a> Transitions<'a> {
     /// # Errors
     /// [`Error::Usage`]: there are no two takes, or takes of different rates. [`Error::Data`]: a
     /// take is not there, or no frame has
-    /// room for a cross-fade.
+    /// room for a blend.
     pub fn new(
         takes: &'a MetricTakes,
         metric: &'a PoseMetric,
@@ -107,7 +111,7 @@ impl<'a> Transitions<'a> {
         Ok(transitions)
     }
 
-    /// Fails if no pair of takes has room for a cross-fade; names the takes that have none.
+    /// Fails if no pair of takes has room for a blend; names the takes that have none.
     fn check_room(&self) -> Result<()> {
         let has_room = |take: &usize| self.ends[take].can_fade.contains(&true);
         let lacking: Vec<&usize> = self.ends.keys().filter(|k| !has_room(k)).collect();
@@ -115,9 +119,9 @@ impl<'a> Transitions<'a> {
             return Ok(());
         };
         let what = format!(
-            "take {} shows all joints nowhere for the {} s of a cross-fade",
+            "take {} shows all joints nowhere for the {} s of a blend",
             excerpt(&self.takes.names[**first]),
-            self.settings.over
+            self.settings.over.unwrap_or(LEAST_ROOM)
         );
         if !self.pairs.iter().any(|pair| pair.iter().all(has_room)) {
             let what = format!("{what}; shorten it with --over, or fill gaps with complete");
@@ -135,7 +139,7 @@ impl<'a> Transitions<'a> {
     /// wanted.
     ///
     /// # Errors
-    /// [`Error::Usage`]: the frames that are wanted have no room for a cross-fade.
+    /// [`Error::Usage`]: the frames that are wanted have no room for a blend.
     pub fn find(&self) -> Result<Vec<Transition>> {
         if let Some(frames) = self.settings.at {
             return Ok(vec![self.wanted(self.pairs[0], frames)?]);
@@ -158,14 +162,15 @@ impl<'a> Transitions<'a> {
                 false => 0,
             },
         };
+        let blender = Blender::new([&a.clip, &b.clip]);
+        let transition = |candidate: Candidate| self.transition(&blender, takes, candidate);
         let is_wanted = |candidate: &Candidate| {
-            !self.settings.is_good_only || self.transition(takes, *candidate).quality.is_good()
+            let found = transition(*candidate);
+            found.is_some_and(|t| !self.settings.is_good_only || t.quality.is_good())
         };
         let vectors = [a.vectors.view(), b.vectors.view()];
         let found = candidates(vectors, self.metric.norm, &search, is_wanted);
-        (found.into_iter())
-            .map(|candidate| self.transition(takes, candidate))
-            .collect()
+        found.into_iter().filter_map(transition).collect()
     }
 
     /// The transition that is wanted.
@@ -177,28 +182,39 @@ impl<'a> Transitions<'a> {
                     "--at: frame {frame} of take {} has no {} s before and after it that show all \
                      joints",
                     excerpt(&self.takes.names[take]),
-                    self.settings.over / 2.0
+                    self.settings.over.unwrap_or(LEAST_ROOM) / 2.0
                 )));
             }
         }
         let [a, b] = [0, 1].map(|k| self.ends[&takes[k]].vectors.row(frames[k]));
         let distance = self.metric.norm.distance(a, b);
-        Ok(self.transition(takes, Candidate { frames, distance }))
+        let blender = Blender::new(takes.map(|take| &self.ends[&take].clip));
+        let transition = self.transition(&blender, takes, Candidate { frames, distance });
+        transition.ok_or_else(|| Error::usage("--at: the takes end too near to these frames"))
     }
 
-    fn transition(&self, takes: [usize; 2], candidate: Candidate) -> Transition {
-        let blend = self.blend(takes, candidate.frames);
-        let quality = BlendQuality::measure(&blend, takes.map(|take| &self.ends[&take].range));
-        Transition {
+    fn transition(
+        &self,
+        blender: &Blender<'_>,
+        takes: [usize; 2],
+        candidate: Candidate,
+    ) -> Option<Transition> {
+        let (_, quality) = self.blend(blender, takes, candidate.frames)?;
+        Some(Transition {
             takes,
             candidate,
             quality,
-        }
+        })
     }
 
-    fn blend(&self, takes: [usize; 2], frames: [usize; 2]) -> Blend<'_> {
-        let clips = takes.map(|take| &self.ends[&take].clip);
-        Blend::new(clips, frames, clips[0].frames_in(self.settings.over / 2.0))
+    fn blend<'b>(
+        &self,
+        blender: &Blender<'b>,
+        takes: [usize; 2],
+        frames: [usize; 2],
+    ) -> Option<(Blend<'b>, BlendQuality)> {
+        let ranges = takes.map(|take| &self.ends[&take].range);
+        blender.blend(frames, self.settings.over, ranges)
     }
 
     /// Writes `a_take,a_frame,b_take,b_frame,distance,bones,feet,acceleration,good`.
@@ -218,7 +234,7 @@ impl<'a> Transitions<'a> {
                 self.takes.push_frame(&mut line, FrameRef { take, frame });
                 line.push(b',');
             }
-            // A metric's window may reach beyond the cross-fade, to joints that are missing.
+            // A metric's window may reach beyond the blend, to joints that are missing.
             if transition.candidate.distance.is_finite() {
                 push_f32(&mut line, transition.candidate.distance);
             }
@@ -241,12 +257,14 @@ impl<'a> Transitions<'a> {
             let wanted = found.iter().filter(|t| t.quality.is_good() == is_good);
             wanted.min_by(|x, y| x.candidate.distance.total_cmp(&y.candidate.distance))
         };
-        let chosen = nearest(true).or_else(|| nearest(false)).ok_or_else(|| {
-            Error::data(
-                Place::file(&self.takes.source),
-                "has no transition to blend",
-            )
-        })?;
+        let none = || {
+            let source = Place::file(&self.takes.source);
+            Error::data(source, "has no transition to blend")
+        };
+        let chosen = nearest(true).or_else(|| nearest(false)).ok_or_else(none)?;
+        let blender = Blender::new(chosen.takes.map(|take| &self.ends[&take].clip));
+        let blend = self.blend(&blender, chosen.takes, chosen.candidate.frames);
+        let (blend, _) = blend.ok_or_else(none)?;
         let [a, b] = chosen.takes.map(|take| excerpt(&self.takes.names[take]));
         let [i, j] = chosen.candidate.frames;
         let verdict = match chosen.quality.is_good() {
@@ -254,11 +272,13 @@ impl<'a> Transitions<'a> {
             false => "; no transition is good, this is the nearest",
         };
         messages::info(&format!(
-            "blended frame {i} of {a} with frame {j} of {b}{verdict}"
+            "blended frame {i} of {a} with frame {j} of {b} over {:.2} s, {b} at {:.2} frames for \
+             one of {a}{verdict}",
+            blend.seconds(),
+            blend.pace()
         ));
         let name = chosen.takes.map(|take| self.takes.names[take].as_str());
-        let blend = self.blend(chosen.takes, chosen.candidate.frames);
-        let table = Table::from_poses(blend.poses(&name.join(">")));
+        let table = Table::from_poses(blend.to_poses(&name.join(">")));
         let output = OutputArgs {
             output: Some(path.to_path_buf()),
             to: None,
@@ -284,7 +304,8 @@ impl End {
         let rate = takes.takes[take].rate.unwrap_or(0.0);
         let clip = Clip::new(takes.poses.slice(range), rate, &metric.map)
             .map_err(|e| e.at(Place::file(&takes.source)))?;
-        let can_fade = clip.can_fade(clip.frames_in(settings.over / 2.0));
+        let room = settings.over.unwrap_or(LEAST_ROOM);
+        let can_fade = clip.can_fade(clip.frames_in(room / 2.0));
         let mut vectors = metric.embed(&takes.takes[take]);
         for (mut row, can) in vectors.rows_mut().into_iter().zip(&can_fade) {
             if !can {

@@ -1,4 +1,4 @@
-//! One clip goes over into another: the second is moved and turned to where the first is, and over
+//! The plain joint of two clips: the second is moved and turned to where the first is, and over
 //! some frames the points go from those of the first to those of the second.
 //!
 //! ```text
@@ -9,14 +9,15 @@
 //! i and j are the frames of the transition, k counts frames from them, h is half the cross-fade.
 //! The turn about the vertical carries the yaw of b at j to that of a at i; the hips are their
 //! places on the ground, so heights stay. Averages of positions shorten bones where the poses
-//! differ: [`super::blend_test`] measures it.
+//! differ: [`super::blend_test`] measures it. That makes it a test of how alike the poses are;
+//! [`crate::ik`] joins clips that are to be looked at.
 
+use super::blend_test::BlendedClips;
 use super::body_frame;
 use super::clip::Clip;
 use super::joint_map::joint;
-use crate::pose::Poses;
 use glam::{DQuat, DVec3};
-use ndarray::Array2;
+use std::ops::RangeInclusive;
 
 /// A turn about the vertical and a move on the ground.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +52,7 @@ impl Alignment {
 
 /// A clip that goes over into another.
 #[derive(Debug, Clone, Copy)]
-pub struct Blend<'a> {
+pub struct CrossFade<'a> {
     /// The clips: first a, then b.
     pub clips: [&'a Clip; 2],
     /// The frame of each clip at which the transition is.
@@ -61,14 +62,14 @@ pub struct Blend<'a> {
     alignment: Alignment,
 }
 
-impl<'a> Blend<'a> {
+impl<'a> CrossFade<'a> {
     /// The transition from one clip to another at a frame of each, with `half` frames of cross-fade
     /// before and after it.
     ///
     /// Both clips should be able to fade there ([`Clip::can_fade`]); points are missing where they
     /// do not.
-    pub fn new(clips: [&'a Clip; 2], frames: [usize; 2], half: usize) -> Blend<'a> {
-        Blend {
+    pub fn new(clips: [&'a Clip; 2], frames: [usize; 2], half: usize) -> CrossFade<'a> {
+        CrossFade {
             clips,
             frames,
             half: half.max(1),
@@ -99,46 +100,26 @@ impl<'a> Blend<'a> {
             weight => of(0).lerp(moved(), weight),
         }
     }
+}
 
-    /// A joint of the blend, like [`Blend::point`]. Both clips have the same points.
-    pub(crate) fn joint(&self, offset: isize, joint: usize) -> DVec3 {
+impl BlendedClips for CrossFade<'_> {
+    fn clips(&self) -> [&Clip; 2] {
+        self.clips
+    }
+
+    fn span(&self) -> RangeInclusive<isize> {
+        -(self.half as isize)..=self.half as isize
+    }
+
+    fn joint(&self, offset: isize, joint: usize) -> DVec3 {
         let points = self.clips[0].joints.of(joint).iter();
         let sum: DVec3 = points.clone().map(|p| self.point(offset, *p)).sum();
         sum / points.len() as f64
     }
 
-    /// The whole clip: a up to the transition, the cross-fade, the rest of b, with all points.
-    /// Times are those of a, and go on with the steps of b; the take has the name `name`.
-    pub fn poses(&self, name: &str) -> Poses {
-        let [a, b] = self.clips;
-        let first = -(self.frames[0] as isize);
-        let frames = self.frames[0] + b.poses.frames() - self.frames[1];
-        let mut xyz = Array2::zeros((frames, a.poses.xyz.ncols()));
-        for (mut row, offset) in xyz.rows_mut().into_iter().zip(first..) {
-            for point in 0..a.poses.points.len() {
-                let p = self.point(offset, point);
-                (0..3).for_each(|axis| row[3 * point + axis] = p[axis]);
-            }
-        }
-        Poses {
-            points: a.poses.points.clone(),
-            xyz,
-            time: Some((0..frames).map(|t| self.time(t)).collect()),
-            take: Some(vec![name.into(); frames]),
-        }
-    }
-
-    /// The time of a frame of the whole clip, seconds.
-    fn time(&self, frame: usize) -> f64 {
-        let [a, b] = self.clips;
-        let [i, j] = self.frames;
-        let start = a.poses.time.as_ref().map_or(0.0, |time| time[0]);
-        if frame <= i {
-            return start + a.seconds(0, frame);
-        }
-        let time = start + a.seconds(0, i) + b.seconds(j, j + frame - i);
-        // Sums of decimal times have more digits than were measured.
-        (time * 1e9).round() / 1e9
+    fn source(&self, offset: isize) -> (usize, isize) {
+        let clip = usize::from(self.weight(offset) >= 0.5);
+        (clip, self.frames[clip] as isize + offset)
     }
 }
 
@@ -150,71 +131,33 @@ mod tests {
     #[test]
     fn before_the_cross_fade_is_a_and_after_it_moved_b() {
         let (a, b) = (stroll(60, 30.0, 0.0), stroll(50, 30.0, 0.4));
-        let blend = Blend::new([&a, &b], [20, 30], 5);
-        let whole = blend.poses("a>b");
-        assert_eq!(whole.frames(), 20 + 50 - 30);
+        let fade = CrossFade::new([&a, &b], [20, 30], 5);
         for t in 0..=15 {
-            assert_eq!(whole.frame(t), a.poses.frame(t));
+            assert_eq!(fade.point(t - 20, 3), a.point(t, 3));
         }
         for t in 25..40 {
             // Distances and heights are those of b.
-            let (p, q) = (blend.joint(t - 20, 3), blend.joint(t - 20, 15));
+            let (p, q) = (fade.joint(t - 20, 3), fade.joint(t - 20, 15));
             let (own_p, own_q) = (b.joint(t + 10, 3), b.joint(t + 10, 15));
             assert!(((p - q).length() - (own_p - own_q).length()).abs() < 1e-9);
             assert_eq!(p.y, own_p.y);
         }
         let hip = |clip: &Clip, t| clip.joint(t, joint::HIP);
-        let placed = blend.alignment.apply(hip(&b, 30)) - hip(&a, 20);
+        let placed = fade.alignment.apply(hip(&b, 30)) - hip(&a, 20);
         assert!(placed.x.abs() + placed.z.abs() < 1e-9);
-        let time = whole.time.unwrap();
-        assert!((time[39] - 39.0 / 30.0).abs() < 1e-9);
-        assert_eq!(&*whole.take.unwrap()[0], "a>b");
-    }
-
-    #[test]
-    fn a_clip_over_into_its_own_moved_copy_is_the_clip() {
-        let a = stroll(60, 30.0, 0.0);
-        let mut b = a.clone();
-        let turn = DQuat::from_rotation_y(2.0);
-        for mut row in b.poses.xyz.rows_mut() {
-            for p in row.as_slice_mut().unwrap().chunks_exact_mut(3) {
-                let moved = turn * DVec3::new(p[0], p[1], p[2]) + DVec3::new(-300.0, 0.0, 80.0);
-                p.copy_from_slice(&moved.to_array());
-            }
-        }
-        let whole = Blend::new([&a, &b], [31, 31], 6).poses("");
-        assert_eq!(whole.frames(), 60);
-        let far = (&whole.xyz - &a.poses.xyz)
-            .mapv(f64::abs)
-            .into_iter()
-            .fold(0.0, f64::max);
-        assert!(far < 1e-9, "{far}");
     }
 
     #[test]
     fn weights_rise_from_0_to_1_and_are_even_about_the_transition() {
         let a = stroll(30, 30.0, 0.0);
-        let blend = Blend::new([&a, &a], [15, 15], 4);
+        let fade = CrossFade::new([&a, &a], [15, 15], 4);
         assert_eq!(
-            [-9, -4, 0, 4, 9].map(|k| blend.weight(k)),
+            [-9, -4, 0, 4, 9].map(|k| fade.weight(k)),
             [0., 0., 0.5, 1., 1.]
         );
         for k in -4..4 {
-            assert!(blend.weight(k) < blend.weight(k + 1));
-            assert!((blend.weight(k) + blend.weight(-k) - 1.0).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn what_one_clip_lacks_is_missing_only_where_it_counts() {
-        let (a, mut b) = (stroll(30, 30.0, 0.0), stroll(30, 30.0, 0.0));
-        let hand = 3 * b.joints.of(joint::LHAND)[0];
-        for t in [5, 14, 25] {
-            b.poses.xyz[[t, hand]] = f64::NAN;
-        }
-        let whole = Blend::new([&a, &b], [15, 15], 4).poses("");
-        for t in 0..30 {
-            assert_eq!(whole.xyz[[t, hand]].is_nan(), [14, 25].contains(&t), "{t}");
+            assert!(fade.weight(k) < fade.weight(k + 1));
+            assert!((fade.weight(k) + fade.weight(-k) - 1.0).abs() < 1e-12);
         }
     }
 }

@@ -1,0 +1,298 @@
+//! Where in a database a motion is done: by dynamic time warping of the motion along each take.
+//!
+//! Each frame of the motion is laid on a frame of the take, 0, 1 or 2 frames after the one before
+//! it and never twice on the same one in a row, so that a find is done at half to twice the pace;
+//! of all ways the one with the least sum of squared distances counts (the sum of distances, for a
+//! city-block norm). An event's distance is the root of the mean, over the frames of the motion.
+
+use super::index::{IndexedTake, PoseIndex};
+use super::pose_metric::Norm;
+use crate::numeric::parallel;
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
+
+/// Frames a second at which motions are compared, unless one says otherwise.
+const RATE: f64 = 30.0;
+/// Frames of a take whose distances are held together.
+const BLOCK: usize = 2048;
+/// Frames that a motion has at least.
+const LEAST: usize = 3;
+
+/// What is searched for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EventSearch {
+    /// Every `every`-th frame is compared; `None`: some 30 a second.
+    pub every: Option<usize>,
+    /// Events, at most.
+    pub most: usize,
+    /// Seconds between two events of a take, at least.
+    pub apart: f64,
+    /// The greatest distance of an event.
+    pub within: f32,
+}
+
+/// A motion found in a take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Event {
+    /// The take.
+    pub take: usize,
+    /// The time of its first frame, seconds.
+    pub from: f64,
+    /// The time of its last frame, seconds.
+    pub to: f64,
+    /// How far the motion is from the example that is nearest.
+    pub distance: f32,
+}
+
+/// Motions that are looked for.
+#[derive(Debug, Clone)]
+pub struct Examples(Vec<Array2<f32>>);
+
+impl Examples {
+    /// The takes of `examples`, each whole. Frames that lack joints are left out.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: a take has under three frames to compare.
+    pub fn new(examples: &PoseIndex, every: Option<usize>) -> crate::Result<Examples> {
+        let example = |(k, take): (usize, &IndexedTake)| {
+            let rows = examples.motion(k);
+            let is_whole = |t: &usize| rows.row(*t).iter().all(|v| v.is_finite());
+            let frames = (0..take.frames).step_by(step(take, every));
+            let frames: Vec<usize> = frames.filter(is_whole).collect();
+            match frames.len() {
+                ..LEAST => Err(format!(
+                    "take {} has {} frames that show all joints; a motion has at least {LEAST} \
+                     of some {RATE} a second",
+                    take.name,
+                    frames.len()
+                )
+                .into()),
+                _ => Ok(rows.select(Axis(0), &frames)),
+            }
+        };
+        let found = examples.takes.iter().enumerate().map(example);
+        Ok(Examples(found.collect::<crate::Result<_>>()?))
+    }
+
+    /// The events of a database, nearest first, that are not of takes that `allowed` turns down.
+    /// None overlaps another.
+    pub fn find(
+        &self,
+        database: &PoseIndex,
+        search: &EventSearch,
+        allowed: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<Event> {
+        let found = parallel::map_chunks(database.takes.len(), 1, |takes| {
+            let takes = takes.filter(|take| allowed(*take));
+            let found = takes.map(|take| self.in_take(database, take, search));
+            found.collect::<Vec<_>>().concat()
+        });
+        let mut found = found.concat();
+        sort(&mut found);
+        found.truncate(search.most);
+        found
+    }
+
+    /// The events of a take, nearest first.
+    fn in_take(&self, database: &PoseIndex, take: usize, search: &EventSearch) -> Vec<Event> {
+        let (known, rows) = (&database.takes[take], database.motion(take));
+        let mut all = Vec::new();
+        for run in known.runs() {
+            let frames: Vec<usize> = run.step_by(step(known, search.every)).collect();
+            let rows = rows.select(Axis(0), &frames);
+            for example in &self.0 {
+                let ends = align(example.view(), rows.view(), database.metric.norm);
+                let ends = ends.into_iter().enumerate();
+                all.extend(ends.filter_map(|(end, way)| {
+                    let event = Event {
+                        take,
+                        from: known.time(frames[way.start])?,
+                        to: known.time(frames[end])?,
+                        distance: way.distance(example.nrows(), database.metric.norm),
+                    };
+                    (event.distance.is_finite() && event.distance <= search.within).then_some(event)
+                }));
+            }
+        }
+        sort(&mut all);
+        let mut kept: Vec<Event> = Vec::new();
+        for event in all {
+            let is_near = |other: &Event| {
+                event.from < other.to + search.apart && other.from < event.to + search.apart
+            };
+            if kept.len() < search.most && !kept.iter().any(is_near) {
+                kept.push(event);
+            }
+        }
+        kept
+    }
+}
+
+/// Nearest first, of equal ones the first.
+fn sort(events: &mut [Event]) {
+    events.sort_by(|a, b| {
+        let distance = a.distance.total_cmp(&b.distance);
+        distance
+            .then(a.take.cmp(&b.take))
+            .then(a.to.total_cmp(&b.to))
+    });
+}
+
+/// Frames from one that is compared to the next.
+fn step(take: &IndexedTake, every: Option<usize>) -> usize {
+    let own = || (take.rate.unwrap_or(RATE) / RATE).round() as usize;
+    every.unwrap_or_else(own).max(1)
+}
+
+/// A way through the frames of a take: where it began, and its sum so far.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    sum: f32,
+    start: usize,
+}
+
+impl Way {
+    const NONE: Way = Way {
+        sum: f32::INFINITY,
+        start: 0,
+    };
+
+    fn nearer(self, other: Way) -> Way {
+        if other.sum < self.sum { other } else { self }
+    }
+
+    fn with(self, cost: f32) -> Way {
+        Way {
+            sum: self.sum + cost,
+            ..self
+        }
+    }
+
+    fn distance(self, frames: usize, norm: Norm) -> f32 {
+        let mean = self.sum / frames as f32;
+        match norm {
+            Norm::Euclidean => mean.sqrt(),
+            Norm::City => mean,
+        }
+    }
+}
+
+/// The best way of `motion` (m, dimensions) that ends at each of the `rows` (n, dimensions).
+fn align(motion: ArrayView2<'_, f32>, rows: ArrayView2<'_, f32>, norm: Norm) -> Vec<Way> {
+    let m = motion.nrows();
+    // By frame of the motion, the best ways at the last two rows of the take.
+    let (mut last, mut before) = (vec![Way::NONE; m], vec![Way::NONE; m]);
+    let mut ends = Vec::with_capacity(rows.nrows());
+    for start in (0..rows.nrows()).step_by(BLOCK) {
+        let end = (start + BLOCK).min(rows.nrows());
+        let costs = costs(motion, rows.slice(s![start..end, ..]), norm);
+        for (at, costs) in (start..end).zip(costs.rows()) {
+            let ways = advance(&last, &before, at, costs);
+            ends.push(ways[m - 1]);
+            before = std::mem::replace(&mut last, ways);
+        }
+    }
+    ends
+}
+
+/// The best ways at row `at`, from those at the two rows before it.
+fn advance(last: &[Way], before: &[Way], at: usize, costs: ArrayView1<'_, f32>) -> Vec<Way> {
+    let mut ways = Vec::with_capacity(costs.len());
+    // The way that came from another row to this one.
+    let mut moved = Way::NONE;
+    for (i, cost) in costs.iter().enumerate() {
+        let came = match i.checked_sub(1) {
+            None => Way {
+                sum: 0.0,
+                start: at,
+            },
+            Some(i) => last[i].nearer(before[i]),
+        };
+        let came = came.with(*cost);
+        ways.push(came.nearer(moved.with(*cost)));
+        moved = came;
+    }
+    ways
+}
+
+/// What it costs to lay each frame of a motion on each of some rows (rows, m); infinite for rows
+/// that lack joints.
+fn costs(motion: ArrayView2<'_, f32>, rows: ArrayView2<'_, f32>, norm: Norm) -> Array2<f32> {
+    let mut costs = match norm {
+        Norm::City => Array2::from_shape_fn((rows.nrows(), motion.nrows()), |(r, i)| {
+            norm.distance(rows.row(r), motion.row(i))
+        }),
+        Norm::Euclidean => {
+            // About a frame of the motion, so that near rows are told apart.
+            let origin = motion.row(motion.nrows() / 2);
+            let (motion, rows) = (&motion - &origin, &rows - &origin);
+            let squares = |x: &Array2<f32>| x.rows().into_iter().map(|r| r.dot(&r)).collect();
+            let (own, others): (Vec<f32>, Vec<f32>) = (squares(&motion), squares(&rows));
+            let mut costs = rows.dot(&motion.t());
+            for ((r, i), cost) in costs.indexed_iter_mut() {
+                *cost = (own[i] + others[r] - 2.0 * *cost).max(0.0);
+            }
+            costs
+        }
+    };
+    for (mut costs, row) in costs.rows_mut().into_iter().zip(rows.rows()) {
+        if row.iter().any(|v| !v.is_finite()) {
+            costs.fill(f32::INFINITY);
+        }
+    }
+    costs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    /// The least sum over all ways, by trying each.
+    fn least(costs: &Array2<f32>, i: usize, at: usize, stood: bool) -> f32 {
+        let own = costs[[at, i]];
+        let Some(i) = i.checked_sub(1) else {
+            return own;
+        };
+        let step = |back: usize| match at.checked_sub(back) {
+            Some(at) => least(costs, i, at, back == 0),
+            None => f32::INFINITY,
+        };
+        let ways = [1, 2].map(step).into_iter().fold(f32::INFINITY, f32::min);
+        let stand = if stood { f32::INFINITY } else { step(0) };
+        own + ways.min(stand)
+    }
+
+    #[test]
+    fn ways_are_the_least_of_all() {
+        let motion = array![[0.0f32], [1.0], [3.0], [2.0], [0.5]];
+        let rows = array![
+            [0.3f32],
+            [0.2],
+            [1.2],
+            [2.9],
+            [2.2],
+            [0.1],
+            [4.0],
+            [0.6],
+            [1.0]
+        ];
+        for norm in [Norm::Euclidean, Norm::City] {
+            let costs = costs(motion.view(), rows.view(), norm);
+            for (at, way) in align(motion.view(), rows.view(), norm).iter().enumerate() {
+                let want = least(&costs, 4, at, false);
+                let same = (way.sum - want).abs() < 1e-4 || way.sum == want;
+                assert!(same, "{at}: {} for {want}", way.sum);
+                assert!(way.sum.is_infinite() || way.start <= at);
+            }
+        }
+    }
+
+    #[test]
+    fn rows_that_lack_joints_are_passed_over_or_end_a_way() {
+        let motion = array![[0.0f32], [1.0], [2.0], [3.0]];
+        let rows = array![[0.0f32], [1.0], [f32::NAN], [2.0], [3.0]];
+        let ends = align(motion.view(), rows.view(), Norm::Euclidean);
+        assert!(ends[2].sum.is_infinite());
+        assert_eq!((ends[4].sum, ends[4].start), (0.0, 0));
+    }
+}
