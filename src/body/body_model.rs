@@ -2,6 +2,7 @@
 
 use super::decomposition::synthesize;
 use super::fit_prior::{FitPrior, NOISE};
+use super::held_out::HeldOutErrors;
 use super::pose_model::{PoseModel, twists};
 use super::shape_model::ShapeModel;
 use super::template::Template;
@@ -28,6 +29,8 @@ pub struct BodyModel {
     /// Points of a pose table and the parts they belong to: the first point of a part where it
     /// begins, a second at its far end.
     pub joint_names: Vec<(usize, String)>,
+    /// How well it makes meshes that it does not know, where that was measured.
+    pub errors: Option<HeldOutErrors>,
 }
 
 impl BodyModel {

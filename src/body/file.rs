@@ -1,12 +1,13 @@
 //! Bodies as model files: kind `body`.
 //!
 //! The points of the model are the parts. Its arrays: `vertices` (V, 3) cm, `faces` (P, 3) and
-//! `parts` (V, 1) of whole numbers, the template; `pose_joints` (P, J) and `pose` (P, 9 (3 J + 1)),
-//! the pose model; `shape_mean` (P, 9) and `shape` (K, 9 P), the shape model; `rotations` (n, 9
+//! `parts` (V, 1) of whole numbers, the template; `pose_joints` (P, J) and `pose` (P, 9 (n J + 1)),
+//! the pose model, with n numbers a joint, of which `pose_inputs` tells the kind; `shape_mean` (P, 9) and `shape` (K, 9 P), the shape model; `rotations` (n, 9
 //! parts), those of the training poses. P counts the bridges too, which `faces` leaves out.
 
 use super::body_model::BodyModel;
-use super::pose_model::PoseModel;
+use super::held_out::HeldOutErrors;
+use super::pose_model::{JointInputs, PoseModel};
 use super::shape_model::ShapeModel;
 use super::template::Template;
 use crate::io::Model;
@@ -62,6 +63,13 @@ impl BodyModel {
                 poses[i][e / 9].to_cols_array()[e % 9] as f32
             }),
         );
+        let details = &mut model.meta.details;
+        details.insert("pose_inputs".into(), json!(self.pose.inputs.name()));
+        if let Some(errors) = &self.errors {
+            details.insert("decomposed_mm".into(), millimeters(Some(errors.decomposed)));
+            details.insert("poses_left_out_mm".into(), millimeters(errors.poses));
+            details.insert("people_left_out_mm".into(), millimeters(errors.people));
+        }
         if !self.joint_names.is_empty() {
             let names: Vec<Value> = (self.joint_names.iter())
                 .map(|(part, name)| json!([part, name]))
@@ -104,9 +112,20 @@ impl BodyModel {
             .map_err(|e| e.at(Place::file(source)))?;
         let joints = array("pose_joints")?;
         let joints = joints.rows().into_iter();
+        // Files of version 0.2 and before have twists.
+        let inputs = match model
+            .meta
+            .details
+            .get("pose_inputs")
+            .and_then(Value::as_str)
+        {
+            None => JointInputs::Twist,
+            Some(name) => JointInputs::of_name(name).ok_or_else(damaged)?,
+        };
         let body = BodyModel {
             pose: PoseModel {
                 joints: joints.map(|r| r.iter().map(whole).collect()).collect(),
+                inputs,
                 coefficients: array("pose")?.into_owned(),
             },
             shape: ShapeModel {
@@ -115,6 +134,7 @@ impl BodyModel {
             },
             training_rotations: rotations(&array("rotations")?.into_owned()),
             joint_names: joint_names(model),
+            errors: errors(model),
             template,
         };
         match is_sound(&body, model.meta.points.len()) {
@@ -122,6 +142,19 @@ impl BodyModel {
             false => Err(damaged()),
         }
     }
+}
+
+fn millimeters(cm: Option<f64>) -> Value {
+    cm.map_or(Value::Null, |cm| json!((1e4 * cm).round() / 1e3))
+}
+
+fn errors(model: &Model) -> Option<HeldOutErrors> {
+    let cm = |name: &str| Some(model.meta.details.get(name)?.as_f64()? / 10.0);
+    Some(HeldOutErrors {
+        decomposed: cm("decomposed_mm")?,
+        poses: cm("poses_left_out_mm"),
+        people: cm("people_left_out_mm"),
+    })
 }
 
 fn table(rows: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Array2<f32> {
@@ -154,7 +187,7 @@ fn is_sound(body: &BodyModel, parts: usize) -> bool {
     body.template.parts() == parts
         && body.pose.joints.len() == faces
         && (body.pose.joints.iter().flatten()).all(|j| *j < joints)
-        && body.pose.coefficients.dim() == (faces, 9 * (3 * followed + 1))
+        && body.pose.coefficients.dim() == (faces, 9 * (body.pose.inputs.width() * followed + 1))
         && body.shape.mean.dim() == (faces, 9)
         && body.shape.components.ncols() == 9 * faces
         && (body.training_rotations.iter()).all(|r| r.len() == parts)

@@ -1,7 +1,7 @@
 //! Where the markers on a body are, without its other vertices.
 //!
 //! A synthesized vertex is linear in the edges R_l S_k Q_k v̂, S_k is affine in the shape β and Q_k
-//! in the twists t. So the position of a marker is exactly
+//! in the numbers t of the joints. So the position of a marker is exactly
 //!
 //! ```text
 //! Σ_l R_l Σ_b Σ_c A_lbc t̃_c β̃_b + R_m d_m,   with t̃ = (t, 1), β̃ = (1, β)
@@ -11,7 +11,7 @@
 //! the mesh.
 
 use super::body_model::BodyModel;
-use super::pose_model::twists;
+use super::pose_model::{JointInputs, twists};
 use crate::numeric::parallel;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2, ArrayView1, s};
@@ -44,6 +44,8 @@ impl Marker {
 pub struct MarkerModel {
     /// The parts of the joints.
     joints: Vec<[usize; 2]>,
+    /// What of a joint counts.
+    inputs: JointInputs,
     parts: Vec<PartTerms>,
     /// The part that the offset of each marker turns with, and the offset.
     offsets: Vec<(usize, DVec3)>,
@@ -54,8 +56,8 @@ pub struct MarkerModel {
 struct PartTerms {
     /// The joints whose twists count.
     joints: Vec<usize>,
-    /// A for 1 and for each β (3 m, 3 J + 1): a row per coordinate of a marker, a column per
-    /// component of a twist, the constant last.
+    /// A for 1 and for each β (3 m, n J + 1): a row per coordinate of a marker, a column per number
+    /// of a joint, the constant last.
     by_shape: Vec<Array2<f64>>,
 }
 
@@ -94,6 +96,7 @@ impl MarkerModel {
         });
         MarkerModel {
             joints: template.joint_parts(),
+            inputs: body.pose.inputs,
             parts: terms_of_parts(body, &influence),
             offsets: offsets.collect(),
         }
@@ -105,12 +108,12 @@ impl MarkerModel {
     }
 
     /// The number of parts.
-    pub(crate) fn parts(&self) -> usize {
+    pub fn parts(&self) -> usize {
         self.parts.len()
     }
 
     /// The part that marker `m` is on.
-    pub(crate) fn part_of(&self, m: usize) -> usize {
+    pub fn part_of(&self, m: usize) -> usize {
         self.offsets[m].0
     }
 
@@ -159,7 +162,7 @@ impl MarkerModel {
             twists,
         };
         for (part, rotation) in self.parts.iter().zip(rotations) {
-            part.add(rotation, shape, &mut out);
+            part.add(self.inputs, rotation, shape, &mut out);
         }
         for (m, (part, offset)) in self.offsets.iter().enumerate() {
             out.by_part[*part][m] += rotations[*part] * *offset;
@@ -182,9 +185,15 @@ impl PartTerms {
         sum
     }
 
-    fn add(&self, rotation: &DMat3, shape: &[f64], out: &mut MarkerPositions) {
+    fn add(
+        &self,
+        of_joint: JointInputs,
+        rotation: &DMat3,
+        shape: &[f64],
+        out: &mut MarkerPositions,
+    ) {
         let mut inputs: Vec<f64> = (self.joints.iter())
-            .flat_map(|j| out.twists[*j].to_array())
+            .flat_map(|j| of_joint.of(out.twists[*j]))
             .collect();
         inputs.push(1.0);
         let inputs = Array1::from(inputs);
@@ -202,9 +211,12 @@ impl PartTerms {
             add(to, turned(terms.dot(&inputs).view()));
         }
         for (k, joint) in self.joints.iter().enumerate() {
+            let own = of_joint.width() * k..of_joint.width() * (k + 1);
+            let slopes = of_joint.slopes(out.twists[*joint]);
             for axis in 0..3 {
-                let column = terms.column(3 * k + axis);
-                add(&mut out.by_twist[3 * joint + axis], turned(column));
+                let by: Array1<f64> = slopes.iter().map(|slope| slope[axis]).collect();
+                let column = terms.slice(s![.., own.clone()]).dot(&by);
+                add(&mut out.by_twist[3 * joint + axis], turned(column.view()));
             }
         }
     }
@@ -226,7 +238,7 @@ fn terms_of_parts(body: &BodyModel, influence: &Array2<f64>) -> Vec<PartTerms> {
             let mut joints: Vec<usize> = of_part.flat_map(|(_, j)| j.iter().copied()).collect();
             joints.sort_unstable();
             joints.dedup();
-            let width = 3 * joints.len() + 1;
+            let width = body.pose.inputs.width() * joints.len() + 1;
             PartTerms {
                 by_shape: vec![Array2::zeros((3 * markers, width)); body.shape.len() + 1],
                 joints,
@@ -241,21 +253,21 @@ fn terms_of_parts(body: &BodyModel, influence: &Array2<f64>) -> Vec<PartTerms> {
         terms_of_faces(body, influence, faces)
     });
     for ((part, joints, _), sum) in tasks.iter().zip(sums) {
-        parts[*part].collect(joints, &sum);
+        parts[*part].collect(body.pose.inputs.width(), joints, &sum);
     }
     parts
 }
 
 impl PartTerms {
     /// Adds the sums of triangles that follow `joints`: (m, b x t x 3) in this order.
-    fn collect(&mut self, joints: &[usize], sum: &Array2<f64>) {
-        let width = 3 * joints.len() + 1;
+    fn collect(&mut self, own: usize, joints: &[usize], sum: &Array2<f64>) {
+        let width = own * joints.len() + 1;
         let mut columns: Vec<usize> = Vec::with_capacity(width);
         for joint in joints {
             let at = self.joints.iter().position(|j| j == joint).unwrap_or(0);
-            columns.extend(3 * at..3 * at + 3);
+            columns.extend(own * at..own * (at + 1));
         }
-        columns.push(3 * self.joints.len());
+        columns.push(own * self.joints.len());
         for (b, terms) in self.by_shape.iter_mut().enumerate() {
             for (t, column) in columns.iter().enumerate() {
                 for axis in 0..3 {
@@ -271,7 +283,7 @@ impl PartTerms {
 /// What triangles of one form add, before their part is turned (m, b x t x 3).
 fn terms_of_faces(body: &BodyModel, influence: &Array2<f64>, faces: &[usize]) -> Array2<f64> {
     let template = &body.template;
-    let width = 3 * body.pose.joints[faces[0]].len() + 1;
+    let width = body.pose.inputs.width() * body.pose.joints[faces[0]].len() + 1;
     let columns = 3 * width * (body.shape.len() + 1);
     let mut pull = Array2::zeros((influence.ncols(), 2 * faces.len()));
     let mut edges = Array2::zeros((2 * faces.len(), columns));

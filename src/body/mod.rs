@@ -21,6 +21,7 @@ pub mod fit;
 pub mod fit_prior;
 pub mod glb;
 pub(crate) mod gradient_energy;
+pub(crate) mod held_out;
 pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
@@ -39,6 +40,7 @@ mod warp;
 
 pub use body_model::BodyModel;
 pub use decomposition::Decomposer;
+pub use held_out::HeldOutErrors;
 pub use marker_model::{Marker, MarkerModel};
 pub use pose_model::PoseModel;
 pub use shape_model::ShapeModel;

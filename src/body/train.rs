@@ -1,8 +1,9 @@
 //! Learning a body from meshes of one topology.
 
 use super::body_model::BodyModel;
-use super::decomposition::{Decomposer, SMOOTHNESS, fit_rotations};
-use super::pose_model::{Follows, PoseModel};
+use super::decomposition::{Decomposer, SMOOTHNESS, fit_rotations, synthesize};
+use super::held_out::{HeldOutErrors, mean_error, of_people, of_poses};
+use super::pose_model::{Follows, JointInputs, PoseModel};
 use super::shape_model::{Metric, ShapeModel, matrices_of_person};
 use super::template::Template;
 use crate::Result;
@@ -16,6 +17,8 @@ pub struct Settings {
     pub smoothness: f64,
     /// The joints that a triangle follows.
     pub follows: Follows,
+    /// What of them; `None`: what makes poses best that are left out.
+    pub inputs: Option<JointInputs>,
     /// The most components of shape.
     pub components: usize,
     /// In what the components of shape are orthogonal.
@@ -29,6 +32,7 @@ impl Default for Settings {
         Settings {
             smoothness: SMOOTHNESS,
             follows: Follows::default(),
+            inputs: None,
             components: 20,
             metric: Metric::default(),
             with_template: true,
@@ -41,6 +45,7 @@ impl Settings {
     pub fn paper() -> Settings {
         Settings {
             follows: Follows::OfPart(2),
+            inputs: Some(JointInputs::Twist),
             metric: Metric::Matrices,
             with_template: false,
             ..Settings::default()
@@ -69,9 +74,13 @@ pub fn train(
         (rotations, q)
     };
     let decomposed: Vec<(Vec<DMat3>, Vec<DMat3>)> = poses.iter().map(&mut decompose).collect();
-    let pose = PoseModel::learn(&template, &decomposed, settings.follows)?;
+    let (pose, poses_left_out) = pose_model(&template, poses, &decomposed, settings)?;
+    let errors = decomposed.iter().zip(poses);
+    let errors = errors.map(|((r, q), mesh)| mean_error(&synthesize(&template, r, q), mesh));
+    let decomposed_error = errors.sum::<f64>() / poses.len() as f64;
     let training_rotations = decomposed.into_iter().map(|(r, _)| r).collect();
     let mut matrices: Vec<f32> = Vec::new();
+    let mut turns: Vec<Vec<DMat3>> = Vec::new();
     for person in people {
         let rotations = fit_rotations(&template, person);
         matrices.extend(matrices_of_person(
@@ -81,25 +90,59 @@ pub fn train(
             person,
             &rotations,
         ));
+        turns.push(rotations);
         done();
     }
     let mut shape = ShapeModel::of_template(&template);
+    if !people.is_empty() && settings.with_template {
+        matrices.extend(&shape.mean);
+    }
+    let rows = matrices.len() / (9 * template.faces.len());
+    let matrices = Array2::from_shape_vec((rows, 9 * template.faces.len()), matrices)
+        .map_err(|e| e.to_string())?;
     if !people.is_empty() {
-        let mut rows = people.len();
-        if settings.with_template {
-            matrices.extend(&shape.mean);
-            rows += 1;
-        }
-        let matrices = Array2::from_shape_vec((rows, 9 * template.faces.len()), matrices)
-            .map_err(|e| e.to_string())?;
         shape = ShapeModel::learn(&template, &matrices, settings.components, settings.metric)?;
     }
     drop(decomposer);
-    Ok(BodyModel {
+    let mut body = BodyModel {
         template,
         pose,
         shape,
         training_rotations,
         joint_names: Vec::new(),
-    })
+        errors: None,
+    };
+    let learned = (settings.components, settings.metric);
+    let people_left_out = of_people(&body, people, &turns, &matrices, learned)?;
+    body.errors = Some(HeldOutErrors {
+        decomposed: decomposed_error,
+        poses: poses_left_out,
+        people: people_left_out,
+    });
+    Ok(body)
+}
+
+/// The pose model, and its error on poses that are left out.
+fn pose_model(
+    template: &Template,
+    poses: &[Vec<DVec3>],
+    decomposed: &[(Vec<DMat3>, Vec<DMat3>)],
+    settings: &Settings,
+) -> Result<(PoseModel, Option<f64>)> {
+    let tried = match settings.inputs {
+        Some(inputs) => vec![inputs],
+        None => vec![JointInputs::Twist, JointInputs::Rotation],
+    };
+    let mut best = (
+        tried[0],
+        of_poses(template, poses, decomposed, settings.follows, tried[0])?,
+    );
+    for inputs in &tried[1..] {
+        let own = of_poses(template, poses, decomposed, settings.follows, *inputs)?;
+        if own < best.1 {
+            best = (*inputs, own);
+        }
+    }
+    let model = PoseModel::learn(template, decomposed, settings.follows, best.0)?;
+    Ok((model, best.1))
 }

@@ -38,7 +38,10 @@ pub(crate) fn vertex_jacobian(body: &BodyModel, rotations: &[DMat3], shape: &[f6
 fn edge_derivatives(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Array2<f64> {
     let template = &body.template;
     let joints = template.joint_parts();
-    let turns = twist_derivatives(&joints, &twists(&joints, rotations), rotations);
+    let twists = twists(&joints, rotations);
+    let turns = twist_derivatives(&joints, &twists, rotations);
+    let inputs = body.pose.inputs;
+    let slopes: Vec<Vec<DVec3>> = twists.iter().map(|twist| inputs.slopes(*twist)).collect();
     let q = body.pose.deformations(template, rotations);
     let matrices = body.shape.matrices(shape);
     let n = 3 * template.parts() + body.shape.len();
@@ -56,8 +59,12 @@ fn edge_derivatives(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Arr
         let terms: Vec<DMat3> = body.pose.terms(k).collect();
         for (i, joint) in body.pose.joints[k].iter().enumerate() {
             for e in 0..2 {
-                let by = |c: usize| turn * (matrices[k] * (terms[3 * i + c] * edges[e]));
-                let by_turn = DMat3::from_cols(by(0), by(1), by(2)) * turns[*joint];
+                let own = &terms[inputs.width() * i..inputs.width() * (i + 1)];
+                let by_twist = own.iter().zip(&slopes[*joint]).map(|(term, slope)| {
+                    let by = turn * (matrices[k] * (*term * edges[e]));
+                    DMat3::from_cols(by * slope.x, by * slope.y, by * slope.z)
+                });
+                let by_turn = by_twist.sum::<DMat3>() * turns[*joint];
                 let [a, b] = joints[*joint];
                 for axis in 0..3 {
                     derivatives[3 * b + axis][e] += by_turn.col(axis);

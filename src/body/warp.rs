@@ -33,7 +33,7 @@ pub(crate) struct Warp {
 
 impl Warp {
     /// The warp that moves each point by its own way, whose noise has a standard deviation of
-    /// `noise` a coordinate, cm. `None`: fewer than four points, or all in a plane.
+    /// `noise` a coordinate or more, cm. `None`: fewer than four points, or all in a plane.
     pub(crate) fn new(moves: &[(DVec3, DVec3)], noise: f64) -> Option<Warp> {
         let count = moves.len();
         if count < 4 {
@@ -53,8 +53,7 @@ impl Warp {
         let apart = Array2::from_shape_fn((count, count), |(i, j)| moves[i].0.distance(moves[j].0));
         let largest = apart.iter().copied().fold(0.0, f64::max);
         let mut matrix = polynomials.dot(&polynomials.t()) * (LIFT * largest) - apart;
-        let smoothing = noise * noise / growth(moves, noise);
-        let smoothing = smoothing.max(LEAST_SMOOTHING);
+        let smoothing = smoothing(moves, noise).max(LEAST_SMOOTHING);
         matrix.diag_mut().mapv_inplace(|v| v + smoothing);
         let values = Array2::from_shape_fn((count, 3), |(i, a)| moves[i].1[a]);
         let factor = Cholesky::new(matrix)?;
@@ -88,22 +87,33 @@ impl Warp {
     }
 }
 
-/// How half the variance of a coordinate's difference grows with the distance, cm² per cm.
-fn growth(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
-    let (mut sum, mut squares) = (0.0, 0.0);
+/// The variance of the noise over the growth of half the variance of a coordinate's difference
+/// with the distance, cm: by a line through what near pairs show. Where the line starts above the
+/// noise that is known, that is noise too.
+fn smoothing(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
+    let known = noise * noise;
+    let mut pairs = Vec::new();
     for (i, (a, moved)) in moves.iter().enumerate() {
         for (b, other) in &moves[..i] {
             let apart = a.distance(*b);
             if apart < NEAR {
-                let half = moved.distance_squared(*other) / 6.0;
-                sum += (half - noise * noise) * apart;
-                squares += apart * apart;
+                pairs.push((apart, moved.distance_squared(*other) / 6.0));
             }
         }
     }
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(d, v)| of(*d, *v)).sum::<f64>();
+    let count = pairs.len().max(1) as f64;
+    let (middle, mean) = (sum(&|d, _| d) / count, sum(&|_, v| v) / count);
+    let slope = sum(&|d, v| (d - middle) * (v - mean)) / sum(&|d, _| (d - middle).powi(2));
+    let start = mean - slope * middle;
+    let (own, growth) = match start > known {
+        true if slope > 0.0 => (start, slope),
+        true => (mean, 0.0),
+        _ => (known, sum(&|d, v| (v - known) * d) / sum(&|d, _| d * d)),
+    };
     // Where nothing but noise is seen, the warp is all but stiff.
-    let least = noise * noise / (100.0 * NEAR);
-    (sum / squares.max(f64::MIN_POSITIVE)).max(least).max(1e-9)
+    let least = own / (100.0 * NEAR);
+    own / growth.max(least).max(1e-9)
 }
 
 #[cfg(test)]
@@ -129,5 +139,24 @@ mod tests {
         assert!(warp.at(at).distance(affine(at)) < 1e-6);
         let flat: Vec<_> = points.iter().map(|x| (x.with_z(0.0), DVec3::X)).collect();
         assert!(Warp::new(&flat, 0.1).is_none() && Warp::new(&moves[..3], 0.1).is_none());
+    }
+
+    #[test]
+    fn noise_that_is_not_told_is_told_from_a_field() {
+        let mut chance = parallel::rng(1, 0);
+        let mut draw = |by: f64| -> DVec3 {
+            DVec3::from_array(std::array::from_fn(|_| chance.random_range(-by..by)))
+        };
+        let field = |x: DVec3| DVec3::new((x.y / 25.0).sin(), 0.0, (x.x / 25.0).cos());
+        let points: Vec<DVec3> = (0..300).map(|_| draw(30.0)).collect();
+        let noisy: Vec<_> = points.iter().map(|x| (*x, field(*x) + draw(0.5))).collect();
+        let warp = Warp::new(&noisy, 0.01).unwrap();
+        let rms = |far: &dyn Fn(usize) -> f64| {
+            let sum: f64 = (0..points.len()).map(|k| far(k).powi(2)).sum();
+            (sum / points.len() as f64).sqrt()
+        };
+        let before = rms(&|k| noisy[k].1.distance(field(points[k])));
+        let after = rms(&|k| warp.at(points[k]).distance(field(points[k])));
+        assert!(after < 0.7 * before, "{after} {before}");
     }
 }

@@ -385,18 +385,19 @@ pub fn smooth(table: &mut Table, fps: Option<f64>) -> Result<()> {
     Ok(())
 }
 
-/// Fits a take of markers; says how near they are.
+/// Fits a take of the markers `names`; says how near they are, and how many lines of findings it
+/// told.
 ///
 /// # Errors
 /// [`Error::Data`]: no frame has markers enough.
 pub fn fit_take(
     body: &BodyModel,
-    markers: &[Marker],
+    (names, markers): (&[String], &[Marker]),
     frames: &[MarkerFrame],
     noise: f64,
     offsets: Offsets,
     source: &str,
-) -> Result<Animation> {
+) -> Result<(Animation, usize)> {
     let model = MarkerModel::new(body, markers);
     let mut prior = body.fit_prior();
     prior.noise = noise;
@@ -404,7 +405,40 @@ pub fn fit_take(
         animate(&model, &prior, frames, offsets).map_err(|e| e.at(Place::file(source)))?;
     let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
     report_fits(rms, frames.len(), "points are", "the body");
-    Ok(animation)
+    report_free_parts(&model, frames, source);
+    let fits: Vec<&Fit> = animation.fits.iter().flatten().collect();
+    let findings = report_markers(&fits, source, names);
+    Ok((animation, findings))
+}
+
+/// Names parts of which no marker is seen: only the model says where they are.
+pub fn report_free_parts(model: &MarkerModel, frames: &[MarkerFrame], source: &str) {
+    let is_seen = |frame: &MarkerFrame, part: usize| {
+        let mut seen = frame.iter().enumerate().filter(|(_, p)| p.is_some());
+        seen.any(|(m, _)| model.part_of(m) == part)
+    };
+    let free = |part: &usize| frames.iter().filter(|f| !is_seen(f, *part)).count();
+    let free: Vec<(usize, usize)> = (0..model.parts()).map(|p| (p, free(&p))).collect();
+    let always: Vec<String> = (free.iter())
+        .filter(|(_, count)| *count == frames.len())
+        .map(|(part, _)| part_name(*part))
+        .collect();
+    if !always.is_empty() {
+        messages::info(&format!(
+            "{source}: no marker is seen on {}: the model and the other parts say where they are",
+            always.join(", ")
+        ));
+    }
+    let at_times = free.iter().filter(|(_, n)| *n > 0 && *n < frames.len());
+    let at_times: Vec<String> = at_times
+        .map(|(part, count)| format!("{} ({count} frames)", part_name(*part)))
+        .collect();
+    if !at_times.is_empty() {
+        messages::info(&format!(
+            "{source}: at times no marker is seen on {}",
+            at_times.join(", ")
+        ));
+    }
 }
 
 /// Says how far points are from their bodies, by the RMS of each frame that has one, and how many
@@ -472,9 +506,9 @@ pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
     let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
     let markers = joint_markers(&body.template, &body.joint_names);
     let frames = marker_frames(body, &markers, &table, &names, "the body")?;
-    let animation = fit_take(
+    let (animation, _) = fit_take(
         body,
-        &markers,
+        (&names, &markers),
         &frames,
         JOINT_NOISE,
         Offsets::Learned,

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use posing::body::completion::complete;
 use posing::body::decomposition::{SMOOTHNESS, fit_rotations, synthesize};
 use posing::body::fit::FitProblem;
-use posing::body::pose_model::Follows;
+use posing::body::pose_model::{Follows, JointInputs};
 use posing::body::skinning::{JointSkinning, Sample, Skinning};
 use posing::body::train::{Settings, train};
 use posing::body::{Decomposer, Marker, MarkerModel, PoseModel, Template};
@@ -34,7 +34,8 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
     // Every fourth pose is held out.
     let (test, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|k| k % 4 == 1);
     let training: Vec<_> = train.iter().map(|k| decomposed[*k].clone()).collect();
-    let model = PoseModel::learn(&template, &training, Follows::default()).unwrap();
+    let model =
+        PoseModel::learn(&template, &training, Follows::default(), JointInputs::Twist).unwrap();
     let predicted = |k: &usize| {
         let rotations = &decomposed[*k].0;
         let q = model.deformations(&template, rotations);

@@ -2,15 +2,17 @@
 
 use clap::Parser;
 use glam::{DMat3, DVec3};
+use posing::body::animation::{MarkerFrame, Offsets, animate};
 use posing::body::completion::{Completion, complete};
 use posing::body::fit::{Fit, FitProblem};
+use posing::body::fit_prior::FitPrior;
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::{
-    marker_frames, open_body, read_marker_map, report_fits, report_markers, write_rotations,
-    write_shapes,
+    marker_frames, open_body, read_marker_map, report_fits, report_free_parts, report_markers,
+    write_rotations, write_shapes,
 };
 use posing::cli::progress::Progress;
 use posing::cli::{input, streams};
@@ -30,7 +32,11 @@ use std::path::PathBuf;
 /// Positions and meshes are in centimeters.
 ///
 /// Each part needs about three markers. For a take of one person, whose shape stays the same, use
-/// body-animate.
+/// body-animate, or --one-person.
+///
+/// Markers that do not fit are left out and named with their distance, mirrored ones are told: the
+/// exit status is 3 then. The completed mesh goes through the markers but for
+/// the noise: that of --noise, or more where markers near each other disagree.
 #[derive(Parser)]
 #[command(
     name = "body-fit",
@@ -57,6 +63,9 @@ pub struct Args {
     /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.18", value_parser = parse_length)]
     noise: f64,
+    /// All frames show one person: one shape for all of them
+    #[arg(long)]
+    one_person: bool,
     /// Output file
     #[arg(short, long, value_name = "FITS.npz", help_heading = "Output")]
     output: PathBuf,
@@ -84,23 +93,18 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
     prior.noise = args.noise;
-    let bar = Progress::new("frames", frames.len() as u64);
-    let mut fits: Vec<Option<(Fit, Completion)>> = Vec::with_capacity(frames.len());
-    // In blocks, for the bar.
-    for block in frames.chunks(32) {
-        fits.extend(parallel::map_chunks(block.len(), 1, |range| {
-            let problem = FitProblem::new(&model, &prior, &block[range.start]).ok()?;
-            let fit = problem.solve(None);
-            let shape = body.shape.matrices(&fit.state.shape);
-            let completion = complete(&body, &fit, &shape, args.noise);
-            Some((fit, completion))
-        }));
-        bar.set(fits.len() as u64);
-    }
-    drop(bar);
+    let fits = match args.one_person {
+        true => fit_one_person(&body, &model, &prior, &frames)
+            .map_err(|e| e.at(Place::file(&table.name)))?,
+        false => fit_each(&body, args.noise, &frames, |frame| {
+            let problem = FitProblem::new(&model, &prior, frame).ok()?;
+            Some(problem.solve(None))
+        }),
+    };
+    report_free_parts(&model, &frames, &table.name);
     let findings = report(&fits, &table.name, &names)?;
     write(args, &body, &fits)?;
-    let state = |f: &Option<(Fit, Completion)>| {
+    let state = |f: &Fitted| {
         let (fit, completion) = f.as_ref()?;
         let root = body.template.root_of(&completion.predicted);
         Some((fit.state.rotations.clone(), root))
@@ -122,8 +126,53 @@ pub fn work(args: &Args) -> Result<Outcome> {
     })
 }
 
+/// A frame's fit and its surfaces.
+type Fitted = Option<(Fit, Completion)>;
+
+/// Each frame by itself.
+fn fit_each(
+    body: &BodyModel,
+    noise: f64,
+    frames: &[MarkerFrame],
+    fit: impl Fn(&MarkerFrame) -> Option<Fit> + Sync,
+) -> Vec<Fitted> {
+    let bar = Progress::new("frames", frames.len() as u64);
+    let mut fits = Vec::with_capacity(frames.len());
+    // In blocks, for the bar.
+    for block in frames.chunks(32) {
+        fits.extend(parallel::map_chunks(block.len(), 1, |range| {
+            let fit = fit(&block[range.start])?;
+            let shape = body.shape.matrices(&fit.state.shape);
+            let completion = complete(body, &fit, &shape, noise);
+            Some((fit, completion))
+        }));
+        bar.set(fits.len() as u64);
+    }
+    fits
+}
+
+/// All frames with one shape.
+fn fit_one_person(
+    body: &BodyModel,
+    model: &MarkerModel,
+    prior: &FitPrior,
+    frames: &[MarkerFrame],
+) -> Result<Vec<Fitted>> {
+    let animation = animate(model, prior, frames, Offsets::Known)?;
+    let shape = body.shape.matrices(&animation.shape);
+    let noise = prior.noise;
+    let surfaces = |mut fit: Fit| {
+        fit.state.shape = animation.shape.clone();
+        let completion = complete(body, &fit, &shape, noise);
+        (fit, completion)
+    };
+    Ok((animation.fits.into_iter())
+        .map(|fit| fit.map(surfaces))
+        .collect())
+}
+
 /// Tells how the fits are; how many findings there are.
-fn report(fits: &[Option<(Fit, Completion)>], source: &str, names: &[String]) -> Result<usize> {
+fn report(fits: &[Fitted], source: &str, names: &[String]) -> Result<usize> {
     let rms: Vec<f64> = fits.iter().flatten().map(|(f, _)| f.rms).collect();
     if rms.is_empty() {
         let what = "no frame has four markers of the map or more";
@@ -134,9 +183,9 @@ fn report(fits: &[Option<(Fit, Completion)>], source: &str, names: &[String]) ->
     Ok(report_markers(&fits, source, names))
 }
 
-fn write(args: &Args, body: &BodyModel, fits: &[Option<(Fit, Completion)>]) -> Result<()> {
+fn write(args: &Args, body: &BodyModel, fits: &[Fitted]) -> Result<()> {
     let meshes = |of: fn(&Completion) -> &Vec<DVec3>| -> Vec<Vec<DVec3>> {
-        let mesh = |f: &Option<(Fit, Completion)>| f.as_ref().map(|(_, c)| of(c).clone());
+        let mesh = |f: &Fitted| f.as_ref().map(|(_, c)| of(c).clone());
         fits.iter().map(|f| mesh(f).unwrap_or_default()).collect()
     };
     let (parts, components) = (body.template.parts(), body.shape.len());

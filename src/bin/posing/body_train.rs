@@ -14,7 +14,7 @@ use posing::cli::progress::Progress;
 use posing::cli::{messages, streams};
 use posing::io::MeshSet;
 use posing::io::text::excerpt;
-use posing::pose::units::Units;
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -27,6 +27,10 @@ use std::path::PathBuf;
 /// body-fit completes markers, body-animate takes of markers.
 ///
 /// Rigid parts are found from the poses, or given by --parts; joints stand where parts meet.
+///
+/// The summary says how far the vertices of meshes are that are left out of the training; model
+/// info says it again. Triangles follow the twists of their joints or the entries of their
+/// rotations, whichever makes the poses better that are left out.
 #[derive(Parser)]
 #[command(
     name = "body-train",
@@ -51,6 +55,24 @@ pub struct Args {
     shapes: Vec<PathBuf>,
     #[command(flatten)]
     units: MeshUnitArgs,
+    /// Unit of length of --shapes [default: that of --units]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "UNIT",
+        requires = "shapes",
+        help_heading = "Input"
+    )]
+    shape_units: Option<LengthUnit>,
+    /// Axis of --shapes that points up [default: that of --up]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        requires = "shapes",
+        help_heading = "Input"
+    )]
+    shape_up: Option<UpAxis>,
     /// The rigid part of each vertex (default: parts are found from the poses)
     #[arg(long, value_name = "PARTS.csv")]
     parts: Option<PathBuf>,
@@ -90,7 +112,13 @@ pub fn work(args: &Args) -> Result<()> {
     let poses = read_meshes(&args.poses, units)?;
     let people = match args.shapes.is_empty() {
         true => None,
-        false => Some(read_people(args, units, &poses)?),
+        false => {
+            let units = Units {
+                unit: args.shape_units.unwrap_or(units.unit),
+                up: args.shape_up.unwrap_or(units.up),
+            };
+            Some(read_people(args, units, &poses)?)
+        }
     };
     report_findings(&poses);
     let meshes = |set: &MeshSet| -> Vec<Vec<DVec3>> {
@@ -139,6 +167,7 @@ pub fn work(args: &Args) -> Result<()> {
         body.template.parts(),
         body.shape.len()
     ));
+    report_errors(&body);
     save(args, &body, &settings, &poses, people.as_ref())
 }
 
@@ -158,6 +187,24 @@ fn read_people(args: &Args, units: Units, poses: &MeshSet) -> Result<MeshSet> {
         return Err(Error::data(Place::file(&people.names[0]), what));
     }
     Ok(people)
+}
+
+/// Says how good the body is on what it was not learned from.
+fn report_errors(body: &BodyModel) {
+    let Some(errors) = &body.errors else {
+        return;
+    };
+    let millimeters = |what: &str, cm: Option<f64>| match cm {
+        Some(cm) => format!("{what} {:.1}", 10.0 * cm),
+        None => format!("{what} unknown (fewer than ten)"),
+    };
+    messages::info(&format!(
+        "mean error of the vertices, mm: {}, {}, by {}s of the joints, {}",
+        millimeters("decomposed", Some(errors.decomposed)),
+        millimeters("poses left out", errors.poses),
+        body.pose.inputs.name(),
+        millimeters("people left out", errors.people),
+    ));
 }
 
 /// Says what is odd about the template.

@@ -14,7 +14,7 @@ use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
-use posing::cli::input;
+use posing::cli::{Outcome, input};
 use posing::io::Table;
 use posing::pose::units::{LengthUnit, Units, UpAxis, parse_length};
 use posing::{Error, Result};
@@ -29,6 +29,9 @@ use std::path::PathBuf;
 ///
 /// The meshes are the model's own (the predicted ones of body-fit): markers off the skin do not
 /// dent them. --shape moves the take to another body.
+///
+/// Markers that do not fit are left out and named with their distance, mirrored ones are told: the
+/// exit status is 3 then.
 #[derive(Parser)]
 #[command(
     name = "body-animate",
@@ -100,7 +103,7 @@ pub struct Args {
     common: CommonArgs,
 }
 
-pub fn work(args: &Args) -> Result<()> {
+pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = args.on.iter().chain(&args.scan);
     input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
@@ -120,7 +123,8 @@ pub fn work(args: &Args) -> Result<()> {
     let (names, markers) = markers(args, &body, &table)?;
     let frames = marker_frames(&body, &markers, &table, &names, "the map")?;
     let known = Offsets::Known;
-    let animation = fit_take(&body, &markers, &frames, args.noise, known, &table.name)?;
+    let named = (&names[..], &markers[..]);
+    let (animation, findings) = fit_take(&body, named, &frames, args.noise, known, &table.name)?;
     let mut take = BodyTake::of(&body, &animation, &table.poses, fps);
     if let Some(shape) = other {
         take = take.on_body(&body, vec![shape]);
@@ -132,7 +136,11 @@ pub fn work(args: &Args) -> Result<()> {
         let shapes = vec![Some(take.shape(0).to_vec()); take.frames.len()];
         write_shapes(path, &take.poses, take.shape(0).len(), &shapes)?;
     }
-    output.write(&take, &body, Units::CM_Y)
+    output.write(&take, &body, Units::CM_Y)?;
+    Ok(match findings {
+        0 => Outcome::Done,
+        _ => Outcome::Findings,
+    })
 }
 
 /// The one shape of a take.
