@@ -15,13 +15,13 @@ pub struct Completion {
 }
 
 /// Makes the surfaces; `shape` are the matrices of the fitted shape (see
-/// [`super::ShapeModel::matrices`]), `noise` the standard deviation of a marker, cm a coordinate.
-pub fn complete(body: &BodyModel, fit: &Fit, shape: &[DMat3], noise: f64) -> Completion {
+/// [`super::ShapeModel::matrices`]).
+pub fn complete(body: &BodyModel, fit: &Fit, shape: &[DMat3]) -> Completion {
     let vertices = body.synthesize_shaped(&fit.state.rotations, shape);
     // The marker model's positions are relative to the first vertex.
     let shift = fit.shift - vertices[0];
     let predicted: Vec<DVec3> = vertices.iter().map(|v| *v + shift).collect();
-    let completed = match Warp::new(&fit.missed, noise) {
+    let completed = match Warp::new(&fit.missed) {
         Some(warp) => predicted.iter().map(|v| *v + warp.at(*v)).collect(),
         None => predicted.clone(),
     };

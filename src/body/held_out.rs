@@ -13,7 +13,7 @@ use ndarray::{Array2, Axis};
 /// Groups of meshes that are left out together.
 const FOLDS: usize = 5;
 /// People who are tried, at most: each takes a second.
-const PEOPLE: usize = 10;
+const PEOPLE: usize = 5;
 
 /// Mean distances of vertices, cm.
 #[derive(Debug, Clone, Copy, PartialEq)]

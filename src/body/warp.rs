@@ -6,7 +6,8 @@
 //!
 //! bends least of all functions with these values at the x_k (J. Duchon 1977: in space the
 //! biharmonic spline is |r|). It is also the best estimate of a random field whose differences have
-//! a variance that grows with the distance; the noise of the values over that growth smooths it.
+//! a variance that grows with the distance; the noise of the values over that growth smooths it,
+//! both told from what near points show.
 
 use crate::numeric::linalg::Cholesky;
 use glam::{DMat3, DVec3};
@@ -14,6 +15,8 @@ use ndarray::{Array2, s};
 
 /// Pairs up to this distance tell how the field grows, cm.
 const NEAR: f64 = 10.0;
+/// And the nearest, this many times the points.
+const PAIRS: usize = 3;
 /// The least smoothing, cm: points that coincide leave the equations solvable.
 const LEAST_SMOOTHING: f64 = 1e-3;
 /// By how much the polynomials count more than the largest distance: the equations are positive
@@ -32,9 +35,8 @@ pub(crate) struct Warp {
 }
 
 impl Warp {
-    /// The warp that moves each point by its own way, whose noise has a standard deviation of
-    /// `noise` a coordinate or more, cm. `None`: fewer than four points, or all in a plane.
-    pub(crate) fn new(moves: &[(DVec3, DVec3)], noise: f64) -> Option<Warp> {
+    /// The warp that moves each point by its own way, but for the noise. `None`: fewer than four points, or all in a plane.
+    pub(crate) fn new(moves: &[(DVec3, DVec3)]) -> Option<Warp> {
         let count = moves.len();
         if count < 4 {
             return None;
@@ -53,7 +55,7 @@ impl Warp {
         let apart = Array2::from_shape_fn((count, count), |(i, j)| moves[i].0.distance(moves[j].0));
         let largest = apart.iter().copied().fold(0.0, f64::max);
         let mut matrix = polynomials.dot(&polynomials.t()) * (LIFT * largest) - apart;
-        let smoothing = smoothing(moves, noise).max(LEAST_SMOOTHING);
+        let smoothing = smoothing(moves).max(LEAST_SMOOTHING);
         matrix.diag_mut().mapv_inplace(|v| v + smoothing);
         let values = Array2::from_shape_fn((count, 3), |(i, a)| moves[i].1[a]);
         let factor = Cholesky::new(matrix)?;
@@ -88,10 +90,8 @@ impl Warp {
 }
 
 /// The variance of the noise over the growth of half the variance of a coordinate's difference
-/// with the distance, cm: by a line through what near pairs show. Where the line starts above the
-/// noise that is known, that is noise too.
-fn smoothing(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
-    let known = noise * noise;
+/// with the distance, cm: by a line through what near pairs show. Where it starts is the noise.
+fn smoothing(moves: &[(DVec3, DVec3)]) -> f64 {
     let mut pairs = Vec::new();
     for (i, (a, moved)) in moves.iter().enumerate() {
         for (b, other) in &moves[..i] {
@@ -101,19 +101,20 @@ fn smoothing(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
             }
         }
     }
+    pairs.sort_by(|a: &(f64, f64), b| a.0.total_cmp(&b.0));
+    pairs.truncate(PAIRS * moves.len());
     let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(d, v)| of(*d, *v)).sum::<f64>();
     let count = pairs.len().max(1) as f64;
     let (middle, mean) = (sum(&|d, _| d) / count, sum(&|_, v| v) / count);
     let slope = sum(&|d, v| (d - middle) * (v - mean)) / sum(&|d, _| (d - middle).powi(2));
     let start = mean - slope * middle;
-    let (own, growth) = match start > known {
-        true if slope > 0.0 => (start, slope),
-        true => (mean, 0.0),
-        _ => (known, sum(&|d, v| (v - known) * d) / sum(&|d, _| d * d)),
+    let (noise, growth) = match slope > 0.0 {
+        true => (start.max(0.0), slope),
+        false => (mean, 0.0),
     };
     // Where nothing but noise is seen, the warp is all but stiff.
-    let least = own / (100.0 * NEAR);
-    own / growth.max(least).max(1e-9)
+    let least = noise / (100.0 * NEAR);
+    noise / growth.max(least).max(1e-9)
 }
 
 #[cfg(test)]
@@ -130,15 +131,15 @@ mod tests {
         let points: Vec<DVec3> = (0..30).map(|_| random()).collect();
         let bent = |x: DVec3| DVec3::new(0.01 * x.y * x.y, (x.z / 9.0).sin(), 0.0);
         let moves: Vec<_> = points.iter().map(|x| (*x, bent(*x))).collect();
-        let warp = Warp::new(&moves, 0.0).unwrap();
+        let warp = Warp::new(&moves).unwrap();
         assert!(moves.iter().all(|(x, y)| warp.at(*x).distance(*y) < 0.01));
         let affine = |x: DVec3| DVec3::new(1.0 + 0.1 * x.y, -0.2 * x.x, 0.05 * x.z - 2.0);
         let moves: Vec<_> = points.iter().map(|x| (*x, affine(*x))).collect();
-        let warp = Warp::new(&moves, 0.5).unwrap();
+        let warp = Warp::new(&moves).unwrap();
         let at = DVec3::new(50.0, -4.0, 7.0);
         assert!(warp.at(at).distance(affine(at)) < 1e-6);
         let flat: Vec<_> = points.iter().map(|x| (x.with_z(0.0), DVec3::X)).collect();
-        assert!(Warp::new(&flat, 0.1).is_none() && Warp::new(&moves[..3], 0.1).is_none());
+        assert!(Warp::new(&flat).is_none() && Warp::new(&moves[..3]).is_none());
     }
 
     #[test]
@@ -150,7 +151,7 @@ mod tests {
         let field = |x: DVec3| DVec3::new((x.y / 25.0).sin(), 0.0, (x.x / 25.0).cos());
         let points: Vec<DVec3> = (0..300).map(|_| draw(30.0)).collect();
         let noisy: Vec<_> = points.iter().map(|x| (*x, field(*x) + draw(0.5))).collect();
-        let warp = Warp::new(&noisy, 0.01).unwrap();
+        let warp = Warp::new(&noisy).unwrap();
         let rms = |far: &dyn Fn(usize) -> f64| {
             let sum: f64 = (0..points.len()).map(|k| far(k).powi(2)).sum();
             (sum / points.len() as f64).sqrt()

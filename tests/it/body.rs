@@ -1,7 +1,7 @@
 //! The commands of bodies, end to end on small meshes: body-train, body-synth, body-fit,
 //! body-animate, body-scan.
 
-use crate::common::{fails, run};
+use crate::common::{command, fails, run};
 use posing::io::MeshSet;
 use std::fmt::Write;
 use std::fs;
@@ -184,6 +184,152 @@ fn markers_are_completed_and_the_tables_give_the_meshes_again() {
     let predicted = MeshSet::open_array(&fits, &["predicted"]).unwrap().0;
     let again = MeshSet::open(&[again]).unwrap();
     assert!((0..3).all(|k| apart(&predicted, k, &again, k) < 1e-3));
+}
+
+/// What a command says that ends with findings.
+fn findings(name: &str, args: &[&str]) -> String {
+    let done = command(name).args(args).assert().code(3);
+    String::from_utf8_lossy(&done.get_output().stderr).into_owned()
+}
+
+#[test]
+fn markers_that_do_not_fit_are_named_and_left_out() {
+    let setup = Setup::new();
+    let truth = poses();
+    let table = marker_table(&truth, &[3, 7]);
+    // The names of two markers are exchanged.
+    let swapped = table.replacen("m3.", "m_.", 3).replacen("m40.", "m3.", 3);
+    let swapped = setup.write("swapped.csv", &swapped.replacen("m_.", "m40.", 3));
+    let (model, on, fits) = (
+        setup.file("body.npz"),
+        setup.file("on.csv"),
+        setup.file("f.npz"),
+    );
+    let args = ["-m", &model, "--on", &on, "-o", &fits];
+    let said = findings("body-fit", &[&args[..], &[&*swapped]].concat());
+    assert!(
+        said.contains("m3 does not fit") && said.contains("m40 does not fit"),
+        "{said}"
+    );
+    let completed = MeshSet::open_array(&fits, &["completed"]).unwrap().0;
+    for (k, row) in [3, 7].into_iter().enumerate() {
+        let far = apart(&completed, k, &truth, row);
+        assert!(far < 1.2, "{far} cm");
+    }
+    let said = findings("body-animate", &[&args[..], &[&*swapped]].concat());
+    assert!(said.contains("m3 does not fit"), "{said}");
+    let mut mirrored = poses();
+    mirrored
+        .vertices
+        .slice_mut(ndarray::s![.., .., 0])
+        .mapv_inplace(|x| -x);
+    let mirrored = setup.write("mirrored.csv", &marker_table(&mirrored, &[3]));
+    let said = findings("body-fit", &[&args[..], &[&*mirrored]].concat());
+    assert!(said.contains("mirror"), "{said}");
+}
+
+#[test]
+fn parts_without_markers_are_named() {
+    let setup = Setup::new();
+    let table = setup.write("markers.csv", &marker_table(&poses(), &[3]));
+    let on = fs::read_to_string(setup.path("on.csv")).unwrap();
+    // Four markers a part, in their order.
+    let on: Vec<&str> = on
+        .lines()
+        .enumerate()
+        .filter(|(k, _)| (k + 3) / 4 != 6)
+        .map(|l| l.1)
+        .collect();
+    let on = setup.write("few.csv", &(on.join("\n") + "\n"));
+    let (model, fits) = (setup.file("body.npz"), setup.file("f.npz"));
+    let args = ["-m", &model, "--on", &on, "-o", &fits, &table];
+    let done = command("body-fit").args(args).assert().success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(said.contains("no marker is seen on part5:"), "{said}");
+}
+
+#[test]
+fn one_person_has_one_shape_in_all_frames() {
+    let setup = Setup::new();
+    let truth = poses();
+    let table = setup.write("markers.csv", &marker_table(&truth, &[0, 3, 7]));
+    let (model, on, fits, shapes) = (
+        setup.file("body.npz"),
+        setup.file("on.csv"),
+        setup.file("f.npz"),
+        setup.file("s.csv"),
+    );
+    let args = ["-q", "-m", &model, "--on", &on, "-o", &fits, "--one-person"];
+    run(
+        "body-fit",
+        &[&args[..], &["--shapes", &shapes, &table]].concat(),
+        "",
+    );
+    let shapes = fs::read_to_string(shapes).unwrap();
+    let rows: Vec<&str> = (shapes.lines().skip(1))
+        .map(|line| line.splitn(3, ',').nth(2).unwrap())
+        .collect();
+    assert!(
+        rows.len() == 3 && rows.iter().all(|row| *row == rows[0]),
+        "{shapes}"
+    );
+    let completed = MeshSet::open_array(&fits, &["completed"]).unwrap().0;
+    for (k, row) in [0, 3, 7].into_iter().enumerate() {
+        let far = apart(&completed, k, &truth, row);
+        assert!(far < 1.2, "{far} cm");
+    }
+}
+
+/// A mesh of a set as OBJ, its vertices in another order, its x times `side`.
+fn obj(set: &MeshSet, row: usize, order: impl Fn(usize) -> usize, side: f32) -> String {
+    let mut text = String::new();
+    for v in 0..set.vertices.dim().1 {
+        let at = |axis: usize| set.vertices[[row, order(v), axis]];
+        writeln!(text, "v {} {} {}", side * at(0), at(1), at(2)).unwrap();
+    }
+    for face in &set.faces {
+        let [a, b, c] = face.map(|v| v + 1);
+        writeln!(text, "f {a} {b} {c}").unwrap();
+    }
+    text
+}
+
+#[test]
+fn meshes_of_other_order_or_side_are_not_learned_from() {
+    let setup = Setup::new();
+    let set = poses();
+    let count = set.vertices.dim().1;
+    let first = setup.write("first.obj", &obj(&set, 0, |v| v, 1.0));
+    let good = setup.write("good.obj", &obj(&set, 3, |v| v, 1.0));
+    let order = setup.write("order.obj", &obj(&set, 3, |v| (v + 97) % count, 1.0));
+    let side = setup.write("side.obj", &obj(&set, 3, |v| v, -1.0));
+    let (parts, out) = (data("parts.csv"), setup.file("x.npz"));
+    let train = |mesh: &str, units: &[&str]| -> (bool, String) {
+        let args = ["--parts", &parts, "-o", &out, "--poses", &first, mesh];
+        let args = [&args[..], &["--units", "cm"], units].concat();
+        let done = command("body-train").args(args).output().unwrap();
+        (
+            done.status.success(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        )
+    };
+    let (is_done, said) = train(&good, &[]);
+    assert!(is_done && said.contains("poses left out unknown"), "{said}");
+    let (is_done, said) = train(&order, &[]);
+    assert!(!is_done && said.contains("order.obj"), "{said}");
+    let (is_done, said) = train(&side, &[]);
+    assert!(
+        !is_done && said.contains("side.obj") && said.contains("mirror"),
+        "{said}"
+    );
+    // People in meters.
+    let mut meters = poses();
+    meters.vertices.mapv_inplace(|x| x / 100.0);
+    let meters = setup.write("meters.obj", &obj(&meters, 3, |v| v, 1.0));
+    let (is_done, said) = train(&good, &["--shapes", &meters]);
+    assert!(!is_done && said.contains("meters.obj"), "{said}");
+    let (is_done, said) = train(&good, &["--shapes", &meters, "--shape-units", "m"]);
+    assert!(is_done, "{said}");
 }
 
 #[test]

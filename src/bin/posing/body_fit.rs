@@ -36,7 +36,7 @@ use std::path::PathBuf;
 ///
 /// Markers that do not fit are left out and named with their distance, mirrored ones are told: the
 /// exit status is 3 then. The completed mesh goes through the markers but for
-/// the noise: that of --noise, or more where markers near each other disagree.
+/// their noise, which is told from where markers near each other disagree.
 #[derive(Parser)]
 #[command(
     name = "body-fit",
@@ -96,7 +96,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let fits = match args.one_person {
         true => fit_one_person(&body, &model, &prior, &frames)
             .map_err(|e| e.at(Place::file(&table.name)))?,
-        false => fit_each(&body, args.noise, &frames, |frame| {
+        false => fit_each(&body, &frames, |frame| {
             let problem = FitProblem::new(&model, &prior, frame).ok()?;
             Some(problem.solve(None))
         }),
@@ -132,7 +132,6 @@ type Fitted = Option<(Fit, Completion)>;
 /// Each frame by itself.
 fn fit_each(
     body: &BodyModel,
-    noise: f64,
     frames: &[MarkerFrame],
     fit: impl Fn(&MarkerFrame) -> Option<Fit> + Sync,
 ) -> Vec<Fitted> {
@@ -143,7 +142,7 @@ fn fit_each(
         fits.extend(parallel::map_chunks(block.len(), 1, |range| {
             let fit = fit(&block[range.start])?;
             let shape = body.shape.matrices(&fit.state.shape);
-            let completion = complete(body, &fit, &shape, noise);
+            let completion = complete(body, &fit, &shape);
             Some((fit, completion))
         }));
         bar.set(fits.len() as u64);
@@ -160,10 +159,9 @@ fn fit_one_person(
 ) -> Result<Vec<Fitted>> {
     let animation = animate(model, prior, frames, Offsets::Known)?;
     let shape = body.shape.matrices(&animation.shape);
-    let noise = prior.noise;
     let surfaces = |mut fit: Fit| {
         fit.state.shape = animation.shape.clone();
-        let completion = complete(body, &fit, &shape, noise);
+        let completion = complete(body, &fit, &shape);
         (fit, completion)
     };
     Ok((animation.fits.into_iter())

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 /// labels (RDSR). retrieve, pose-distance and transition use it. More pairs help slowly: of ten
 /// poses found across people .881 were of the right action with 50 pairs, .887 with 150, .893 with
 /// 500 (HDM05). rdsr, rca and nca learn from pairs of label 1
-/// alone; l2 learns nothing.
+/// alone and leave those of label 0 out; l2 learns nothing.
 ///
 /// A label says that two takes show the same around two frames. Within --reach seconds of them,
 /// each pose is paired with the nearest poses of the takes that it is linked to. For labels that
