@@ -2,7 +2,6 @@
 
 use super::decomposition::synthesize;
 use super::fit_prior::{FitPrior, NOISE};
-use super::held_out::HeldOutErrors;
 use super::pose_model::{PoseModel, twists};
 use super::shape_model::ShapeModel;
 use super::template::Template;
@@ -31,6 +30,18 @@ pub struct BodyModel {
     pub joint_names: Vec<(usize, String)>,
     /// How well it makes meshes that it does not know, where that was measured.
     pub errors: Option<HeldOutErrors>,
+}
+
+/// Mean distances of vertices, cm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldOutErrors {
+    /// Of the training poses, each by its own matrices.
+    pub decomposed: f64,
+    /// Of poses that are left out, by the rotations of their parts; `None` where there are too
+    /// few.
+    pub poses: Option<f64>,
+    /// Of people who are left out, by their rotations and the shape that is nearest to them.
+    pub people: Option<f64>,
 }
 
 impl BodyModel {

@@ -1,5 +1,5 @@
-//! How well a body makes meshes that it was not learned from: each is left out of the training
-//! once, with some others.
+//! How well a body makes meshes that it was not learned from: each is left out of the pose model,
+//! or of the components of shape, once, with its neighbors. Parts and template are those of all.
 
 use super::body_model::BodyModel;
 use super::decomposition::synthesize;
@@ -14,18 +14,6 @@ use ndarray::{Array2, Axis};
 const FOLDS: usize = 5;
 /// People who are tried, at most: each takes a second.
 const PEOPLE: usize = 5;
-
-/// Mean distances of vertices, cm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HeldOutErrors {
-    /// Of the training poses, each by its own matrices.
-    pub decomposed: f64,
-    /// Of poses that are left out, by the rotations of their parts; `None` where there are too
-    /// few.
-    pub poses: Option<f64>,
-    /// Of people who are left out, by their rotations and the shape that is nearest to them.
-    pub people: Option<f64>,
-}
 
 /// The mean distance of the vertices of two meshes whose middles are laid on each other, cm.
 pub(super) fn mean_error(made: &[DVec3], mesh: &[DVec3]) -> f64 {
@@ -52,7 +40,8 @@ pub(super) fn of_poses(
     }
     let mut sum = 0.0;
     for fold in 0..FOLDS {
-        let is_out = |k: &usize| k % FOLDS == fold;
+        // Neighbors of a sequence go together.
+        let is_out = |k: &usize| k * FOLDS / poses.len() == fold;
         let (out, kept): (Vec<usize>, Vec<usize>) = (0..poses.len()).partition(is_out);
         let kept: Vec<_> = kept.into_iter().map(|k| decomposed[k].clone()).collect();
         let model = PoseModel::learn(template, &kept, follows, inputs)?;
@@ -79,7 +68,7 @@ pub(super) fn of_people(
     }
     let (mut sum, mut count) = (0.0, 0);
     for fold in 0..FOLDS {
-        let is_out = |k: &usize| *k < people.len() && k % FOLDS == fold;
+        let is_out = |k: &usize| *k < people.len() && k * FOLDS / people.len() == fold;
         let (out, kept): (Vec<usize>, Vec<usize>) = (0..matrices.nrows()).partition(is_out);
         let kept = matrices.select(Axis(0), &kept);
         let without = BodyModel {

@@ -255,7 +255,9 @@ fn learn_group(
     });
     let mut normal = inputs.t().dot(&inputs);
     let ridge = ridge * normal.diag().sum() / width as f64;
-    normal.diag_mut().mapv_inplace(|v| v + ridge);
+    // The constant is not drawn to 0: it is Q without a bend.
+    let mut drawn = normal.diag_mut();
+    drawn.slice_mut(s![..width - 1]).mapv_inplace(|v| v + ridge);
     Cholesky::new(normal)?.solve(&inputs.t().dot(&outputs))
 }
 

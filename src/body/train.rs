@@ -1,14 +1,17 @@
 //! Learning a body from meshes of one topology.
 
-use super::body_model::BodyModel;
+use super::body_model::{BodyModel, HeldOutErrors};
 use super::decomposition::{Decomposer, SMOOTHNESS, fit_rotations, synthesize};
-use super::held_out::{HeldOutErrors, mean_error, of_people, of_poses};
+use super::held_out::{mean_error, of_people, of_poses};
 use super::pose_model::{Follows, JointInputs, PoseModel};
 use super::shape_model::{Metric, ShapeModel, matrices_of_person};
 use super::template::Template;
 use crate::Result;
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
+
+/// Inputs of more numbers count where they leave this share of the error at most.
+const WORTH: f64 = 0.95;
 
 /// How a body is learned.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,7 +142,11 @@ fn pose_model(
     );
     for inputs in &tried[1..] {
         let own = of_poses(template, poses, decomposed, settings.follows, *inputs)?;
-        if own < best.1 {
+        // More numbers must be worth it.
+        if own
+            .zip(best.1)
+            .is_some_and(|(own, before)| own < WORTH * before)
+        {
             best = (*inputs, own);
         }
     }

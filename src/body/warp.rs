@@ -9,7 +9,7 @@
 //! a variance that grows with the distance; the noise of the values over that growth smooths it,
 //! both told from what near points show.
 
-use crate::numeric::linalg::Cholesky;
+use crate::numeric::linalg::{Cholesky, symmetric_eigen};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, s};
 
@@ -35,7 +35,8 @@ pub(crate) struct Warp {
 }
 
 impl Warp {
-    /// The warp that moves each point by its own way, but for the noise. `None`: fewer than four points, or all in a plane.
+    /// The warp that moves each point by its own way, but for the noise. `None`: fewer than four
+    /// points, or all in a plane.
     pub(crate) fn new(moves: &[(DVec3, DVec3)]) -> Option<Warp> {
         let count = moves.len();
         if count < 4 {
@@ -44,7 +45,7 @@ impl Warp {
         let middle = moves.iter().map(|(at, _)| *at).sum::<DVec3>() / count as f64;
         let square = |(at, _): &(DVec3, DVec3)| (*at - middle) * (*at - middle);
         let spread = (moves.iter().map(square).sum::<DVec3>() / count as f64).map(f64::sqrt);
-        if !(spread.min_element() > 0.0) {
+        if !(spread.min_element() > 0.0) || is_flat(moves, middle) {
             return None;
         }
         let base = |at: DVec3| {
@@ -87,6 +88,20 @@ impl Warp {
         let plate = self.centers.iter().map(|(at, c)| *c * point.distance(*at));
         plate.sum::<DVec3>() + self.shift + self.linear * (point - self.middle)
     }
+}
+
+/// Whether all points are in a plane.
+fn is_flat(moves: &[(DVec3, DVec3)], middle: DVec3) -> bool {
+    const FLAT: f64 = 1e-9;
+    let mut moments = Array2::zeros((3, 3));
+    for (at, _) in moves {
+        let own = *at - middle;
+        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            moments[[i, j]] += own[i] * own[j];
+        }
+    }
+    let values = symmetric_eigen(&moments).map(|(values, _)| values);
+    values.is_none_or(|values| values[0] <= FLAT * values[2])
 }
 
 /// The variance of the noise over the growth of half the variance of a coordinate's difference
@@ -138,7 +153,8 @@ mod tests {
         let warp = Warp::new(&moves).unwrap();
         let at = DVec3::new(50.0, -4.0, 7.0);
         assert!(warp.at(at).distance(affine(at)) < 1e-6);
-        let flat: Vec<_> = points.iter().map(|x| (x.with_z(0.0), DVec3::X)).collect();
+        let flat = points.iter().map(|x| (x.with_z(x.x - 0.5 * x.y), DVec3::X));
+        let flat: Vec<_> = flat.collect();
         assert!(Warp::new(&flat).is_none() && Warp::new(&moves[..3]).is_none());
     }
 

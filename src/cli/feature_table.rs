@@ -60,6 +60,11 @@ pub struct FittingMapArgs {
 }
 
 impl FittingMapArgs {
+    /// Whether the flag is given.
+    pub fn is_given(&self) -> bool {
+        self.map.is_some()
+    }
+
     /// The map of a metric, or that which the flag names; `None`: the points' names tell.
     ///
     /// # Errors

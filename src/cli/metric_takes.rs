@@ -114,8 +114,8 @@ fn report_rates(rates: &[Option<f64>], source: &str) {
 }
 
 impl MetricTakes {
-    /// The takes, described by a metric.
-    pub fn index(&self, metric: &PoseMetric) -> PoseIndex {
+    /// The takes, described by a metric; see [`PoseIndex::new`].
+    pub fn index(&self, metric: &PoseMetric, every: usize) -> PoseIndex {
         let ranges = self.poses.takes();
         let takes = (self.names.iter().zip(&self.takes)).zip(ranges);
         let takes: Vec<_> = takes
@@ -124,7 +124,7 @@ impl MetricTakes {
                 (IndexedTake::new(name, take, time), take)
             })
             .collect();
-        PoseIndex::new(metric, &takes)
+        PoseIndex::new(metric, &takes, every)
     }
 
     /// Every `every`-th frame of each take by a metric: which frames, and their vectors.

@@ -9,8 +9,9 @@ use super::index::{IndexedTake, PoseIndex};
 use super::pose_metric::Norm;
 use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
+use std::ops::Range;
 
-/// Frames a second at which motions are compared, unless one says otherwise.
+/// Frames a second at which motions are compared, where all takes have as many.
 const RATE: f64 = 30.0;
 /// Frames of a take whose distances are held together.
 const BLOCK: usize = 2048;
@@ -20,8 +21,6 @@ const LEAST: usize = 3;
 /// What is searched for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventSearch {
-    /// Every `every`-th frame is compared; `None`: some 30 a second.
-    pub every: Option<usize>,
     /// Events, at most.
     pub most: usize,
     /// Seconds between two events of a take, at least.
@@ -43,25 +42,39 @@ pub struct Event {
     pub distance: f32,
 }
 
-/// Motions that are looked for.
+/// Motions that are looked for in a database.
 #[derive(Debug, Clone)]
-pub struct Examples(Vec<Array2<f32>>);
+pub struct Examples<'a> {
+    database: &'a PoseIndex,
+    /// Frames a second that are compared.
+    rate: f64,
+    motions: Vec<Array2<f32>>,
+}
 
-impl Examples {
-    /// The takes of `examples`, each whole. Frames that lack joints are left out.
+impl<'a> Examples<'a> {
+    /// The takes of `examples`, each whole. Frames that lack joints are left out. All takes are
+    /// compared at one rate: 30 frames a second, or the least that one has.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: a take has under three frames to compare.
-    pub fn new(examples: &PoseIndex, every: Option<usize>) -> crate::Result<Examples> {
+    /// [`crate::Error::Unfit`]: a take has no frame rate, or one of the examples has under three
+    /// frames to compare.
+    pub fn new(examples: &PoseIndex, database: &'a PoseIndex) -> crate::Result<Examples<'a>> {
+        let mut rate = RATE;
+        for take in examples.takes.iter().chain(&database.takes) {
+            let own = take.rate.ok_or_else(|| {
+                format!("take {} has no frame rate, which motions need", take.name)
+            })?;
+            rate = rate.min(own);
+        }
         let example = |(k, take): (usize, &IndexedTake)| {
             let rows = examples.motion(k);
             let is_whole = |t: &usize| rows.row(*t).iter().all(|v| v.is_finite());
-            let frames = (0..take.frames).step_by(step(take, every));
-            let frames: Vec<usize> = frames.filter(is_whole).collect();
+            let mut frames = sampled(0..take.frames, take, rate);
+            frames.retain(is_whole);
             match frames.len() {
                 ..LEAST => Err(format!(
-                    "take {} has {} frames that show all joints; a motion has at least {LEAST} \
-                     of some {RATE} a second",
+                    "take {} has {} frames that show all joints, of {rate} a second; a motion \
+                     has at least {LEAST}",
                     take.name,
                     frames.len()
                 )
@@ -69,21 +82,20 @@ impl Examples {
                 _ => Ok(rows.select(Axis(0), &frames)),
             }
         };
-        let found = examples.takes.iter().enumerate().map(example);
-        Ok(Examples(found.collect::<crate::Result<_>>()?))
+        let motions = examples.takes.iter().enumerate().map(example);
+        Ok(Examples {
+            database,
+            rate,
+            motions: motions.collect::<crate::Result<_>>()?,
+        })
     }
 
     /// The events of a database, nearest first, that are not of takes that `allowed` turns down.
     /// None overlaps another.
-    pub fn find(
-        &self,
-        database: &PoseIndex,
-        search: &EventSearch,
-        allowed: impl Fn(usize) -> bool + Sync,
-    ) -> Vec<Event> {
-        let found = parallel::map_chunks(database.takes.len(), 1, |takes| {
+    pub fn find(&self, search: &EventSearch, allowed: impl Fn(usize) -> bool + Sync) -> Vec<Event> {
+        let found = parallel::map_chunks(self.database.takes.len(), 1, |takes| {
             let takes = takes.filter(|take| allowed(*take));
-            let found = takes.map(|take| self.in_take(database, take, search));
+            let found = takes.map(|take| self.in_take(take, search));
             found.collect::<Vec<_>>().concat()
         });
         let mut found = found.concat();
@@ -93,23 +105,26 @@ impl Examples {
     }
 
     /// The events of a take, nearest first.
-    fn in_take(&self, database: &PoseIndex, take: usize, search: &EventSearch) -> Vec<Event> {
-        let (known, rows) = (&database.takes[take], database.motion(take));
+    fn in_take(&self, take: usize, search: &EventSearch) -> Vec<Event> {
+        let (known, rows) = (&self.database.takes[take], self.database.motion(take));
+        let norm = self.database.metric.norm;
         let mut all = Vec::new();
         for run in known.runs() {
-            let frames: Vec<usize> = run.step_by(step(known, search.every)).collect();
+            let frames = sampled(run, known, self.rate);
             let rows = rows.select(Axis(0), &frames);
-            for example in &self.0 {
-                let ends = align(example.view(), rows.view(), database.metric.norm);
+            for motion in &self.motions {
+                let ends = align(motion.view(), rows.view(), norm);
                 let ends = ends.into_iter().enumerate();
                 all.extend(ends.filter_map(|(end, way)| {
-                    let event = Event {
+                    let distance = way.distance(motion.nrows(), norm);
+                    let is_near = distance.is_finite() && distance <= search.within;
+                    is_near.then_some(())?;
+                    Some(Event {
                         take,
                         from: known.time(frames[way.start])?,
                         to: known.time(frames[end])?,
-                        distance: way.distance(example.nrows(), database.metric.norm),
-                    };
-                    (event.distance.is_finite() && event.distance <= search.within).then_some(event)
+                        distance,
+                    })
                 }));
             }
         }
@@ -137,10 +152,12 @@ fn sort(events: &mut [Event]) {
     });
 }
 
-/// Frames from one that is compared to the next.
-fn step(take: &IndexedTake, every: Option<usize>) -> usize {
-    let own = || (take.rate.unwrap_or(RATE) / RATE).round() as usize;
-    every.unwrap_or_else(own).max(1)
+/// The frames of a run of a take that are compared, `rate` a second.
+fn sampled(run: Range<usize>, take: &IndexedTake, rate: f64) -> Vec<usize> {
+    let step = (take.rate.unwrap_or(rate) / rate).max(1.0);
+    let count = (run.len() as f64 / step).ceil() as usize;
+    let frames = (0..count).map(|k| run.start + (k as f64 * step).round() as usize);
+    frames.filter(|t| run.contains(t)).collect()
 }
 
 /// A way through the frames of a take: where it began, and its sum so far.
@@ -283,6 +300,27 @@ mod tests {
                 let same = (way.sum - want).abs() < 1e-4 || way.sum == want;
                 assert!(same, "{at}: {} for {want}", way.sum);
                 assert!(way.sum.is_infinite() || way.start <= at);
+            }
+        }
+    }
+
+    #[test]
+    fn takes_of_any_rate_are_compared_at_one() {
+        let take = |rate: f64| IndexedTake {
+            frames: (4.0 * rate) as usize,
+            rate: Some(rate),
+            ..IndexedTake::default()
+        };
+        for rate in [30.0, 44.0, 50.0, 59.94, 120.0] {
+            let take = take(rate);
+            let frames = sampled(0..take.frames, &take, 30.0);
+            assert!(
+                (118..=121).contains(&frames.len()),
+                "{rate}: {}",
+                frames.len()
+            );
+            for (k, t) in frames.iter().enumerate() {
+                assert!((*t as f64 / rate - k as f64 / 30.0).abs() <= 0.5 / rate + 1e-9);
             }
         }
     }

@@ -17,7 +17,7 @@ use std::ops::Range;
 pub(crate) const KIND: &str = "pose-index";
 
 /// What an index knows of a take besides its vectors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct IndexedTake {
     /// Its name.
     pub name: String,
@@ -26,7 +26,7 @@ pub struct IndexedTake {
     /// Frames a second.
     pub rate: Option<f64>,
     /// The first frame of each run of consecutive frames, and the time there, seconds.
-    runs: Vec<(usize, f64)>,
+    pub(super) runs: Vec<(usize, f64)>,
 }
 
 impl IndexedTake {
@@ -50,16 +50,28 @@ impl IndexedTake {
         starts.zip(ends).map(|(start, end)| start..end)
     }
 
+    /// The position of the run that a frame is in.
+    fn run_at(&self, frame: usize) -> Option<usize> {
+        self.runs
+            .partition_point(|(start, _)| *start <= frame)
+            .checked_sub(1)
+    }
+
     fn run_of(&self, frame: usize) -> Range<usize> {
-        let mut runs = self.runs();
-        let run = runs.find(|run| run.contains(&frame));
-        run.unwrap_or(frame..frame + 1)
+        let Some(k) = self.run_at(frame) else {
+            return frame..frame + 1;
+        };
+        let end = self
+            .runs
+            .get(k + 1)
+            .map_or(self.frames, |(start, _)| *start);
+        self.runs[k].0..end
     }
 
     /// The time of a frame, seconds; `None` where the take has no rate.
     pub fn time(&self, frame: usize) -> Option<f64> {
         let rate = self.rate?;
-        let (start, time) = self.runs.iter().rfind(|(start, _)| *start <= frame)?;
+        let (start, time) = self.runs[self.run_at(frame)?];
         // Sums of decimal times have more digits than were measured.
         Some(((time + (frame - start) as f64 / rate) * 1e6).round() / 1e6)
     }
@@ -77,11 +89,27 @@ pub struct PoseIndex {
 }
 
 impl PoseIndex {
-    /// Describes takes.
-    pub fn new(metric: &PoseMetric, takes: &[(IndexedTake, &BodyFramePoses)]) -> PoseIndex {
+    /// Describes takes; of metrics that look at windows as a whole every `every`-th frame alone,
+    /// and others are NaN.
+    pub fn new(
+        metric: &PoseMetric,
+        takes: &[(IndexedTake, &BodyFramePoses)],
+        every: usize,
+    ) -> PoseIndex {
         let one = metric.of_one_frame();
-        let kept = one.as_ref().unwrap_or(metric);
-        let parts: Vec<Array2<f32>> = takes.iter().map(|(_, poses)| kept.embed(poses)).collect();
+        let describe = |poses: &BodyFramePoses| match &one {
+            Some(one) => one.embed(poses),
+            None if every == 1 => metric.embed(poses),
+            None => {
+                let frames: Vec<usize> = (0..poses.frames()).step_by(every).collect();
+                let mut all = Array2::from_elem((poses.frames(), metric.dimensions()), f32::NAN);
+                let own = metric.embed_frames(poses, &frames);
+                let mut rows = all.slice_mut(s![..;every, ..]);
+                rows.assign(&own);
+                all
+            }
+        };
+        let parts: Vec<Array2<f32>> = takes.iter().map(|(_, poses)| describe(poses)).collect();
         let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
         PoseIndex {
             metric: metric.clone(),
@@ -214,7 +242,7 @@ mod tests {
         let take = BodyFramePoses::new(&clip.poses, Some(30.0), &own_names()).unwrap();
         let metric = PoseMetric::of_coordinates(own_names());
         let indexed = IndexedTake::new("a", &take, clip.poses.time.as_deref());
-        (PoseIndex::new(&metric, &[(indexed, &take)]), take)
+        (PoseIndex::new(&metric, &[(indexed, &take)], 1), take)
     }
 
     #[test]

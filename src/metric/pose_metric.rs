@@ -224,5 +224,5 @@ pub(super) fn window_frames(
     }
     let reach = rate.map_or(0, |rate| (window * rate).round() as usize);
     let before = t.saturating_sub(reach).max(run.start);
-    vec![before, t, (t + reach).min(run.end - 1)]
+    vec![before, t, t.saturating_add(reach).min(run.end - 1)]
 }

@@ -101,8 +101,8 @@ pub fn work(args: &Args) -> Result<Outcome> {
             Some(problem.solve(None))
         }),
     };
-    report_free_parts(&model, &frames, &table.name);
     let findings = report(&fits, &table.name, &names)?;
+    report_free_parts(&model, &frames, &table.name);
     write(args, &body, &fits)?;
     let state = |f: &Fitted| {
         let (fit, completion) = f.as_ref()?;
@@ -159,14 +159,15 @@ fn fit_one_person(
 ) -> Result<Vec<Fitted>> {
     let animation = animate(model, prior, frames, Offsets::Known)?;
     let shape = body.shape.matrices(&animation.shape);
-    let surfaces = |mut fit: Fit| {
+    let surfaces = |fit: &Fit| {
+        let mut fit = fit.clone();
         fit.state.shape = animation.shape.clone();
         let completion = complete(body, &fit, &shape);
         (fit, completion)
     };
-    Ok((animation.fits.into_iter())
-        .map(|fit| fit.map(surfaces))
-        .collect())
+    Ok(parallel::map_chunks(animation.fits.len(), 1, |range| {
+        animation.fits[range.start].as_ref().map(surfaces)
+    }))
 }
 
 /// Tells how the fits are; how many findings there are.

@@ -200,7 +200,7 @@ fn report_errors(body: &BodyModel) {
     };
     let millimeters = |what: &str, cm: Option<f64>| match cm {
         Some(cm) => format!("{what} {:.1}", 10.0 * cm),
-        None => format!("{what} unknown (fewer than ten)"),
+        None => format!("{what} unknown (of ten or more)"),
     };
     messages::info(&format!(
         "mean error of the vertices, mm: {}, {}, by {}s of the joints, {}",

@@ -41,7 +41,7 @@ pub struct Args {
     #[command(flatten)]
     input: InputArgs,
     /// Labeled pairs of frames of the input; l2 needs none. Where people contradict each other
-    /// about a pair, the most win by the difference of their numbers
+    /// about a pair, the majority counts, by its lead
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: Option<PathBuf>,
     #[command(flatten)]

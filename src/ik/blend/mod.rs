@@ -44,7 +44,6 @@ pub struct Blend<'a> {
     poses: Vec<Vec<DVec3>>,
     turn: DQuat,
     shift: DVec3,
-    pace: f64,
 }
 
 impl<'a> Blender<'a> {
@@ -77,7 +76,7 @@ impl<'a> Blender<'a> {
             let half = self.clips[0].frames_in(over / 2.0);
             let timing = (Timing::new(self.clips, frames, half, pace))
                 .or_else(|| Timing::new(self.clips, frames, half, 1.0));
-            let Some(blend) = timing.and_then(|timing| self.joined(timing, pace)) else {
+            let Some(blend) = timing.and_then(|timing| self.joined(timing)) else {
                 continue;
             };
             let quality = BlendQuality::measure(&blend, ranges);
@@ -91,7 +90,7 @@ impl<'a> Blender<'a> {
         best
     }
 
-    fn joined(&self, timing: Timing, pace: f64) -> Option<Blend<'a>> {
+    fn joined(&self, timing: Timing) -> Option<Blend<'a>> {
         let turn = self.turn(&timing);
         let steps = timing.steps();
         let pose = |clip: usize, k: usize| -> Vec<DVec3> {
@@ -131,7 +130,6 @@ impl<'a> Blender<'a> {
             turn,
             poses,
             timing,
-            pace,
         };
         let is_whole = |k: isize| (0..16).all(|j| blend.joint(k, j).is_finite());
         if !blend.span().all(is_whole) {
@@ -195,7 +193,7 @@ impl Blend<'_> {
 
     /// Frames of clip b for a frame of clip a while both count.
     pub fn pace(&self) -> f64 {
-        self.pace
+        self.timing.pace
     }
 
     /// Seconds of the blend.

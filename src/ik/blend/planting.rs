@@ -1,7 +1,7 @@
 //! Feet that stand stay where they stand, through a blend.
 
 use super::bone_tree::BoneTree;
-use super::timing::point_at;
+use super::timing::{point_at, smooth};
 use crate::metric::clip::Clip;
 use crate::metric::joint_map::joint;
 use crate::pose::foot_contacts::{ContactLimits, contacts, fade};
@@ -147,15 +147,19 @@ impl Leg {
                 continue;
             }
             let from_path = |k: usize| self.place(&poses[k]) - path[k];
-            let start = match (range.start <= 0, range.end > last as isize) {
-                (true, _) => from_path(0),
-                (false, true) => from_path(last),
+            let (first, end) = (from_path(0), from_path(last));
+            // What stands at an end of the blend stands there; through all of it, where both ends
+            // differ, it goes from one to the other.
+            let start = |k: usize| match (range.start <= 1, range.end >= last as isize) {
+                (true, false) => first,
+                (false, true) => end,
+                (true, true) => first.lerp(end, smooth(k as f64 / last as f64)),
                 (false, false) => {
                     inside.clone().map(from_path).sum::<DVec3>() / inside.len() as f64
                 }
             };
             for k in inside.clone() {
-                (offsets[k], weights[k]) = (start - from_path(k), 1.0);
+                (offsets[k], weights[k]) = (start(k) - from_path(k), 1.0);
             }
             held.push(inside);
         }

@@ -27,10 +27,12 @@ pub(super) struct Timing {
     pub b: Vec<f64>,
     /// The weight of clip b, 0 to 1.
     pub weights: Vec<f64>,
+    /// Frames of clip b for a frame of clip a.
+    pub pace: f64,
 }
 
 /// From 0 to 1 with no speed at the ends.
-fn smooth(u: f64) -> f64 {
+pub(super) fn smooth(u: f64) -> f64 {
     u * u * (3.0 - 2.0 * u)
 }
 
@@ -67,6 +69,7 @@ impl Timing {
             a,
             b,
             weights,
+            pace,
         })
     }
 

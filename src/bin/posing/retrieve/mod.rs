@@ -59,14 +59,19 @@ pub struct Args {
     #[arg(short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     k: Option<u32>,
     /// Every N-th frame of each take only, in the input and the database; movement is seen from
-    /// all frames [default: 1; with --events some 30 a second]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    every: Option<u32>,
+    /// all frames
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "1",
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    every: u32,
     /// Find poses of takes with other names only
     #[arg(long)]
     other_takes: bool,
     /// Find where the motion of the input is done
-    #[arg(long, conflicts_with_all = ["classes", "picture"], help_heading = "Events")]
+    #[arg(long, conflicts_with_all = ["classes", "picture", "every"], help_heading = "Events")]
     events: bool,
     /// Greatest distance of an event
     #[arg(
@@ -150,7 +155,7 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let (table, database) = database(args)?;
     let queries = read(args, args.input.files.clone(), &database.metric)?;
-    let described = queries.index(&database.metric);
+    let described = queries.index(&database.metric, args.every as usize);
     match args.events {
         true => find_events(args, &described, &database),
         false => {
@@ -179,7 +184,9 @@ fn database(args: &Args) -> Result<(Option<MetricTakes>, PoseIndex)> {
         None => PoseMetric::of_coordinates(args.map.joint_map(None)?.unwrap_or_default()),
     };
     let takes = read(args, vec![table.clone()], &metric)?;
-    let index = takes.index(&metric);
+    // An index answers for any frames.
+    let every = if args.index.is_some() { 1 } else { args.every };
+    let index = takes.index(&metric, every as usize);
     if let Some(path) = &args.index {
         streams::write_bytes(Some(path), &index.to_model().to_bytes()?, true)?;
     }
@@ -189,15 +196,18 @@ fn database(args: &Args) -> Result<(Option<MetricTakes>, PoseIndex)> {
 /// Takes of files, whose joints a learned metric knows, or --map, or the points' names.
 fn read(args: &Args, files: Vec<PathBuf>, metric: &PoseMetric) -> Result<MetricTakes> {
     let learned = (!metric.is_of_coordinates()).then_some(metric);
+    if learned.is_some() && args.map.is_given() {
+        return Err(Error::usage(
+            "--map cannot be used with a learned metric, which has its own",
+        ));
+    }
     let map = args.map.joint_map(learned)?;
     read_takes(&args.input, files, map.as_ref(), metric.needs_rate())
 }
 
 fn find_events(args: &Args, examples: &PoseIndex, database: &PoseIndex) -> Result<()> {
-    let every = args.every.map(|n| n as usize);
-    let motions = Examples::new(examples, every)?;
+    let motions = Examples::new(examples, database)?;
     let mut search = EventSearch {
-        every,
         most: usize::MAX,
         apart: args.apart,
         within: args.within.map_or(f32::INFINITY, |d| d as f32),
@@ -216,7 +226,7 @@ fn find_events(args: &Args, examples: &PoseIndex, database: &PoseIndex) -> Resul
     let own: Vec<&str> = examples.takes.iter().map(|t| t.name.as_str()).collect();
     let allowed =
         |take: usize| !args.other_takes || !own.contains(&database.takes[take].name.as_str());
-    let found = motions.find(database, &search, allowed);
+    let found = motions.find(&search, allowed);
     let mut out = streams::open_output(args.output.as_deref(), false)?;
     out.write(b"found_take,from,to,distance\n")?;
     for event in &found {
@@ -242,7 +252,7 @@ fn find_events(args: &Args, examples: &PoseIndex, database: &PoseIndex) -> Resul
 /// The greatest distance at which the takes of --like show the motion.
 fn farthest(
     args: &Args,
-    motions: &Examples,
+    motions: &Examples<'_>,
     database: &PoseIndex,
     search: &EventSearch,
 ) -> Result<f32> {
@@ -260,7 +270,7 @@ fn farthest(
             let what = format!("has no take \"{}\", which --like names", excerpt(name));
             return Err(Error::data(place(), what));
         }
-        let found = motions.find(database, &EventSearch { most: 1, ..*search }, |take| {
+        let found = motions.find(&EventSearch { most: 1, ..*search }, |take| {
             database.takes[take].name == *name
         });
         let Some(nearest) = found.first() else {
@@ -279,7 +289,7 @@ fn farthest(
 type Described<'a> = (Option<&'a MetricTakes>, &'a PoseIndex);
 
 fn find_poses(args: &Args, most: usize, sides: [Described<'_>; 2]) -> Result<()> {
-    let every = args.every.unwrap_or(1) as usize;
+    let every = args.every as usize;
     let [(_, queries), (_, database)] = sides;
     let (query_rows, query_vectors) = queries.poses(every);
     let (rows, vectors) = database.poses(every);

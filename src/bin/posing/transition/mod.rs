@@ -111,7 +111,7 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let metric = args.model.as_deref().map(open_metric).transpose()?;
     let map = args.map.joint_map(metric.as_ref())?;
-    // A cross-fade is so many frames, whatever the metric needs.
+    // A blend is so many frames, whatever the metric needs.
     let takes = read_takes(&args.input, args.input.files.clone(), map.as_ref(), true)?;
     let metric = match (metric, map) {
         (Some(metric), _) => metric,
