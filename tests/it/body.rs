@@ -237,7 +237,7 @@ fn parts_without_markers_are_named() {
     let on: Vec<&str> = on
         .lines()
         .enumerate()
-        .filter(|(k, _)| (k + 3) / 4 != 6)
+        .filter(|(k, _)| k.div_ceil(4) != 6)
         .map(|l| l.1)
         .collect();
     let on = setup.write("few.csv", &(on.join("\n") + "\n"));

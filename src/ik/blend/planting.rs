@@ -136,7 +136,7 @@ impl Leg {
         rate: f64,
     ) {
         let last = poses.len() - 1;
-        let mut held: Vec<Range<usize>> = vec![0..1];
+        let mut held: Vec<Range<usize>> = std::iter::once(0..1).collect();
         let mut offsets = vec![DVec3::ZERO; poses.len()];
         let mut weights = vec![0.0; poses.len()];
         let mut path = vec![DVec3::ZERO; poses.len()];
