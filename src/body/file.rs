@@ -2,9 +2,9 @@
 //!
 //! The points of the model are the parts. Its arrays: `vertices` (V, 3) cm, `faces` (P, 3) and
 //! `parts` (V, 1) of whole numbers, the template; `pose_joints` (P, J) and `pose`
-//! (P, 9 (n J + 1)), the pose model, with n numbers a joint, of which `pose_inputs` tells the kind;
-//! `shape_mean` (P, 9) and `shape` (K, 9 P), the shape model; `rotations` (n, 9 parts), those of the
-//! training poses. P counts the bridges too, which `faces` leaves out.
+//! (P, 9 (n J + 1)), the pose model, with n numbers a joint, of which `pose_inputs` tells the
+//! kind; `shape_mean` (P, 9) and `shape` (K, 9 P), the shape model; `rotations` (n, 9 parts), those
+//! of the training poses. P counts the bridges too, which `faces` leaves out.
 
 use super::body_model::{BodyModel, HeldOutErrors};
 use super::pose_model::{JointInputs, PoseModel};
