@@ -33,7 +33,7 @@ use std::path::PathBuf;
     version,
     after_help = "Examples:\n  posing retrieve -k 10 --database poses.csv walk.csv\n  \
                   posing retrieve --events --database poses.csv walk.csv\n  \
-                  posing retrieve --events --like walk_1,walk_2 --database poses.csv walk.csv\n  \
+                  posing retrieve --events --like 07_01 --database poses.csv walk.csv\n  \
                   posing retrieve -m metric.npz --every 12 --other-takes --database \
                   poses.csv poses.csv\n  posing retrieve -m metric.npz --every 12 --classes \
                   classes.csv --scope 5,10 --picture found.svg --database poses.csv walk.csv > \
