@@ -35,7 +35,8 @@ impl Default for Settings {
         Settings {
             smoothness: SMOOTHNESS,
             follows: Follows::default(),
-            inputs: None,
+            // Rotations make fits several times as slow.
+            inputs: Some(JointInputs::Twist),
             components: 20,
             metric: Metric::default(),
             with_template: true,

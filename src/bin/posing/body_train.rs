@@ -33,8 +33,7 @@ use std::path::PathBuf;
 /// scans).
 ///
 /// The summary says how far the vertices of meshes are that are left out of the training; model
-/// info says it again. Triangles follow the twists of their joints or the entries of their
-/// rotations, whichever makes the poses better that are left out.
+/// info says it again.
 #[derive(Parser)]
 #[command(
     name = "body-train",
