@@ -211,12 +211,13 @@ impl PartTerms {
             add(to, turned(terms.dot(&inputs).view()));
         }
         for (k, joint) in self.joints.iter().enumerate() {
-            let own = of_joint.width() * k..of_joint.width() * (k + 1);
             let slopes = of_joint.slopes(out.twists[*joint]);
-            for axis in 0..3 {
-                let by: Array1<f64> = slopes.iter().map(|slope| slope[axis]).collect();
-                let column = terms.slice(s![.., own.clone()]).dot(&by);
-                add(&mut out.by_twist[3 * joint + axis], turned(column.view()));
+            for (e, slope) in slopes.iter().enumerate() {
+                let column = turned(terms.column(slopes.len() * k + e));
+                for axis in (0..3).filter(|axis| slope[*axis] != 0.0) {
+                    let to = out.by_twist[3 * joint + axis].iter_mut();
+                    to.zip(&column).for_each(|(to, v)| *to += slope[axis] * *v);
+                }
             }
         }
     }
