@@ -30,6 +30,8 @@ pub const FEWEST: usize = 4;
 const MOST_STEPS: usize = 60;
 /// Rounds of weights and σ, and the change of σ² that ends them.
 const ROUNDS: usize = 8;
+/// Steps of a round: weights and σ change again before an end is worth its steps.
+const ROUND_STEPS: usize = 5;
 const SETTLED: f64 = 0.02;
 /// The median and the mean of the squared length of a normal vector in space.
 const MEDIAN_SQUARE: f64 = 2.366;
@@ -185,7 +187,7 @@ impl<'a> FitProblem<'a> {
             problem.weights = squares.mapv(|d| (1.0 + d / reach).powi(-2));
             let change = (variance / problem.variance).ln().abs();
             problem.variance = variance;
-            fit = problem.descend(fit.state);
+            fit = problem.descended(fit.state, ROUND_STEPS);
             if change < SETTLED {
                 break;
             }
@@ -200,7 +202,7 @@ impl<'a> FitProblem<'a> {
                 break;
             }
             problem.weights = weights;
-            fit = problem.descend(fit.state);
+            fit = problem.descended(fit.state, ROUND_STEPS);
             let now = problem.evaluate(&fit.state);
             let square = problem.weights.dot(&problem.squares(&now)) / problem.weights.sum();
             let free = problem.free(&now, &fit.state);
@@ -323,6 +325,11 @@ impl<'a> FitProblem<'a> {
 
     /// The least energy from a start, with the weights and the σ that the problem has.
     pub(super) fn descend(&self, state: BodyState) -> Fit {
+        self.descended(state, MOST_STEPS)
+    }
+
+    /// A state some steps nearer to it.
+    fn descended(&self, state: BodyState, most: usize) -> Fit {
         let now = self.evaluate(&state);
         let (mut normal, mut energies) = (NormalEquations::zeros(0), Vec::new());
         let start = (now.energy, (now, state));
@@ -335,8 +342,7 @@ impl<'a> FitProblem<'a> {
             let at = self.evaluate(&next);
             Some((at.energy, (at, next)))
         };
-        let ((now, state), _) =
-            DAMPING.minimize((MOST_STEPS, usize::MAX), (0.0, SMALL), start, step);
+        let ((now, state), _) = DAMPING.minimize((most, usize::MAX), (0.0, SMALL), start, step);
         // The end is there already if steps from it were rejected.
         energies.push(now.energy);
         energies.dedup();
