@@ -19,6 +19,7 @@ pub(crate) mod body_frame;
 #[cfg(feature = "published")]
 mod boost;
 pub mod clip;
+#[cfg(any(test, feature = "published"))]
 pub(crate) mod cross_fade;
 pub mod events;
 pub(crate) mod features;
