@@ -68,21 +68,26 @@ pub fn animate(
     }
     let model = model.with_shape(&shape);
     let mut fits: Vec<Option<Fit>> = Vec::with_capacity(frames.len());
-    let mut last: Option<(BodyState, f64)> = None;
+    // The frame before: its state, how many markers it left out, and the usual distance.
+    let mut last: Option<(BodyState, usize, f64)> = None;
     for frame in frames {
         let Ok(problem) = FitProblem::new(&model, prior, frame) else {
             fits.push(None);
             continue;
         };
-        let mut fit = problem.solve(last.as_ref().map(|(state, _)| state));
-        if (last.as_ref()).is_some_and(|(_, usual)| fit.rms > FAR && fit.rms > LOST * usual) {
+        let mut fit = problem.solve(last.as_ref().map(|(state, ..)| state));
+        let is_lost = last.as_ref().is_some_and(|(_, left_out, usual)| {
+            fit.left_out.len() > *left_out || fit.rms > FAR && fit.rms > LOST * usual
+        });
+        if is_lost {
             let afresh = problem.solve(None);
-            if afresh.energy < fit.energy {
+            let worth = |fit: &Fit| (fit.left_out.len(), fit.energy);
+            if worth(&afresh) < worth(&fit) {
                 fit = afresh;
             }
         }
-        let usual = last.map_or(fit.rms, |(_, usual)| 0.9 * usual + 0.1 * fit.rms);
-        last = Some((fit.state.clone(), usual));
+        let usual = last.map_or(fit.rms, |(.., usual)| 0.9 * usual + 0.1 * fit.rms);
+        last = Some((fit.state.clone(), fit.left_out.len(), usual));
         fits.push(Some(fit));
     }
     match fits.iter().any(Option::is_some) {
