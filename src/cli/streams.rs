@@ -50,7 +50,7 @@ pub fn create_table(
         let lost = columns.lost_in_array();
         lost.iter().for_each(|what| messages::info(what));
     }
-    let output = open_output(args.output.as_deref(), format == TableFormat::Npy)?;
+    let output = open_output(args.output.as_deref(), format != TableFormat::Csv)?;
     UnitWriter::new(
         output,
         format,

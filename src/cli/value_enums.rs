@@ -52,7 +52,8 @@ value_enum!(OutputFormat {
 
 value_enum!(TableFormat {
     Csv "csv": "Text with a header line";
-    Npy "npy": "NumPy array";
+    Npy "npy": "NumPy array of the coordinates alone";
+    Npz "npz": "NumPy archive of all columns: xyz (frames, points, 3), names, fps, status, sd";
 });
 
 value_enum!(SelectionRule {

@@ -314,6 +314,7 @@ pub fn header(frames: u64, width: usize) -> Vec<u8> {
 /// The header of a C-order array.
 pub fn header_of(descr: &str, shape: &[usize]) -> Vec<u8> {
     let shape = match shape {
+        [] => "()".to_string(),
         [one] => format!("({one},)"),
         more => format!(
             "({})",

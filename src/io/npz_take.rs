@@ -3,26 +3,17 @@
 
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
-use super::npy::{Header, NpyReader, read_header, with_values};
+use super::npy::{NpyReader, with_values};
+use super::npz_entries::{Entry, LARGEST, Zipped, listed, number, plain, text_width, texts};
 use super::row::{Row, TableOptions};
-use super::text::excerpt;
 use crate::numeric::statistics::{median, span};
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2};
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::ops::RangeInclusive;
 use zip::write::SimpleFileOptions;
 
-/// The largest archive that is read, bytes.
-const LARGEST: u64 = 8 << 30;
-/// What unpacks to more than this, bytes, may not be so many times larger than the archive.
-const UNPACKED: u64 = 1 << 26;
-const MOST_PACKED: u64 = 100;
-/// More entries are no archive of a take.
-const MOST_ENTRIES: usize = 4096;
-/// Entries that a message lists.
-const LISTED: usize = 8;
 /// The extent of a body's markers in meters, in whatever pose.
 const BODY: RangeInclusive<f64> = 0.2..=5.0;
 
@@ -34,13 +25,6 @@ pub struct NpzTake {
     /// The number of the entry that holds them.
     entry: usize,
     archive: Bytes,
-}
-
-/// What the header of an entry says.
-struct Entry {
-    index: usize,
-    name: String,
-    header: Header,
 }
 
 impl NpzTake {
@@ -215,74 +199,7 @@ fn is_metric(xyz: ArrayView2<'_, f64>) -> bool {
     median(extents.collect()).is_some_and(|extent| BODY.contains(&extent))
 }
 
-/// An archive and its name in messages.
-struct Zipped<'a> {
-    name: &'a str,
-    archive: &'a [u8],
-}
-
 impl Zipped<'_> {
-    fn fail(&self, what: &str) -> Error {
-        let what = format!("is a damaged NPZ archive: {}", excerpt(what));
-        Error::data(Place::file(self.name), what)
-    }
-
-    fn open(&self) -> Result<zip::ZipArchive<Cursor<&[u8]>>> {
-        zip::ZipArchive::new(Cursor::new(self.archive)).map_err(|e| self.fail(&e.to_string()))
-    }
-
-    /// The arrays of the archive.
-    fn entries(&self) -> Result<Vec<Entry>> {
-        let mut zip = self.open()?;
-        let bad = |what: &str| Error::data(Place::file(self.name), what);
-        if zip.len() > MOST_ENTRIES {
-            return Err(bad(
-                "is an archive of more than 4096 files: unpack it first",
-            ));
-        }
-        let mut out = Vec::new();
-        for index in 0..zip.len() {
-            let mut entry = zip.by_index(index).map_err(|e| self.fail(&e.to_string()))?;
-            let name = entry.name().map_err(|e| self.fail(&e.to_string()))?;
-            let Some(name) = name.strip_suffix(".npy").map(excerpt) else {
-                continue;
-            };
-            let place = Place::file(self.name).part(&name);
-            let header = read_header(&mut entry, &place)?;
-            out.push(Entry {
-                index,
-                name,
-                header,
-            });
-        }
-        match out.is_empty() {
-            true => Err(bad("is a ZIP archive without arrays: unpack it first")),
-            false => Ok(out),
-        }
-    }
-
-    /// What an entry holds.
-    fn content(&self, index: usize) -> Result<Vec<u8>> {
-        let mut zip = self.open()?;
-        let entry = zip.by_index(index).map_err(|e| self.fail(&e.to_string()))?;
-        let most = UNPACKED.max(MOST_PACKED * self.archive.len() as u64);
-        let mut content = Vec::new();
-        let read = entry.take(most + 1).read_to_end(&mut content);
-        read.map_err(|e| self.fail(&e.to_string()))?;
-        match content.len() as u64 > most {
-            true => Err(self.fail("unpacks to far more than its size")),
-            false => Ok(content),
-        }
-    }
-
-    /// The values of an array behind its header.
-    fn values(&self, entry: &Entry) -> Result<Vec<u8>> {
-        let content = self.content(entry.index)?;
-        let mut rest = &content[..];
-        read_header(&mut rest, &Place::file(self.name).part(&entry.name))?;
-        Ok(rest.to_vec())
-    }
-
     /// The names of the points, where an array of text has as many.
     fn names(&self, entries: &[Entry], chosen: &Entry) -> Result<Option<Vec<String>>> {
         let count = chosen.header.shape[1];
@@ -329,12 +246,6 @@ impl Zipped<'_> {
         let value = number(&entry.header.descr, &self.values(entry)?);
         Ok(value.filter(|rate| *rate > 0.0 && *rate <= 1e6))
     }
-}
-
-/// The name of an array without case and signs.
-fn plain(name: &str) -> String {
-    let letters = name.chars().filter(|c| c.is_ascii_alphanumeric());
-    letters.map(|c| c.to_ascii_lowercase()).collect()
 }
 
 /// What an archive is of posing itself, or of meshes.
@@ -428,20 +339,6 @@ fn without_positions(entries: &[Entry]) -> String {
     }
 }
 
-/// Arrays with their shapes.
-fn listed<'a>(entries: impl Iterator<Item = &'a Entry>) -> String {
-    let all: Vec<String> = entries
-        .map(|e| {
-            let shape: Vec<String> = e.header.shape.iter().take(5).map(u64::to_string).collect();
-            format!("{} ({})", e.name, shape.join(", "))
-        })
-        .collect();
-    match all.len() {
-        0..=LISTED => all.join(", "),
-        n => format!("{} and {} more", all[..LISTED].join(", "), n - LISTED),
-    }
-}
-
 /// Whether the positions are AMASS' markers, which are in meters, z up.
 fn is_amass(entries: &[Entry], chosen: &Entry) -> bool {
     let has = |word: &str| entries.iter().any(|e| plain(&e.name) == word);
@@ -450,51 +347,6 @@ fn is_amass(entries: &[Entry], chosen: &Entry) -> bool {
         "markers" | "markersobs" => has("mocapframerate") && has("poses") && has("betas"),
         _ => false,
     }
-}
-
-/// The bytes of a text of an array: `<U4` has four characters of four bytes, `|S4` four bytes.
-fn text_width(descr: &str) -> Option<usize> {
-    let width = |letter: &str, bytes: usize| {
-        let count = descr.strip_prefix(letter)?.parse::<usize>().ok()?;
-        count.checked_mul(bytes).filter(|w| *w > 0)
-    };
-    width("<U", 4).or(width("|S", 1))
-}
-
-/// The texts of an array.
-fn texts(descr: &str, bytes: &[u8]) -> Vec<String> {
-    let Some(width) = text_width(descr) else {
-        return Vec::new();
-    };
-    let text = |bytes: &[u8]| -> String {
-        let text: String = match descr.starts_with("<U") {
-            true => (bytes.as_chunks::<4>().0.iter())
-                .filter_map(|b| char::from_u32(u32::from_le_bytes(*b)))
-                .collect(),
-            false => String::from_utf8_lossy(bytes).into_owned(),
-        };
-        text.trim_end_matches('\0').to_string()
-    };
-    bytes.chunks_exact(width).map(text).collect()
-}
-
-/// The number of an array of one.
-fn number(descr: &str, bytes: &[u8]) -> Option<f64> {
-    fn first<const N: usize>(bytes: &[u8]) -> Option<[u8; N]> {
-        bytes.first_chunk::<N>().copied()
-    }
-    Some(match descr {
-        "<f8" => f64::from_le_bytes(first(bytes)?),
-        "<f4" => f64::from(f32::from_le_bytes(first(bytes)?)),
-        "<i8" => i64::from_le_bytes(first(bytes)?) as f64,
-        "<u8" => u64::from_le_bytes(first(bytes)?) as f64,
-        "<i4" => f64::from(i32::from_le_bytes(first(bytes)?)),
-        "<u4" => f64::from(u32::from_le_bytes(first(bytes)?)),
-        "<i2" => f64::from(i16::from_le_bytes(first(bytes)?)),
-        "<u2" => f64::from(u16::from_le_bytes(first(bytes)?)),
-        "|u1" | "|i1" => f64::from(*bytes.first()?),
-        _ => return None,
-    })
 }
 
 #[cfg(test)]

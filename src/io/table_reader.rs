@@ -6,9 +6,12 @@ use super::input::{ContentKind, Input};
 use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
 use super::npy::NpyReader;
+use super::npz_entries::LARGEST;
 use super::npz_take::NpzTake;
 use super::row::{Row, TableOptions};
+use super::table_archive;
 use crate::{Error, Place, Result};
+use std::io::Cursor;
 
 /// Rows of a table of either format, one at a time.
 pub enum RowReader {
@@ -72,6 +75,15 @@ impl RowReader {
                 "is empty, expected a pose table",
             )),
             ContentKind::Npz => {
+                let name = input.name.clone();
+                let archive = input.read_all(LARGEST)?;
+                if options.joints.is_none()
+                    && let Some(text) = table_archive::csv_of(&name, &archive)?
+                {
+                    let input = Input::new(name, Cursor::new(text))?;
+                    return CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r)));
+                }
+                let input = Input::new(name, Cursor::new(archive))?;
                 let npz = NpzTake::read(input, options.joints.as_deref())?;
                 Ok(RowReader::Npz(Box::new(TakeRows::new(npz.take))))
             }

@@ -1,4 +1,4 @@
-//! Writes pose tables row by row, as CSV or as an NPY array.
+//! Writes pose tables row by row, as CSV, as an NPY array or as an NPZ archive.
 //!
 //! A background thread formats the rows (CSV on all threads) and writes them in order, while the
 //! caller computes the next ones. The text of a CSV row is that of [`CsvFormat::push_row`].
@@ -9,6 +9,7 @@ use super::motion_folder::unpacked;
 use super::npy;
 use super::output::{CompleteOutput, Output};
 use super::row::Row;
+use super::table_archive::ArchiveRows;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::fs::File;
@@ -35,6 +36,9 @@ pub enum TableFormat {
     Csv,
     /// NumPy array of (frames, 3 x points), `<f8`.
     Npy,
+    /// NumPy archive: `xyz` (frames, points, 3), `names`, `fps`, and an array for each kind of
+    /// other columns, such as `status` and `sd` (frames, points).
+    Npz,
 }
 
 impl TableFormat {
@@ -43,6 +47,7 @@ impl TableFormat {
     pub fn of_path(path: impl AsRef<Path>) -> TableFormat {
         match unpacked(path.as_ref()).extension() {
             Some(e) if e.eq_ignore_ascii_case("npy") => TableFormat::Npy,
+            Some(e) if e.eq_ignore_ascii_case("npz") => TableFormat::Npz,
             _ => TableFormat::Csv,
         }
     }
@@ -99,7 +104,7 @@ impl TableWriter {
         format.check_added(added)?;
         Ok(TableWriter {
             batch: Batch::default(),
-            keeps_cells: format == TableFormat::Csv,
+            keeps_cells: format != TableFormat::Npy,
             stage: Some(Stage::Start(Encoder::new(output, format, columns, added)?)),
         })
     }
@@ -282,6 +287,7 @@ enum Format {
         /// their count is known.
         spool: Option<File>,
     },
+    Npz(Box<ArchiveRows>),
 }
 
 impl Encoder {
@@ -299,6 +305,7 @@ impl Encoder {
                 output.write(&header)?;
                 Format::Csv(csv)
             }
+            TableFormat::Npz => Format::Npz(Box::new(ArchiveRows::new(columns, added))),
             TableFormat::Npy => {
                 let width = columns.width();
                 let spool = if output.can_rewrite() {
@@ -356,6 +363,12 @@ impl Encoder {
                 texts.iter().try_for_each(|text| self.output.write(text))?;
                 self.output.flush()
             }
+            Format::Npz(archive) => {
+                for row in batches.iter().flat_map(Batch::rows) {
+                    archive.push(&row.row, &row.xyz, &row.added);
+                }
+                Ok(())
+            }
             Format::Npy { frames, spool, .. } => {
                 self.texts.resize_with(1, Vec::new);
                 let bytes = &mut self.texts[0];
@@ -373,31 +386,39 @@ impl Encoder {
     }
 
     fn complete(mut self) -> Result<CompleteOutput> {
-        if let Format::Npy {
-            width,
-            frames,
-            spool,
-        } = self.format
-        {
-            let header = npy::header(frames, width);
-            match spool {
-                None => self.output.rewrite_start(&header)?,
-                Some(mut spool) => {
-                    self.output.write(&header)?;
-                    spool.rewind().map_err(spool_error)?;
-                    let mut block = vec![0; 1 << 18];
-                    loop {
-                        match spool.read(&mut block) {
-                            Ok(0) => break,
-                            Ok(n) => self.output.write(&block[..n])?,
-                            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                            Err(e) => return Err(spool_error(e)),
-                        }
+        match self.format {
+            Format::Csv(_) => {}
+            Format::Npz(archive) => self.output.write(&archive.bytes()?)?,
+            Format::Npy {
+                width,
+                frames,
+                spool,
+            } => {
+                let header = npy::header(frames, width);
+                match spool {
+                    None => self.output.rewrite_start(&header)?,
+                    Some(mut spool) => {
+                        self.output.write(&header)?;
+                        spool.rewind().map_err(spool_error)?;
+                        copy(spool, &mut self.output)?;
                     }
                 }
             }
         }
         self.output.complete()
+    }
+}
+
+/// Writes what a temporary file holds.
+fn copy(mut spool: File, output: &mut Output) -> Result<()> {
+    let mut block = vec![0; 1 << 18];
+    loop {
+        match spool.read(&mut block) {
+            Ok(0) => return Ok(()),
+            Ok(n) => output.write(&block[..n])?,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(spool_error(e)),
+        }
     }
 }
 

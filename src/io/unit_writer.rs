@@ -42,7 +42,7 @@ impl UnitWriter {
         };
         let mut added = added.to_vec();
         let mut deviations = Vec::new();
-        if written.unit != read.unit && format == TableFormat::Csv {
+        if written.unit != read.unit && format != TableFormat::Npy {
             let all = 0..columns.names.len();
             deviations.extend(all.filter(|&i| is_deviation(&columns.names[i])));
             let replaced = deviations.iter().map(|&i| columns.names[i].as_str());

@@ -52,7 +52,7 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Output format (default: by FILE's extension, else csv)
+    /// Output format, csv or npy (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<TableFormat>,
     #[command(flatten)]
@@ -73,6 +73,11 @@ pub fn work(args: &Args) -> Result<()> {
     if args.is_static {
         families.retain(|f| *f != Family::JointKinetics);
     }
+    let named = args.output.as_ref().map(TableFormat::of_path);
+    let format = args.to.or(named);
+    if format == Some(TableFormat::Npz) {
+        return Err(Error::usage("features are written as CSV or NPY"));
+    }
     let gpd = Gpd::new(&families);
     let map = args.map.joint_map()?;
     let table = input::read_table(&args.input, false, false)?;
@@ -87,10 +92,9 @@ pub fn work(args: &Args) -> Result<()> {
     let described: Vec<_> = takes.iter().map(|take| gpd.describe(take)).collect();
     let views: Vec<_> = described.iter().map(|d| d.view()).collect();
     let features = concatenate(Axis(0), &views).unwrap_or_default();
-    let named = args.output.as_ref().map(TableFormat::of_path);
     feature_table::write(
         args.output.as_deref(),
-        args.to.or(named) == Some(TableFormat::Npy),
+        format == Some(TableFormat::Npy),
         &table.poses,
         &gpd.names(),
         &features,

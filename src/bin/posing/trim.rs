@@ -36,8 +36,8 @@ pub struct Args {
     /// First time, in seconds as the table has it
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     from: Option<f64>,
-    /// Last time, in seconds as the table has it; or the output format, csv or npy (default: by
-    /// FILE's extension, else csv). It may be given twice, once for each
+    /// Last time, in seconds as the table has it; or the output format, csv, npy or npz
+    /// (default: by FILE's extension, else csv). It may be given twice, once for each
     #[arg(
         long,
         value_name = "SECONDS|FORMAT",
@@ -91,7 +91,7 @@ fn parse_to(text: &str) -> std::result::Result<To, String> {
     match (seconds, TableFormat::from_str(text, true)) {
         (Some(seconds), _) => Ok(To::Seconds(seconds)),
         (None, Ok(format)) => Ok(To::Format(format)),
-        (None, Err(_)) => Err("expected a time in seconds, or the format csv or npy".into()),
+        (None, Err(_)) => Err("expected a time in seconds, or the format csv, npy or npz".into()),
     }
 }
 

@@ -77,6 +77,7 @@ impl SplitFolder<'_> {
         let extension = match self.out.format() {
             TableFormat::Csv => "csv",
             TableFormat::Npy => "npy",
+            TableFormat::Npz => "npz",
         };
         format!("{part:0width$}.{extension}")
     }

@@ -1,0 +1,517 @@
+//! Pose tables as NPZ archives, which `numpy.load` opens: `xyz` (frames, points, 3), `names`
+//! (points), `fps` where all takes have one rate, and the columns `take` and `time` (frames).
+//!
+//! Other columns come along: those of points, `NAME.sd`, as an array `sd` (frames, points), others
+//! as one of (frames). A column is of `<f8`, NaN where cells are empty, or of text. Since both ways
+//! go through the text of CSV, an archive holds what the table would hold as CSV, bit for bit.
+
+use super::columns::Columns;
+use super::csv::{AddedColumn, CsvFormat, push_cell};
+use super::marker_take::unique_names;
+use super::npz::{NpzArray, NpzValues, npz_bytes};
+use super::npz_entries::{Entry, Zipped, number, text_width, texts};
+use super::row::Row;
+use super::text::push_f64;
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayD, IxDyn, ShapeBuilder};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Arrays that are no columns.
+const OWN: [&str; 3] = ["xyz", "names", "fps"];
+
+/// The rows of a table that becomes an archive.
+pub(super) struct ArchiveRows {
+    format: CsvFormat,
+    line: Vec<u8>,
+    reader: csv_core::Reader,
+    columns: Vec<Cells>,
+    points: Vec<String>,
+    frames: usize,
+}
+
+/// Columns of points of one kind: what stands behind the names, and the column of each point.
+type PointColumns<'a> = (&'a str, Vec<Option<&'a Cells>>);
+
+/// A column: each cell's number among the different texts that the column has.
+#[derive(Default)]
+struct Cells {
+    name: String,
+    texts: Vec<Arc<str>>,
+    known: HashMap<Arc<str>, u32>,
+    cells: Vec<u32>,
+}
+
+impl Cells {
+    fn push(&mut self, text: &str) {
+        let id = match self.known.get(text) {
+            Some(id) => *id,
+            None => {
+                let (id, text) = (self.texts.len() as u32, Arc::<str>::from(text));
+                self.texts.push(text.clone());
+                self.known.insert(text, id);
+                id
+            }
+        };
+        self.cells.push(id);
+    }
+
+    /// The cells as numbers, NaN where they are empty; `None`: some are none.
+    fn numbers(&self) -> Option<Vec<f64>> {
+        let number = |text: &Arc<str>| match &**text {
+            "" => Some(f64::NAN),
+            text => fast_float2::parse::<f64, _>(text).ok(),
+        };
+        let of: Vec<f64> = self.texts.iter().map(number).collect::<Option<_>>()?;
+        Some(self.cells.iter().map(|&id| of[id as usize]).collect())
+    }
+
+    fn text(&self, frame: usize) -> &str {
+        &self.texts[self.cells[frame] as usize]
+    }
+}
+
+impl ArchiveRows {
+    /// A table with the columns `columns` and `added`.
+    pub(super) fn new(columns: &Columns, added: &[AddedColumn]) -> ArchiveRows {
+        let mut rows = ArchiveRows {
+            format: CsvFormat::new(columns, added),
+            line: Vec::new(),
+            reader: csv_core::Reader::new(),
+            columns: Vec::new(),
+            points: columns.points.clone(),
+            frames: 0,
+        };
+        rows.format.push_header(&mut rows.line);
+        let names = rows.fields();
+        let named = |name| Cells {
+            name,
+            ..Cells::default()
+        };
+        rows.columns = names.into_iter().map(named).collect();
+        rows
+    }
+
+    /// Adds a frame; the arguments are those of [`CsvFormat::push_row`].
+    pub(super) fn push(&mut self, row: &Row, xyz: &[f64], added: &[String]) {
+        self.line.clear();
+        self.format.push_row(&mut self.line, row, xyz, added);
+        let cells = self.fields();
+        for (column, cell) in self.columns.iter_mut().zip(cells) {
+            column.push(&cell);
+        }
+        self.frames += 1;
+    }
+
+    /// The cells of the line.
+    fn fields(&mut self) -> Vec<String> {
+        let mut text = vec![0; self.line.len() + 1];
+        let mut ends = vec![0; self.line.len() + 1];
+        let read = self.reader.read_record(&self.line, &mut text, &mut ends);
+        let ends = &ends[..read.3];
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        let cell = |(from, to): (usize, &usize)| String::from_utf8_lossy(&text[from..*to]).into();
+        starts.zip(ends).map(cell).collect()
+    }
+
+    /// The bytes of the archive.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the archive cannot be made.
+    pub(super) fn bytes(self) -> Result<Vec<u8>> {
+        npz_bytes(&self.arrays())
+    }
+
+    fn arrays(&self) -> Vec<NpzArray> {
+        let (frames, points) = (self.frames, self.points.len());
+        let at: HashMap<&str, usize> = (self.columns.iter().enumerate())
+            .map(|(i, column)| (column.name.as_str(), i))
+            .collect();
+        // Columns by what stands behind the names of points.
+        let mut of_points: Vec<PointColumns<'_>> = Vec::new();
+        let mut of_frames = Vec::new();
+        for column in &self.columns {
+            let parted = column.name.rsplit_once('.');
+            let point = |name: &str| self.points.iter().position(|p| p == name);
+            match parted.and_then(|(name, what)| Some((point(name)?, what))) {
+                Some((point, what)) => {
+                    let at = of_points.iter().position(|(known, _)| *known == what);
+                    let at = at.unwrap_or_else(|| {
+                        of_points.push((what, vec![None; points]));
+                        of_points.len() - 1
+                    });
+                    of_points[at].1[point] = Some(column);
+                }
+                None => of_frames.push(column),
+            }
+        }
+        let mut arrays = vec![NpzArray {
+            name: "xyz".into(),
+            shape: vec![frames, points, 3],
+            values: NpzValues::Doubles(self.xyz(&mut of_points)),
+        }];
+        let array = |name: &str, shape: &[usize], values| NpzArray {
+            name: free_name(name),
+            shape: shape.to_vec(),
+            values,
+        };
+        arrays.push(NpzArray {
+            name: "names".into(),
+            shape: vec![points],
+            values: NpzValues::Texts(self.points.clone()),
+        });
+        if let Some(fps) = self.rate(&at) {
+            arrays.push(NpzArray {
+                name: "fps".into(),
+                shape: Vec::new(),
+                values: NpzValues::Doubles(vec![fps]),
+            });
+        }
+        for column in of_frames {
+            let is_text = column.name == "take";
+            let values = values(&[Some(column)], frames, is_text);
+            arrays.push(array(&column.name, &[frames], values));
+        }
+        for (what, columns) in of_points {
+            arrays.push(array(
+                what,
+                &[frames, points],
+                values(&columns, frames, false),
+            ));
+        }
+        arrays
+    }
+
+    /// The coordinates (frames, points, 3), which are taken out of the columns.
+    fn xyz(&self, of_points: &mut Vec<PointColumns<'_>>) -> Vec<f64> {
+        let points = self.points.len();
+        let mut xyz = vec![f64::NAN; self.frames * 3 * points];
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            let Some(at) = of_points.iter().position(|(what, _)| *what == letter) else {
+                continue;
+            };
+            for (point, column) in of_points.remove(at).1.iter().enumerate() {
+                let numbers = column.and_then(Cells::numbers).unwrap_or_default();
+                for (t, value) in numbers.into_iter().enumerate() {
+                    xyz[(t * points + point) * 3 + axis] = value;
+                }
+            }
+        }
+        xyz
+    }
+
+    /// Frames per second of all takes.
+    fn rate(&self, at: &HashMap<&str, usize>) -> Option<f64> {
+        let time = self.columns[*at.get("time")?].numbers()?;
+        let takes = at.get("take").map(|&i| &self.columns[i]);
+        let take = |c: &Cells| (0..self.frames).map(|t| Arc::from(c.text(t))).collect();
+        let poses = Poses {
+            xyz: Array2::zeros((self.frames, 0)),
+            time: Some(time),
+            take: takes.map(take),
+            ..Poses::default()
+        };
+        let rates = poses.rates();
+        let first = *rates.first()?;
+        rates
+            .iter()
+            .all(|rate| *rate == first)
+            .then_some(first)
+            .flatten()
+    }
+}
+
+/// The name of an array that holds a column.
+fn free_name(column: &str) -> String {
+    match OWN.contains(&column) {
+        true => format!("{column}_"),
+        false => column.to_string(),
+    }
+}
+
+/// The values of columns side by side (frames, columns): numbers where all cells are.
+fn values(columns: &[Option<&Cells>], frames: usize, is_text: bool) -> NpzValues {
+    let missing = || vec![f64::NAN; frames];
+    let numbers = |c: &Option<&Cells>| c.map_or_else(|| Some(missing()), Cells::numbers);
+    let all: Option<Vec<Vec<f64>>> = match is_text {
+        true => None,
+        false => columns.iter().map(numbers).collect(),
+    };
+    match all {
+        Some(all) => NpzValues::Doubles(
+            (0..frames)
+                .flat_map(|t| all.iter().map(move |column| column[t]))
+                .collect(),
+        ),
+        None => NpzValues::Texts(
+            (0..frames)
+                .flat_map(|t| columns.iter().map(move |c| c.map_or("", |c| c.text(t))))
+                .map(str::to_string)
+                .collect(),
+        ),
+    }
+}
+
+/// An array that was read, in C order.
+enum Values {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+}
+
+impl Values {
+    /// Reads an array; `None`: it holds neither numbers nor texts.
+    fn read(zipped: &Zipped<'_>, entry: &Entry) -> Result<Option<Values>> {
+        let (shape, descr) = (&entry.header.shape, entry.header.descr.as_str());
+        let bytes = zipped.values(entry)?;
+        let values = match text_width(descr) {
+            Some(_) => Values::Texts(c_order(entry, texts(descr, &bytes))),
+            None => {
+                let size = descr.trim_start_matches(|c: char| !c.is_ascii_digit());
+                let size = size.parse().ok().filter(|size| (1..=8).contains(size));
+                let values = bytes.chunks_exact(size.unwrap_or(8));
+                match values.map(|value| number(descr, value)).collect() {
+                    Some(numbers) => Values::Numbers(c_order(entry, numbers)),
+                    None => return Ok(None),
+                }
+            }
+        };
+        let count = match &values {
+            Values::Numbers(numbers) => numbers.len(),
+            Values::Texts(texts) => texts.len(),
+        };
+        let wanted = shape.iter().fold(1, |n: u64, axis| n.saturating_mul(*axis));
+        match count as u64 == wanted {
+            true => Ok(Some(values)),
+            false => Err(zipped.fail(&format!("{} has not as many values as it says", entry.name))),
+        }
+    }
+
+    fn push(&self, at: usize, line: &mut Vec<u8>) {
+        match self {
+            Values::Numbers(values) => push_f64(line, values[at]),
+            Values::Texts(texts) => push_cell(line, texts[at].as_bytes()),
+        }
+    }
+}
+
+/// The values of an array that may be in Fortran order, the last axis fastest.
+fn c_order<T: Clone>(entry: &Entry, values: Vec<T>) -> Vec<T> {
+    let shape: Vec<usize> = entry.header.shape.iter().map(|&n| n as usize).collect();
+    let is_whole = shape.iter().product::<usize>() == values.len();
+    if !entry.header.fortran || !is_whole {
+        return values;
+    }
+    let array = ArrayD::from_shape_vec(IxDyn(&shape).f(), values);
+    array.map_or_else(|_| Vec::new(), |array| array.iter().cloned().collect())
+}
+
+/// A column of the table in an archive: of frame t it is value `t * width + offset`.
+struct Source<'a> {
+    head: String,
+    values: &'a Values,
+    width: usize,
+    offset: usize,
+}
+
+/// The table in an archive as CSV text; `None`: the archive is none of a table, which has `xyz` and
+/// `names`.
+///
+/// # Errors
+/// [`Error::Data`]: it is damaged.
+pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
+    let zipped = Zipped { name, archive };
+    let entries = zipped.entries()?;
+    let find = |wanted: &str| entries.iter().find(|e| e.name == wanted);
+    let (Some(xyz), Some(named)) = (find("xyz"), find("names")) else {
+        return Ok(None);
+    };
+    let &[frames, points, 3] = &xyz.header.shape[..] else {
+        return Ok(None);
+    };
+    if named.header.shape[..] != [points] {
+        return Ok(None);
+    }
+    let (Some(xyz), Some(Values::Texts(named))) =
+        (Values::read(&zipped, xyz)?, Values::read(&zipped, named)?)
+    else {
+        return Ok(None);
+    };
+    if frames == 0 {
+        return Err(Error::data(Place::file(name), "has no frames"));
+    }
+    let mut arrays = Vec::new();
+    for entry in entries.iter().filter(|e| !OWN.contains(&e.name.as_str())) {
+        let is_column = matches!(entry.header.shape[..], [n] if n == frames)
+            || entry.header.shape[..] == [frames, points];
+        if let Some(values) = is_column
+            .then(|| Values::read(&zipped, entry))
+            .transpose()?
+            .flatten()
+        {
+            arrays.push((entry.name.as_str(), entry.header.shape.len(), values));
+        }
+    }
+    let rate = match find("fps").filter(|e| e.header.shape.is_empty()) {
+        Some(fps) => number(&fps.header.descr, &zipped.values(fps)?),
+        None => None,
+    };
+    let is_timed = arrays.iter().any(|(name, ..)| *name == "time");
+    if let Some(rate) = rate.filter(|rate| !is_timed && *rate > 0.0 && *rate <= 1e6) {
+        let takes = arrays.iter().find(|(name, ..)| *name == "take");
+        let times = times(frames as usize, rate, takes.map(|(.., takes)| takes));
+        arrays.insert(0, ("time", 1, times));
+    }
+    // The take stands first.
+    arrays.sort_by_key(|(name, ..)| *name != "take");
+    let names = unique_names(named.iter().map(String::as_str));
+    Ok(Some(text(&sources(&names, &xyz, &arrays), frames as usize)))
+}
+
+/// The times of frames at `rate`; each take begins at 0.
+fn times(frames: usize, rate: f64, takes: Option<&Values>) -> Values {
+    let mut first = 0;
+    let time = |t: usize| {
+        if let Some(Values::Texts(takes)) = takes
+            && t > 0
+            && takes[t] != takes[t - 1]
+        {
+            first = t;
+        }
+        (t - first) as f64 / rate
+    };
+    Values::Numbers((0..frames).map(time).collect())
+}
+
+/// The columns in their order: take and time, those of each point, other ones of frames.
+fn sources<'a>(
+    names: &[String],
+    xyz: &'a Values,
+    arrays: &'a [(&str, usize, Values)],
+) -> Vec<Source<'a>> {
+    let points = names.len();
+    let of_frame = |(head, _, values): &'a (&str, usize, Values)| Source {
+        head: (*head).to_string(),
+        values,
+        width: 1,
+        offset: 0,
+    };
+    let is_first = |name: &str| name == "take" || name == "time";
+    let of_frames = arrays.iter().filter(|(_, axes, _)| *axes == 1);
+    let (first, last): (Vec<_>, Vec<_>) = of_frames.partition(|(name, ..)| is_first(name));
+    let of_points = names.iter().enumerate().flat_map(|(point, name)| {
+        let coordinates = ["x", "y", "z"].into_iter().enumerate();
+        let coordinates = coordinates.map(move |(axis, letter)| Source {
+            head: format!("{name}.{letter}"),
+            values: xyz,
+            width: 3 * points,
+            offset: 3 * point + axis,
+        });
+        let others = arrays.iter().filter(|(_, axes, _)| *axes == 2);
+        coordinates.chain(others.map(move |(what, _, values)| Source {
+            head: format!("{name}.{what}"),
+            values,
+            width: points,
+            offset: point,
+        }))
+    });
+    let first = first.into_iter().map(of_frame);
+    first
+        .chain(of_points)
+        .chain(last.into_iter().map(of_frame))
+        .collect()
+}
+
+fn text(sources: &[Source<'_>], frames: usize) -> Vec<u8> {
+    let mut text = Vec::new();
+    for (i, source) in sources.iter().enumerate() {
+        text.extend((i > 0).then_some(b','));
+        push_cell(&mut text, source.head.as_bytes());
+    }
+    text.push(b'\n');
+    for t in 0..frames {
+        for (i, source) in sources.iter().enumerate() {
+            text.extend((i > 0).then_some(b','));
+            source
+                .values
+                .push(t * source.width + source.offset, &mut text);
+        }
+        text.push(b'\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::csv::After;
+    use crate::io::{Input, RowReader, TableOptions};
+    use std::io::Cursor;
+
+    /// A table with a quoted take, a missing value, a column of text that one point lacks, and one
+    /// of frames.
+    fn table() -> (Columns, Vec<AddedColumn>, Vec<(Row, Vec<f64>, Vec<String>)>) {
+        let columns = Columns::for_points(vec!["a".into(), "b.c".into()], true, true);
+        let added = vec![
+            AddedColumn::new("b.c.status", After::Point(1)),
+            AddedColumn::new("unlike", After::All),
+        ];
+        let row = |t: usize| {
+            let row = Row {
+                time: Some(t as f64 / 120.0),
+                take: Some(Arc::from("walk, slow")),
+                ..Row::default()
+            };
+            let xyz = vec![0.1 + t as f64, 1.0 / 3.0, -0.0, f64::NAN, f64::NAN, 5e-324];
+            (row, xyz, vec!["inferred".into(), format!("{}.5", t)])
+        };
+        (columns, added, (0..5).map(row).collect())
+    }
+
+    #[test]
+    fn an_archive_is_the_table_as_csv() {
+        let (columns, added, rows) = table();
+        let format = CsvFormat::new(&columns, &added);
+        let mut csv = Vec::new();
+        format.push_header(&mut csv);
+        let mut archive = ArchiveRows::new(&columns, &added);
+        for (row, xyz, cells) in &rows {
+            format.push_row(&mut csv, row, xyz, cells);
+            archive.push(row, xyz, cells);
+        }
+        let bytes = archive.bytes().unwrap();
+        let back = csv_of("a.npz", &bytes).unwrap().unwrap();
+        let csv = String::from_utf8(csv).unwrap();
+        // Both points have a column of what one has.
+        let csv = csv
+            .replace("a.z,", "a.z,a.status,")
+            .replace(",-0,", ",-0,,");
+        assert_eq!(String::from_utf8(back).unwrap(), csv);
+        let input = Input::new("a.npz", Cursor::new(bytes)).unwrap();
+        let mut reader = RowReader::new(input, &TableOptions::default()).unwrap();
+        let mut row = Row::default();
+        assert!(reader.read(&mut row).unwrap());
+        assert_eq!(row.take.as_deref(), Some("walk, slow"));
+        assert_eq!(row.xyz[1].to_bits(), (1.0f64 / 3.0).to_bits());
+    }
+
+    #[test]
+    fn one_rate_is_told_and_gives_times_where_there_are_none() {
+        let (columns, added, rows) = table();
+        let mut archive = ArchiveRows::new(&columns, &added);
+        for (row, xyz, cells) in &rows {
+            archive.push(row, xyz, cells);
+        }
+        let mut arrays = archive.arrays();
+        let fps = arrays.iter().find(|a| a.name == "fps").map(|a| &a.values);
+        assert_eq!(fps, Some(&NpzValues::Doubles(vec![120.0])));
+        arrays.retain(|a| a.name != "time");
+        let text = csv_of("a.npz", &npz_bytes(&arrays).unwrap()).unwrap();
+        let text = String::from_utf8(text.unwrap()).unwrap();
+        assert!(text.starts_with("take,time,a.x"), "{text}");
+        assert!(
+            text.contains("\n\"walk, slow\",0.008333333333333333,"),
+            "{text}"
+        );
+    }
+}
