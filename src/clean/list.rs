@@ -17,9 +17,14 @@ pub(crate) fn list_path(page: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Usage`]: never of such rows.
 pub(crate) fn list(rows: &[Row], folder: &Path) -> Result<String> {
-    let rows: Vec<Value> = rows.iter().map(|row| listed(row, folder)).collect();
-    let json = serde_json::to_string_pretty(&rows).map_err(|e| Error::usage(e.to_string()))?;
+    let json = serde_json::to_string_pretty(&entries(rows, folder));
+    let json = json.map_err(|e| Error::usage(e.to_string()))?;
     Ok(json + "\n")
+}
+
+/// The entries of the list.
+pub(crate) fn entries(rows: &[Row], folder: &Path) -> Vec<Value> {
+    rows.iter().map(|row| listed(row, folder)).collect()
 }
 
 fn listed(row: &Row, folder: &Path) -> Value {

@@ -146,10 +146,10 @@ pub(crate) struct Record<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelReport>,
     /// Every gap, and how it was filled; none where that would take more room than the take.
-    pub gaps: Vec<GapLine<'a>>,
+    pub gaps: Vec<GapLine>,
     /// Instead, the gaps of each point together.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub gaps_by_point: Vec<PointGapLine<'a>>,
+    pub gaps_by_point: Vec<PointGapLine>,
     /// Measured positions that were replaced as outliers.
     pub outliers: Vec<ReplacedPosition>,
     /// What was done to the rotations of a file that keeps them.

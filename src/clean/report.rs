@@ -1,6 +1,6 @@
 //! What became of many files: a table for the terminal, and one page.
 
-use super::list::{list, list_path};
+use super::list::{entries, list, list_path};
 use super::one_file::FileOutcome;
 use super::places::PlaceToSee;
 use super::record::make_folder_of;
@@ -12,6 +12,7 @@ use crate::draw::plain_page::PlainPage;
 use crate::draw::text_table::aligned;
 use crate::io::output::write_file;
 use crate::{Error, Result};
+use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -120,6 +121,11 @@ impl CleanReport {
         };
         let list = list(&self.rows, folder_of(page))?;
         write_file(list_path(page), list.as_bytes())
+    }
+
+    /// What the list has of each file, with paths as they were given.
+    pub fn files(&self) -> Vec<Value> {
+        entries(&self.rows, Path::new(""))
     }
 
     /// The table, each file's findings below it, and a line that counts.

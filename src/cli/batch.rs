@@ -1,10 +1,13 @@
 //! Files of a command that makes one file of each: several, or those of folders.
 
 use super::input::TakeNames;
+use super::json_report::JsonArgs;
 use super::{Outcome, messages};
 pub use crate::io::motion_folder::EXTENSIONS;
 use crate::io::motion_folder::{MotionFolder, is_results_folder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
+use serde::Serialize;
+use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +45,44 @@ pub fn each(
         }
     }
     Ok(outcome)
+}
+
+/// Does each job as [`each`]; then writes an object of `files`, what was done to each or its
+/// `error`.
+///
+/// # Errors
+/// Those of [`each`]; writing fails.
+pub fn each_told<R: Serialize>(
+    jobs: &[BatchJob],
+    json: &JsonArgs,
+    mut work: impl FnMut(&BatchJob) -> Result<(Outcome, R)>,
+) -> Result<Outcome> {
+    let mut files = Vec::new();
+    let outcome = each(jobs, |job| {
+        let done = work(job);
+        let (report, error) = match &done {
+            Ok((_, report)) => (serde_json::to_value(report).ok(), None),
+            Err(e) => (None, Some(e.to_string())),
+        };
+        let file = job.input.display().to_string();
+        files.push(FileReport {
+            file,
+            error,
+            report,
+        });
+        done.map(|(outcome, _)| outcome)
+    })?;
+    json.write(json!({ "files": files }))?;
+    Ok(outcome)
+}
+
+/// What was done to a file.
+#[derive(Serialize)]
+struct FileReport {
+    file: String,
+    error: Option<String>,
+    #[serde(flatten)]
+    report: Option<Value>,
 }
 
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of

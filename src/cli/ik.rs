@@ -22,6 +22,7 @@ use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
 use glam::DMat3;
 use ndarray::Array2;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// The number of names that a message lists.
@@ -230,7 +231,7 @@ pub fn fit<'a>(
     table: &str,
     no_joint: &str,
     force: bool,
-) -> Result<(FittedTake<'a>, Outcome)> {
+) -> Result<(FittedTake<'a>, FitReport)> {
     let matched = skeleton.correspondence(poses);
     if matched.joints.is_empty() {
         return Err(Error::data(Place::file(table), no_joint));
@@ -257,7 +258,78 @@ pub fn fit<'a>(
         Some(quality) => judged(&quality, table, force)?,
         None => Outcome::Done,
     };
-    Ok((fitted, verdict))
+    let report = FitReport {
+        left_out: matched.unmatched,
+        ..FitReport::of(&fitted, mean, quality.as_ref(), verdict)
+    };
+    Ok((fitted, report))
+}
+
+/// How well a skeleton fits a take.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitReport {
+    frames: usize,
+    /// Mean distance of a joint from its point, cm; `None`: there are no points.
+    mean: Option<f64>,
+    /// The largest.
+    max: f64,
+    /// The point and the row of the largest, from 1.
+    worst: Option<(String, usize)>,
+    /// The joint that turns most from a frame to the next, the row of the second, and by how many
+    /// degrees.
+    largest_turn: Option<(String, usize, f64)>,
+    /// The length of the leg, cm.
+    leg: Option<f64>,
+    /// The joints of the skeleton, and those that have points.
+    joints: Option<(usize, usize)>,
+    /// Points that are no joints of the skeleton.
+    left_out: Vec<String>,
+    incomplete_frames: usize,
+    unplaced_frames: usize,
+    unconverged_frames: usize,
+    /// good, or poor: somebody has to look at it.
+    fit: &'static str,
+}
+
+impl FitReport {
+    fn of(
+        fitted: &FittedTake<'_>,
+        mean: f64,
+        quality: Option<&FitQuality>,
+        outcome: Outcome,
+    ) -> FitReport {
+        let sequence = &fitted.sequence;
+        let name = |point: usize| fitted.points.get(point).cloned().unwrap_or_default();
+        let turn = fitted.largest_turn();
+        FitReport {
+            frames: sequence.values.nrows(),
+            mean: mean.is_finite().then_some(mean),
+            max: sequence.max,
+            worst: sequence.worst.map(|(row, point)| (name(point), row + 1)),
+            largest_turn: turn.map(|(name, row, angle)| {
+                let angle = angle.to_degrees();
+                (name.to_string(), row + 1, angle)
+            }),
+            leg: quality.and_then(|quality| quality.leg),
+            joints: quality.map(|quality| quality.joints),
+            left_out: Vec::new(),
+            incomplete_frames: sequence.incomplete,
+            unplaced_frames: sequence.unplaced,
+            unconverged_frames: sequence.unconverged,
+            fit: match outcome {
+                Outcome::Done => "good",
+                _ => "poor",
+            },
+        }
+    }
+
+    /// The outcome of the command.
+    pub fn outcome(&self) -> Outcome {
+        match self.fit {
+            "good" => Outcome::Done,
+            _ => Outcome::Findings,
+        }
+    }
 }
 
 /// The outcome of a fit, with a line where it is not good.

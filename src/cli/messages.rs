@@ -2,12 +2,14 @@
 
 use crate::error::with_options;
 use std::io::Write;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 static NAME: OnceLock<String> = OnceLock::new();
 /// 0 quiet, 1 as usual, 2 verbose.
 static LEVEL: AtomicU8 = AtomicU8::new(1);
+/// The lines that a report repeats, once they are kept.
+static KEPT: Mutex<Option<Vec<String>>> = Mutex::new(None);
 
 /// Sets the name that begins every line.
 pub(crate) fn set_name(name: &str) {
@@ -26,6 +28,25 @@ pub(crate) fn set_verbosity(quiet: bool, verbose: bool) {
         },
         Ordering::Relaxed,
     );
+}
+
+/// The name that begins every line.
+pub(crate) fn name() -> String {
+    NAME.get().map_or_else(|| "posing".into(), String::clone)
+}
+
+/// Keeps the lines that follow, also those that are not printed.
+pub(crate) fn keep() {
+    kept_lines().get_or_insert_default();
+}
+
+/// The lines that were kept.
+pub(crate) fn kept() -> Vec<String> {
+    kept_lines().clone().unwrap_or_default()
+}
+
+fn kept_lines() -> MutexGuard<'static, Option<Vec<String>>> {
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether `-q` was given.
@@ -66,29 +87,32 @@ fn cut_runs(text: &str, is_part: impl Fn(char) -> bool, most: usize) -> String {
     out
 }
 
-fn line(text: &str) {
-    let name = NAME.get().map_or("posing", String::as_str);
-    // A failure to write to standard error cannot be reported.
+/// Keeps a line and, where it `is_printed`, prints it.
+fn line(text: &str, is_printed: bool) {
     let text = visible(&with_options(text));
-    let _ = writeln!(std::io::stderr(), "{name}: {text}");
+    if is_printed {
+        // A failure to write to standard error cannot be reported.
+        let _ = writeln!(std::io::stderr(), "{}: {text}", name());
+    }
+    if let Some(kept) = kept_lines().as_mut() {
+        kept.push(text);
+    }
 }
 
 /// Prints why the command failed, at every verbosity.
 pub fn error(text: &str) {
-    line(text);
+    line(text, true);
 }
 
 /// Prints a message about a run that goes on, unless `-q` is given.
 pub fn info(text: &str) {
-    if LEVEL.load(Ordering::Relaxed) >= 1 {
-        line(text);
-    }
+    line(text, !is_quiet());
 }
 
 /// Prints a message if `-v` is given.
 pub fn debug(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 2 {
-        line(text);
+        line(text, true);
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) mod csv_file;
 pub mod feature_table;
 pub mod ik;
 pub mod input;
+pub mod json_report;
 pub mod label_args;
 pub mod limit_args;
 pub mod manual;

@@ -3,10 +3,11 @@
 
 use super::args::{InputArgs, OutputArgs, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
+use super::json_report::JsonArgs;
 use super::messages;
 use super::name_maps::name_map;
 use super::progress::Progress;
-use super::streams::{create_table, write_table};
+use super::streams::{create_table, write_bytes, write_table};
 use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
@@ -14,7 +15,7 @@ use crate::label::unlabeled::left_alone;
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
-use crate::restore::gap_report;
+use crate::restore::gap_report::RestorationReport;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
@@ -106,13 +107,15 @@ pub struct RestoringArgs {
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     out: OutputArgs,
 }
 
 /// What is done to the poses.
 #[derive(Debug, Clone)]
 pub enum Task {
-    /// Missing points are estimated, and a report of the gaps is written to a file.
+    /// Missing points are estimated, and a list of the gaps is written to a file.
     Complete(Complete, Option<PathBuf>),
     /// Noise and outliers are removed.
     Denoise(Denoise),
@@ -138,7 +141,7 @@ impl Task {
         }
     }
 
-    /// The file of the report of gaps.
+    /// The file of the list of gaps.
     fn report(&self) -> Option<&Path> {
         match self {
             Task::Complete(_, report) => report.as_deref(),
@@ -172,7 +175,8 @@ impl Task {
 /// Restores the tables that the flags name.
 pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
     check_single_stdin_with(&args.input, &args.model.model)?;
-    let counts = match (args.per_frame, task.max_gap()) {
+    args.json.prepare(args.out.output.as_deref())?;
+    let restored = match (args.per_frame, task.max_gap()) {
         (true, Some(_)) => {
             let what = "--max-gap needs times and cannot be used with --per-frame";
             return Err(Error::usage(what));
@@ -181,24 +185,25 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
             let what = "--report lists gaps in time and cannot be used with --per-frame";
             return Err(Error::usage(what));
         }
-        (true, None) => frame_by_frame(args, task)?,
+        (true, None) => RestorationReport::of_counts(frame_by_frame(args, task)?),
         (false, _) => take_by_take(args, task)?,
     };
     let left = match task {
         Task::Complete(..) => "keep empty cells: too little is known there",
         Task::Denoise(_) => "are left unchanged by the model: too little is seen there",
     };
-    report(&counts, left, args.status, task.max_gap().is_some());
+    let counts = restored.counts();
+    report(counts, left, args.status, task.max_gap().is_some());
     if matches!(task, Task::Denoise(_)) && !args.status && counts.unfilled > 0 {
         messages::info(
             "complete will take these values for exact: --status passes their uncertainty on",
         );
     }
-    Ok(())
+    args.json.write(&restored)
 }
 
 /// Restores a whole table, and shows progress.
-fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> {
+fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> {
     let table = read_table(&args.input, task.planar(), true)?;
     task.check(&table.columns.points)?;
     let added = status_columns(args.status, &table.columns);
@@ -228,8 +233,13 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
-    if let Some(path) = task.report() {
-        gap_report::write(path, &restored)?;
+    let report = RestorationReport::of(&restored);
+    match task.report() {
+        Some(path) if path.extension().is_some_and(|e| e == "json") => {
+            JsonArgs::to_file(path).write(&report)?;
+        }
+        Some(path) => write_bytes(Some(path), report.text().as_bytes(), false)?,
+        None => {}
     }
     write_table(
         &args.out,
@@ -246,7 +256,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
             )
         },
     )?;
-    Ok(*restored.counts())
+    Ok(report)
 }
 
 /// Restores frames in batches as they come: constant memory.

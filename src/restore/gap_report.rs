@@ -1,66 +1,87 @@
-//! The report of `complete`: every gap of a table, as text or JSON.
+//! The report of `complete`: what became of a table, with every gap, as text or for JSON.
 
-use super::{Restoration, RestoredGap};
-use crate::io::Output;
-use crate::{Error, Result};
+use super::{Restoration, RestorationCounts, RestoredGap};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
 
 /// One gap.
 #[derive(Debug, Serialize)]
-pub(crate) struct GapLine<'a> {
+pub(crate) struct GapLine {
     /// The take, if the table names its takes.
     #[serde(skip_serializing_if = "Option::is_none")]
-    take: Option<&'a str>,
-    point: &'a str,
+    take: Option<String>,
+    point: String,
     /// The first frame, counted from 0 within the take.
     first_frame: usize,
     frames: usize,
     /// How it was filled; none: it was not.
-    method: &'a str,
+    method: &'static str,
     /// Standard deviation of a coordinate, cm.
     sd: Option<f64>,
     /// cm.
     longest_step: Option<f64>,
 }
 
-/// Writes the gaps of a restoration to a file: JSON where its name ends in .json, else aligned
-/// text.
-pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
-    let lines = gap_lines(restored);
-    let text = match path.extension().is_some_and(|e| e == "json") {
-        true => {
-            serde_json::to_string_pretty(&lines).map_err(|e| Error::usage(e.to_string()))? + "\n"
+/// What became of a table.
+#[derive(Debug, Serialize)]
+pub struct RestorationReport {
+    #[serde(flatten)]
+    counts: RestorationCounts,
+    /// Standard deviation of the noise that was assumed, cm: the mean over the frames.
+    noise: f64,
+    gaps: Vec<GapLine>,
+}
+
+impl RestorationReport {
+    /// The report of a table that was restored whole.
+    pub fn of(restored: &Restoration<'_>) -> RestorationReport {
+        RestorationReport {
+            gaps: gap_lines(restored),
+            ..RestorationReport::of_counts(*restored.counts())
         }
-        false => text(&lines),
-    };
-    let mut out = Output::file(path)?;
-    out.write(text.as_bytes())?;
-    out.finish()
+    }
+
+    /// The report of frames that were restored each by itself, which lists no gaps.
+    pub fn of_counts(counts: RestorationCounts) -> RestorationReport {
+        RestorationReport {
+            counts,
+            noise: counts.mean_noise(),
+            gaps: Vec::new(),
+        }
+    }
+
+    /// The frames and points by what became of them.
+    pub fn counts(&self) -> &RestorationCounts {
+        &self.counts
+    }
+
+    /// The gaps as aligned text.
+    pub fn text(&self) -> String {
+        text(&self.gaps)
+    }
 }
 
 /// The gaps of a restoration.
-pub(crate) fn gap_lines<'a>(restored: &Restoration<'a>) -> Vec<GapLine<'a>> {
+pub(crate) fn gap_lines(restored: &Restoration<'_>) -> Vec<GapLine> {
     let takes = restored.source().poses.takes();
     let gaps = restored.gaps();
     gaps.iter().map(|g| line(restored, &takes, g)).collect()
 }
 
-fn line<'a>(
-    restored: &Restoration<'a>,
+fn line(
+    restored: &Restoration<'_>,
     takes: &[std::ops::Range<usize>],
     gap: &RestoredGap,
-) -> GapLine<'a> {
+) -> GapLine {
     let poses = &restored.source().poses;
     let start = gap.frames.start;
     let after = takes.partition_point(|t| t.start <= start);
     let first = after.checked_sub(1).map_or(0, |take| takes[take].start);
     let rounded = |v: f64| v.is_finite().then_some((v * 1e4).round() / 1e4);
     GapLine {
-        take: poses.take.as_ref().map(|t| &*t[start]),
-        point: &poses.points[gap.point],
+        take: poses.take.as_ref().map(|t| t[start].to_string()),
+        point: poses.points[gap.point].clone(),
         first_frame: start - first,
         frames: gap.frames.len(),
         method: gap.method.map_or("none", |m| m.name()),
@@ -71,10 +92,10 @@ fn line<'a>(
 
 /// The gaps of a point of a take, summed up.
 #[derive(Debug, Serialize)]
-pub(crate) struct PointGapLine<'a> {
+pub(crate) struct PointGapLine {
     #[serde(skip_serializing_if = "Option::is_none")]
-    take: Option<&'a str>,
-    point: &'a str,
+    take: Option<String>,
+    point: String,
     gaps: usize,
     /// Frames of all gaps, and of the longest.
     frames: usize,
@@ -88,12 +109,13 @@ pub(crate) struct PointGapLine<'a> {
 }
 
 /// The gaps point by point, those with most frames first.
-pub(crate) fn by_point<'a>(lines: &[GapLine<'a>]) -> Vec<PointGapLine<'a>> {
-    let mut all: BTreeMap<(Option<&str>, &str), PointGapLine<'a>> = BTreeMap::new();
+pub(crate) fn by_point(lines: &[GapLine]) -> Vec<PointGapLine> {
+    let mut all: BTreeMap<(Option<&str>, &str), PointGapLine> = BTreeMap::new();
     for line in lines {
-        let sum = (all.entry((line.take, line.point))).or_insert_with(|| PointGapLine {
-            take: line.take,
-            point: line.point,
+        let key = (line.take.as_deref(), line.point.as_str());
+        let sum = (all.entry(key)).or_insert_with(|| PointGapLine {
+            take: line.take.clone(),
+            point: line.point.clone(),
             gaps: 0,
             frames: 0,
             longest: 0,
@@ -110,14 +132,14 @@ pub(crate) fn by_point<'a>(lines: &[GapLine<'a>]) -> Vec<PointGapLine<'a>> {
         let sds = sum.sd.into_iter().chain(line.sd);
         sum.sd = sds.reduce(f64::max);
     }
-    let mut all: Vec<PointGapLine<'a>> = all.into_values().collect();
+    let mut all: Vec<PointGapLine> = all.into_values().collect();
     all.sort_by_key(|sum| std::cmp::Reverse(sum.frames));
     all
 }
 
-fn text(lines: &[GapLine<'_>]) -> String {
-    let width = |of: &dyn Fn(&GapLine<'_>) -> usize| lines.iter().map(of).max().unwrap_or(0).max(5);
-    let take = width(&|l| l.take.unwrap_or("-").chars().count());
+fn text(lines: &[GapLine]) -> String {
+    let width = |of: &dyn Fn(&GapLine) -> usize| lines.iter().map(of).max().unwrap_or(0).max(5);
+    let take = width(&|l| l.take.as_deref().unwrap_or("-").chars().count());
     let point = width(&|l| l.point.chars().count());
     let mut out = format!(
         "{:<take$}  {:<point$}  {:>11}  {:>6}  {:<10}  {:>8}  {:>16}\n",
@@ -128,7 +150,7 @@ fn text(lines: &[GapLine<'_>]) -> String {
         let _ = writeln!(
             out,
             "{:<take$}  {:<point$}  {:>11}  {:>6}  {:<10}  {:>8}  {:>16}",
-            l.take.unwrap_or("-"),
+            l.take.as_deref().unwrap_or("-"),
             l.point,
             l.first_frame,
             l.frames,

@@ -9,10 +9,11 @@ use crate::label::unlabeled::labeled;
 use crate::pose::{FillMethod, Poses, Status, point_at};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
+use serde::Serialize;
 use std::ops::Range;
 
 /// Numbers of frames and points by what became of them.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct RestorationCounts {
     /// Frames.
     pub frames: usize,
@@ -36,6 +37,7 @@ pub struct RestorationCounts {
     /// Points that stay missing.
     pub unfilled: usize,
     /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
+    #[serde(skip)]
     noise: f64,
 }
 

@@ -1,17 +1,17 @@
 //! Says what is wrong in takes, and changes nothing.
 
 use clap::Parser;
+use posing::Result;
 use posing::audit::{FileAudit, FileAuditor, TakePages, files_to_audit, page};
 use posing::cli::args::CommonArgs;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::LimitArgs;
 use posing::cli::read_args::ReadArgs;
-use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::motion_file::LARGEST_MOTION_FILE;
 use posing::label::LabelSettings;
-use posing::{Error, Result};
 use std::path::PathBuf;
 
 /// Find what is wrong in takes: rate, unit, gaps, swaps, jumps
@@ -49,9 +49,8 @@ pub struct Args {
     like: LikeArgs,
     #[command(flatten)]
     limits: LimitArgs,
-    /// Write JSON: a list of files, each with its takes
-    #[arg(long, help_heading = "Output")]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArgs,
     /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears
     /// only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -62,10 +61,11 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    let has_json = args.json.prepare_report();
     check_single_stdin(&args.files)?;
     let (files, unreadable) = files_to_audit(&or_stdin(&args.files));
     let page_path = (args.output.as_deref()).filter(|path| {
-        !args.json
+        !has_json
             && path
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("html"))
@@ -99,15 +99,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     let failed = audits.iter().filter_map(|audit| audit.error.as_ref());
     failed.for_each(|error| messages::error(error));
-    let text = match (args.json, page_path.is_some()) {
-        (true, _) => {
-            let json = serde_json::to_string_pretty(&audits);
-            json.map_err(|e| Error::usage(e.to_string()))? + "\n"
-        }
-        (false, true) => page(&audits),
-        (false, false) => audits.iter().map(FileAudit::text).collect(),
+    let text = || match page_path.is_some() {
+        true => page(&audits),
+        false => audits.iter().map(FileAudit::text).collect(),
     };
-    write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
+    let output = args.output.as_deref();
+    args.json.write_value(output, text, &audits)?;
     Ok(match audits.iter().any(|audit| audit.error.is_some()) {
         true => Outcome::Failed,
         false if audits.iter().any(FileAudit::has_findings) => Outcome::Findings,

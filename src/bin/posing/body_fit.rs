@@ -14,6 +14,7 @@ use posing::cli::body::{
     marker_frames, open_body, read_marker_map, report_fits, report_free_parts, report_markers,
     write_rotations, write_shapes,
 };
+use posing::cli::json_report::JsonArgs;
 use posing::cli::progress::Progress;
 use posing::cli::{input, streams};
 use posing::io::MeshFormat;
@@ -22,6 +23,7 @@ use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
 use posing::numeric::parallel;
 use posing::pose::units::{Units, parse_length};
 use posing::{Error, Place, Result};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Complete a body from markers on its skin
@@ -79,11 +81,14 @@ pub struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     shapes: Option<PathBuf>,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    args.json.prepare(Some(&args.output))?;
     input::check_single_stdin_with(&args.input, [&args.model, &args.on])?;
     let body = open_body(&args.model)?;
     let (names, markers) = read_marker_map(&args.on, body.template.vertices.len())?;
@@ -120,6 +125,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
             .collect();
         write_shapes(path, &poses, body.shape.len(), &shapes)?;
     }
+    args.json.write(told(&fits, &names))?;
     Ok(match findings {
         0 => Outcome::Done,
         _ => Outcome::Findings,
@@ -180,6 +186,25 @@ fn report(fits: &[Fitted], source: &str, names: &[String]) -> Result<usize> {
     report_fits(rms, fits.len(), "markers are", "the predicted bodies");
     let fits: Vec<&Fit> = fits.iter().flatten().map(|(fit, _)| fit).collect();
     Ok(report_markers(&fits, source, names))
+}
+
+/// How the fits are, for JSON: of each frame the distance of the markers (RMS, cm), and those that
+/// do not fit with theirs.
+fn told(fits: &[Fitted], names: &[String]) -> Value {
+    let frame = |(t, fit): (usize, &Fitted)| {
+        let fit = fit.as_ref().map(|(fit, _)| fit);
+        let left_out = fit.map_or(&[][..], |fit| &fit.left_out);
+        let left_out = left_out
+            .iter()
+            .map(|(m, far)| (names[*m].clone(), json!(far)));
+        json!({
+            "row": t + 1,
+            "rms": fit.map(|fit| fit.rms),
+            "left_out": left_out.collect::<serde_json::Map<_, _>>(),
+            "is_mirrored": fit.is_some_and(|fit| fit.is_mirrored),
+        })
+    };
+    json!({ "frames": fits.iter().enumerate().map(frame).collect::<Vec<_>>() })
 }
 
 fn write(args: &Args, body: &BodyModel, fits: &[Fitted]) -> Result<()> {

@@ -6,13 +6,13 @@ use posing::clean::{
 };
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
+use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
-use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::rotation_cleaning::RotationCleaning;
 use posing::io::Model;
@@ -22,6 +22,7 @@ use posing::pose::{Segment, joints};
 use posing::prior::provenance::hex;
 use posing::restore::Clean;
 use posing::{Error, Result};
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -71,6 +72,8 @@ pub struct Args {
     /// the ending .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgs,
     /// Clean files again whose results are there, also where somebody changed these
     #[arg(long, help_heading = "Output")]
     again: bool,
@@ -208,6 +211,7 @@ impl NoiseLimit {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    args.json.prepare_report();
     let output = CleanOutput {
         path: args.output.clone(),
         to: args.to,
@@ -218,7 +222,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let progress = |done: usize, all: usize| bar.set_of(done as u64, all as u64);
     let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
     drop(bar);
-    write_outputs(&report)?;
+    write_outputs(&report, &args.json)?;
     Ok(match (report.has_failures(), report.has_findings()) {
         (true, _) => Outcome::Failed,
         (_, true) => Outcome::Findings,
@@ -228,13 +232,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
 
 /// Writes the page, the table and the list. What the list has counts as reported, so it comes last;
 /// where nobody reads the table any more, nothing new counts as written.
-fn write_outputs(report: &CleanReport) -> Result<()> {
+fn write_outputs(report: &CleanReport, json: &JsonArgs) -> Result<()> {
     report
         .errors()
         .for_each(|e| messages::error(&e.to_string()));
     report.notes().iter().for_each(|note| messages::info(note));
     report.write_page()?;
-    let written = write_bytes(None, report.text().as_bytes(), false);
+    let files = json!({ "files": report.files() });
+    let written = json.write_report(None, || report.text(), files);
     let is_closed = written.as_ref().is_err_and(Error::is_closed_pipe);
     if written.is_ok() || is_closed && !report.only_new {
         report.write_list()?;

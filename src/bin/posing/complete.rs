@@ -40,8 +40,8 @@ pub struct Args {
     /// Also replace outliers by their estimate
     #[arg(long)]
     overwrite_observed: bool,
-    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. JSON
-    /// if FILE ends in .json
+    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. The
+    /// object of --json if FILE ends in .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

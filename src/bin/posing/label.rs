@@ -3,7 +3,8 @@
 use clap::Parser;
 use posing::clean::write_labeled;
 use posing::cli::args::CommonArgs;
-use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each};
+use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each_told};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::read_args::ReadArgs;
@@ -14,7 +15,7 @@ use posing::label::{LabelSettings, check_labels, label_from_nothing};
 use posing::pose::Segment;
 use posing::solve::{BodyModel, MarkerSet};
 use posing::{Error, Result};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Put labels right: markers that changed places, pieces without a label, reflections
@@ -61,9 +62,8 @@ pub struct Args {
     /// Say what would be changed, and write nothing
     #[arg(long, conflicts_with = "output", help_heading = "Output")]
     dry_run: bool,
-    /// Write what is changed to standard output as JSON, a line for each take
-    #[arg(long, help_heading = "Output")]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArgs,
     #[command(flatten)]
     read: ReadArgs,
     /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
@@ -116,6 +116,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     if args.learn {
         return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
     }
+    match args.dry_run {
+        true => args.json.prepare_report(),
+        false => args.json.prepare(args.output.as_deref())?,
+    };
     // A dry run has places for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
     let kept: Vec<&Path> = args.like.like.iter().map(|path| path.as_path()).collect();
@@ -131,7 +135,9 @@ pub fn work(args: &Args) -> Result<Outcome> {
         ..LabelSettings::default()
     };
     let model = args.from_nothing.then(|| model(args, &like)).transpose()?;
-    each(&jobs, |one| label(args, &settings, model.as_ref(), one))
+    each_told(&jobs, &args.json, |one| {
+        label(args, &settings, model.as_ref(), one)
+    })
 }
 
 fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
@@ -175,7 +181,7 @@ fn label(
     settings: &LabelSettings,
     model: Option<&BodyModel>,
     job: &BatchJob,
-) -> Result<Outcome> {
+) -> Result<(Outcome, Value)> {
     let rules = args.read.rules()?;
     let file = MotionFile::open_by(&job.input, &rules)?;
     let (file, report) = match model {
@@ -186,24 +192,17 @@ fn label(
         }
     };
     let name = job.input.display().to_string();
-    match args.json {
-        true => {
-            let line = json!({"file": name, "labels": report});
-            write_bytes(None, format!("{line}\n").as_bytes(), false)?;
-        }
-        false => {
-            let named = report.named.iter().flat_map(|named| named.lines());
-            let lines = named.chain(report.lines().map(String::from));
-            lines.for_each(|line| messages::info(&format!("{name}: {line}")));
-        }
-    }
+    let named = report.named.iter().flat_map(|named| named.lines());
+    let lines = named.chain(report.lines().map(String::from));
+    lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {
         let note = write_labeled(&job.input, path, &file, &report)?;
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
-    Ok(match report.is_unsure() {
+    let outcome = match report.is_unsure() {
         false => Outcome::Done,
         true => Outcome::Findings,
-    })
+    };
+    Ok((outcome, json!({ "labels": report })))
 }

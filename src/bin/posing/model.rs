@@ -2,10 +2,12 @@
 
 use clap::{Parser, Subcommand};
 use posing::cli::args::CommonArgs;
+use posing::cli::json_report::JsonArgs;
 use posing::cli::{input, streams};
 use posing::io::Model;
 use posing::solve::MarkerSet;
 use posing::{Error, Result};
+use serde_json::Value;
 use std::path::PathBuf;
 
 /// Show a model's training data, settings and credits
@@ -32,9 +34,8 @@ enum What {
         /// Model file, or a marker set that label or solve learned (default: the built-in model)
         #[arg(value_name = "MODEL.npz|SET.json")]
         model: Option<PathBuf>,
-        /// Print the metadata as JSON
-        #[arg(long)]
-        json: bool,
+        #[command(flatten)]
+        json: JsonArgs,
     },
     /// Write the built-in model to a file
     Save {
@@ -56,20 +57,17 @@ pub fn work(args: &Args) -> Result<()> {
             json,
         } if MarkerSet::is_learned(path)? => {
             let set = MarkerSet::open(path)?;
-            let text = if *json { set.to_json()? } else { set.summary() };
-            streams::write_bytes(None, text.as_bytes(), false)?;
+            let value = serde_json::from_str::<Value>(&set.to_json()?);
+            json.prepare_report();
+            json.write_report(None, || set.summary(), value.map_err(fault)?)?;
         }
         What::Info { model, json } => {
             let model = match model {
                 Some(path) => input::open_model(path)?,
                 None => Model::builtin()?,
             };
-            let text = if *json {
-                json_of(&model)?
-            } else {
-                summary(&model)
-            };
-            streams::write_bytes(None, text.as_bytes(), false)?;
+            json.prepare_report();
+            json.write_report(None, || summary(&model), json_of(&model)?)?;
         }
         What::Save { output } => {
             streams::write_bytes(Some(output), &Model::builtin()?.to_bytes()?, true)?
@@ -79,14 +77,17 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The meta data, and the shape of each array.
-fn json_of(model: &Model) -> Result<String> {
-    let fault = |e: serde_json::Error| Error::usage(e.to_string());
+fn json_of(model: &Model) -> Result<Value> {
     let mut all = serde_json::to_value(&model.meta).map_err(fault)?;
     let shapes = model
         .arrays()
         .map(|(name, array)| (name.to_string(), vec![array.nrows(), array.ncols()].into()));
-    all["arrays"] = serde_json::Value::Object(shapes.collect());
-    Ok(serde_json::to_string_pretty(&all).map_err(fault)? + "\n")
+    all["arrays"] = Value::Object(shapes.collect());
+    Ok(all)
+}
+
+fn fault(e: serde_json::Error) -> Error {
+    Error::usage(e.to_string())
 }
 
 /// A screen of text; `--json` has what is too long for it.

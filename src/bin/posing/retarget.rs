@@ -2,8 +2,9 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_rate};
-use posing::cli::batch::{BatchJob, batch, each};
+use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::input::{check_single_stdin, open, or_stdin};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
@@ -15,6 +16,7 @@ use posing::io::{Bvh, Input};
 use posing::pose::units::UpAxis;
 use posing::pose::{NameMap, joints};
 use posing::{Error, Place, Result};
+use serde_json::{Value, json};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -93,6 +95,8 @@ pub struct Args {
     #[arg(long, help_heading = "Input")]
     keep_whole: bool,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
@@ -108,6 +112,7 @@ struct Job<'a> {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    args.json.prepare(args.output.as_deref())?;
     let inputs = or_stdin(&args.inputs);
     check_single_stdin(inputs.iter().chain([&args.to]))?;
     let kept: Vec<&Path> = [Some(&args.to), args.asf.as_ref()]
@@ -136,7 +141,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         options,
         args,
     };
-    each(&jobs, |one| job.retarget(one))
+    each_told(&jobs, &args.json, |one| job.retarget(one))
 }
 
 /// The map of a flag.
@@ -149,7 +154,7 @@ fn map(name: &Option<String>) -> Result<Option<NameMap>> {
 }
 
 impl Job<'_> {
-    fn retarget(&self, job: &BatchJob) -> Result<Outcome> {
+    fn retarget(&self, job: &BatchJob) -> Result<(Outcome, Value)> {
         let take = RotationTake::read(&job.input, open(&job.input)?, &self.options)?;
         take.notes.iter().for_each(|note| messages::info(note));
         let name = job.input.display().to_string();
@@ -164,11 +169,32 @@ impl Job<'_> {
         }
         write_bytes(job.output.as_deref(), &text, false)?;
         report(&name, &done);
-        Ok(match done.missing {
+        let outcome = match done.missing {
             0 => Outcome::Done,
             _ => Outcome::Findings,
-        })
+        };
+        Ok((outcome, told(&done)))
     }
+}
+
+/// How a file became its result, for JSON.
+fn told(done: &Retargeted) -> Value {
+    let rest = |rest: Rest| match rest {
+        Rest::Zero => json!("zero"),
+        Rest::Frame(frame) => json!(frame),
+        Rest::Assumed => json!("assumed"),
+    };
+    json!({
+        "frames": done.bvh.motion.nrows(),
+        "maps": done.maps,
+        "scale": done.scale,
+        "rest_poses": done.rests.map(rest),
+        "resting_joints": done.resting,
+        "contacts": done.contacts,
+        "slide": done.slide,
+        "missing": done.missing,
+        "moves": done.moves,
+    })
 }
 
 /// Says how a file became its result.

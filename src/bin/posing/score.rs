@@ -3,8 +3,8 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::messages;
-use posing::cli::streams::write_bytes;
 use posing::evaluate::Score;
 use posing::evaluate::alignment::point_order;
 use posing::io::Table;
@@ -42,9 +42,8 @@ pub struct Args {
     /// Unit of the printed errors; the paper uses asf. Tables are in centimeters
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
-    /// Print one JSON object with all digits
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArgs,
     /// Frames per second, for tables without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
@@ -60,6 +59,7 @@ pub struct Args {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
+    args.json.prepare_report();
     let files = [Some(&args.truth), Some(&args.result), args.damaged.as_ref()];
     let inputs: Vec<InputArgs> = files
         .into_iter()
@@ -100,9 +100,7 @@ pub fn work(args: &Args) -> Result<()> {
         score = score.by_gap(&damaged.poses)?;
     }
     let report = score.finish_in(&value_name(args.units), args.units.centimeters());
-    let mut out = report.to_string();
-    if args.json {
-        out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";
-    }
-    write_bytes(args.output.as_deref(), out.as_bytes(), false)
+    let output = args.output.as_deref();
+    args.json
+        .write_report(output, || report.to_string(), &report)
 }

@@ -3,6 +3,7 @@
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::open;
+use posing::cli::json_report::JsonArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
@@ -116,9 +117,8 @@ pub struct Args {
     /// Also write a page that plays joints and markers, each with a line to its bone
     #[arg(long, value_name = "OUT.html", help_heading = "Output")]
     page: Option<PathBuf>,
-    /// Also write which markers were used, how they fit and the lengths of the bones, as JSON
-    #[arg(long, value_name = "OUT.json", help_heading = "Output")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgs,
     #[command(flatten)]
     out: OutputArgs,
     #[command(flatten)]
@@ -147,6 +147,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     if let Some(path) = &args.learn {
         return learn(args, set, path);
     }
+    args.json.prepare(args.out.output.as_deref())?;
     let [take] = &args.takes[..] else {
         return Err(Error::usage(
             "several takes: give one, or learn from them with --learn",
@@ -260,15 +261,11 @@ fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
         let bvh = solved.to_bvh(file.rate().ok_or_else(no_rate)?)?;
         write_bytes(Some(path), &bvh.to_bytes(1.0), false)?;
     }
-    if let Some(path) = &args.json {
-        let text = format!("{:#}\n", solved.report());
-        write_bytes(Some(path), text.as_bytes(), false)?;
-    }
     if let Some(path) = &args.page {
         match solved.page(&file.table.name, file.poses())? {
             Some(page) => write_bytes(Some(path), page.as_bytes(), false)?,
             None => messages::info("the take cannot be played: no page"),
         }
     }
-    Ok(())
+    args.json.write(solved.report())
 }

@@ -6,6 +6,7 @@ use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::streams::write_bytes;
 use posing::io::{Amc, Asf, SkeletonFile};
 use posing::pose::one_take::first_frame_number;
@@ -63,11 +64,14 @@ pub struct Args {
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    args.json.prepare(args.output.as_deref())?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;
@@ -84,8 +88,9 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .joints_of
         .skeleton(given, &mut poses, sd, [Axis::Z, Axis::Y, Axis::X])?;
     let fit_of = skeleton.fit().limits(args.limits);
-    let (fitted, outcome) = fit(&fit_of, &poses, &name, &no_joint, args.force)?;
+    let (fitted, report) = fit(&fit_of, &poses, &name, &no_joint, args.force)?;
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
-    Ok(outcome)
+    args.json.write(&report)?;
+    Ok(report.outcome())
 }

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::bvh::LARGEST_FILE;
@@ -13,6 +14,7 @@ use posing::pose::rotation::{Axis, parse_order};
 use posing::ik::solve_missing_channels;
 use posing::pose::one_take;
 use posing::{Error, Place, Result};
+use serde_json::json;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -89,6 +91,8 @@ pub struct Args {
     #[command(flatten)]
     units: BvhUnitArgs,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
@@ -98,6 +102,7 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
 
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    args.json.prepare(args.output.as_deref())?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain(&args.skeleton).chain(&args.into))?;
     if let Some(original) = &args.into {
@@ -136,11 +141,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let skeleton = args.joints_of.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a joint of the skeleton";
     let fit_of = skeleton.fit().limits(args.limits);
-    let (fitted, outcome) = fit(&fit_of, &poses, &name, no_joint, args.force)?;
+    let (fitted, report) = fit(&fit_of, &poses, &name, no_joint, args.force)?;
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;
-    Ok(outcome)
+    args.json.write(&report)?;
+    Ok(report.outcome())
 }
 
 /// The original with its missing values.
@@ -168,7 +174,9 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
         missing.len() - left,
         missing.len()
     ));
-    write_bytes(args.output.as_deref(), &filled, false)
+    write_bytes(args.output.as_deref(), &filled, false)?;
+    args.json
+        .write(json!({ "missing": missing.len(), "left_missing": left }))
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {

@@ -5,6 +5,7 @@ use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::BvhSkeletonArgs;
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton};
+use posing::cli::json_report::JsonArgs;
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
@@ -42,10 +43,13 @@ pub struct Args {
     #[command(flatten)]
     units: BvhSkeletonArgs,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     take: OneTakeArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
+    args.json.prepare(args.take.output.as_deref())?;
     let one = args.take.read(args.skeleton.as_ref())?;
     let (unit, rotation) = (args.units.units.centimeters(), args.units.up.rotation());
     let given = args
@@ -62,7 +66,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let order = [Axis::Z, Axis::Y, Axis::X];
     let skeleton = args.joints.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a bone of the skeleton";
-    let (fitted, outcome) = fit(&skeleton.fit(), &poses, &table, no_joint, args.force)?;
+    let (fitted, report) = fit(&skeleton.fit(), &poses, &table, no_joint, args.force)?;
     let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
     let name = poses.take.as_ref().and_then(|take| take.first());
     let name = name.map_or("take", |take| take);
@@ -71,5 +75,6 @@ pub fn work(args: &Args) -> Result<Outcome> {
         None => SkinnedMesh::of_skeleton(name, skeleton.fit().skeleton(), fitted.values(), &times),
     };
     args.take.write(&mesh.to_glb()?, true)?;
-    Ok(outcome)
+    args.json.write(&report)?;
+    Ok(report.outcome())
 }

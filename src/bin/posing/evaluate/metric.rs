@@ -1,13 +1,15 @@
 //! `evaluate metric` around the library: its flags, the classes of takes, its files.
 
 use super::benchmark::write;
+use super::parsed;
 use clap::Args;
 use posing::cli::args::InputArgs;
 use posing::cli::feature_table::JointMapArgs;
+use posing::cli::json_report::JsonArgs;
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::progress::Progress;
 use posing::cli::take_classes;
-use posing::cli::{input, messages, streams};
+use posing::cli::{input, messages};
 use posing::evaluate::retrieval::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
 use posing::metric::JointMap;
 use posing::metric::blend_test::ClipRange;
@@ -61,7 +63,8 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 /// # Errors
 /// [`Error::Data`]: a file cannot be read, a take has no class, or there is nothing to learn from
 /// or to test on.
-pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
+pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()> {
+    json.prepare_report();
     input::check_single_stdin_with(&args.input, [&args.classes])?;
     let map = args.map.joint_map()?;
     let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
@@ -98,7 +101,7 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
             ],
         )?;
     }
-    streams::write_bytes(None, report.text().as_bytes(), false)
+    json.write_report(None, || report.text(), parsed(&report.json())?)
 }
 
 /// Takes with their classes; takes without one are left out, and said so.

@@ -9,11 +9,12 @@ use self::metric::{EvaluateMetricArgs, evaluate_metric};
 use self::takes::{EvaluateTakesArgs, evaluate_takes};
 use clap::{Parser, Subcommand};
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::streams;
+use posing::cli::json_report::JsonArgs;
 use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
 use posing::evaluate::report::BenchmarkReport;
 use posing::{Error, Result};
+use serde_json::Value;
 use std::path::PathBuf;
 
 /// Compare models on poses they were not trained on
@@ -100,6 +101,8 @@ pub struct Args {
     #[arg(long, help_heading = "Output")]
     fresh: bool,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
@@ -120,6 +123,8 @@ enum Tested {
         #[command(flatten)]
         args: EvaluateTakesArgs,
         #[command(flatten)]
+        json: JsonArgs,
+        #[command(flatten)]
         common: CommonArgs,
     },
     /// Test distances of poses: published ones, and learners by features, on people that they have
@@ -138,23 +143,26 @@ enum Tested {
         #[command(flatten)]
         args: EvaluateMetricArgs,
         #[command(flatten)]
+        json: JsonArgs,
+        #[command(flatten)]
         common: CommonArgs,
     },
 }
 
 pub fn work(args: &Args) -> Result<()> {
     match &args.command {
-        Some(Tested::Takes { args, common }) => {
+        Some(Tested::Takes { args, json, common }) => {
             common.apply()?;
-            return evaluate_takes(args);
+            return evaluate_takes(args, json);
         }
-        Some(Tested::Metric { args, common }) => {
+        Some(Tested::Metric { args, json, common }) => {
             common.apply()?;
-            return evaluate_metric(args);
+            return evaluate_metric(args, json);
         }
         None => {}
     }
     args.common.apply()?;
+    args.json.prepare_report();
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;
         return Ok(());
@@ -190,5 +198,27 @@ pub fn work(args: &Args) -> Result<()> {
     if let Some(folder) = &plan.output {
         benchmark::write_results(folder, &report)?;
     }
-    streams::write_bytes(None, report.text().as_bytes(), false)
+    args.json
+        .write_report(None, || report.text(), parsed(&report.json()?)?)
+}
+
+/// JSON as it is written to a file.
+fn parsed(json: &str) -> Result<Value> {
+    serde_json::from_str(json).map_err(|e| Error::usage(e.to_string()))
+}
+
+/// The rows of a table, each an object with the titles as names.
+fn rows_of(csv: &str) -> Vec<Value> {
+    let mut lines = csv.lines().map(|line| line.split(','));
+    let titles: Vec<&str> = lines.next().into_iter().flatten().collect();
+    let cell = |text: &str| match (text, text.parse::<f64>()) {
+        ("", _) => Value::Null,
+        (_, Ok(number)) => number.into(),
+        (text, Err(_)) => text.into(),
+    };
+    let row = |cells: std::str::Split<'_, char>| -> Value {
+        let named = titles.iter().map(|title| (*title).to_string());
+        Value::Object(named.zip(cells.map(cell)).collect())
+    };
+    lines.map(row).collect()
 }

@@ -1,13 +1,16 @@
 //! `evaluate takes` around the library: its flags, its model, its files.
 
 use super::benchmark::{sources, write};
+use super::rows_of;
 use clap::Args;
 use posing::Result;
 use posing::cli::args::InputArgs;
+use posing::cli::json_report::JsonArgs;
 use posing::cli::progress::Progress;
-use posing::cli::{input, messages, streams};
+use posing::cli::{input, messages};
 use posing::evaluate::restoration::{GapLength, TakesSettings, TestTakes, TestedModel};
 use posing::pose::units::parse_length;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Flags of `evaluate takes`.
@@ -71,7 +74,8 @@ fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
 ///
 /// # Errors
 /// As [`TestTakes::test`]; also if a file cannot be read or written.
-pub fn evaluate_takes(args: &EvaluateTakesArgs) -> Result<()> {
+pub fn evaluate_takes(args: &EvaluateTakesArgs, json: &JsonArgs) -> Result<()> {
+    json.prepare_report();
     input::check_single_stdin_with(&args.input, &args.model)?;
     let takes = TestTakes::new(&sources(&args.input, &args.input.files)?)?;
     for take in &takes.untimed {
@@ -111,5 +115,9 @@ pub fn evaluate_takes(args: &EvaluateTakesArgs) -> Result<()> {
             ],
         )?;
     }
-    streams::write_bytes(None, report.text().as_bytes(), false)
+    json.write_report(
+        None,
+        || report.text(),
+        json!({ "rows": rows_of(&report.csv()) }),
+    )
 }
