@@ -16,8 +16,8 @@ export POSING_COMMIT := $(shell [ -e .git ] && git rev-parse --short=7 HEAD 2>/d
 
 .PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall archive clean
 
-demo: needs build
-	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
+demo: build
+	@$(BIN)/posing demo target/demo
 
 test: needs
 	@rm -f target/skipped-tests

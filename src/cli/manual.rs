@@ -22,7 +22,7 @@ pub fn typed(command: Command) -> Command {
 }
 
 /// The command with the help and version flags that clap adds, and without its `help` subcommand.
-fn built(mut command: Command) -> Command {
+pub(crate) fn built(mut command: Command) -> Command {
     command = command.disable_help_subcommand(true);
     command.build();
     command

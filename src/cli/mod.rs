@@ -35,6 +35,7 @@ mod summary;
 pub mod take_classes;
 pub mod toml_file;
 pub mod training;
+pub mod usage_json;
 mod value_enums;
 
 use crate::Result;

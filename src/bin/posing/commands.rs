@@ -46,6 +46,7 @@ macro_rules! entry {
 
 /// The title and the commands of each group.
 pub const GROUPS: &[(&str, &[Entry])] = &[
+    ("First steps", &[entry!("demo", demo)]),
     (
         "Clean and complete",
         &[

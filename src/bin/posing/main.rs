@@ -17,6 +17,7 @@ mod complete;
 mod corrupt;
 mod csv2xyz;
 mod decode;
+mod demo;
 mod denoise;
 mod dict_concat;
 mod edit;
@@ -51,6 +52,7 @@ use clap::{Command, CommandFactory, Parser, Subcommand};
 use commands::{Entry, GROUPS, all, find, version};
 use posing::cli::completions::{self, Shell};
 use posing::cli::manual::{self, Group};
+use posing::cli::usage_json::ProgramUsage;
 use posing::cli::{run, streams};
 use posing::io::output::TemporaryFile;
 use posing::{Error, Result};
@@ -72,6 +74,9 @@ use std::process::ExitCode;
         \n  posing completions bash   print completions for all commands"
 )]
 struct Args {
+    /// Print all commands with their arguments, types, defaults and help as JSON
+    #[arg(long)]
+    json_usage: bool,
     #[command(subcommand)]
     request: Option<Request>,
 }
@@ -122,6 +127,9 @@ fn main() -> ExitCode {
 }
 
 fn work(args: &Args) -> Result<()> {
+    if args.json_usage {
+        return streams::write_bytes(None, usage()?.as_bytes(), false);
+    }
     let text = match &args.request {
         None | Some(Request::Help { command: None }) => help("posing"),
         Some(Request::Help {
@@ -154,6 +162,16 @@ fn parser(name: &str) -> Command {
 /// The parser of `posing` with those of all commands below it.
 fn whole() -> Command {
     Args::command().subcommands(all().map(|entry| (entry.command)()))
+}
+
+/// All commands with their arguments as JSON.
+fn usage() -> Result<String> {
+    let commands = GROUPS.iter().flat_map(|(title, entries)| {
+        let command = move |entry: &Entry| (*title, (entry.command)());
+        entries.iter().map(command)
+    });
+    let text = serde_json::to_string_pretty(&ProgramUsage::new(commands));
+    Ok(text.map_err(|e| Error::usage(e.to_string()))? + "\n")
 }
 
 /// The help that `posing` prints: the commands in groups.
