@@ -1,6 +1,7 @@
 # make demo    restores a damaged walk: installs what is missing, builds, restores, writes an HTML page
 # make test    runs the tests: installs what is missing, then cargo test; lists skipped tests at the end
 # make lint    checks formatting, clippy and documentation for warnings
+# make wheel   builds the Python wheel, with the program in it
 # The rest is for developers; see CONTRIBUTING.md.
 
 CARGO  ?= cargo
@@ -14,7 +15,7 @@ QUICK  ?=
 # What `posing --version` names beside the version; nothing outside a checkout.
 export POSING_COMMIT := $(shell [ -e .git ] && git rev-parse --short=7 HEAD 2>/dev/null)
 
-.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall archive clean
+.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall wheel release clean
 
 demo: build
 	@$(BIN)/posing demo target/demo
@@ -125,9 +126,13 @@ uninstall:
 	  share/fish/vendor_completions.d/posing.fish
 	for page in man/*.[57]; do rm -f "$(ROOT)/share/man/man$${page##*.}/$${page#man/}"; done
 
-# Makes target/archive/posing-VERSION-TARGET.tar.gz of this machine's program, as a release does.
-archive: build
-	@sh .github/archive.sh "$$(rustc -vV | sed -n 's/^host: //p')" $(BIN) target/archive
+# What a release ships for this kind of machine, into target/wheels and target/archive: a wheel; an archive and a .deb of
+# the program, which on Linux is static; checksums.
+wheel:
+	@sh .github/wheel.sh
+
+release:
+	@sh .github/release.sh
 
 clean:
 	$(CARGO) clean

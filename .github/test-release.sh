@@ -23,12 +23,14 @@ for page in man/*.1; do
   [ "$command" = posing ] || cp "$work/bin/posing" "$work/bin/$command"
 done
 
+mkdir -p target
+[ -e target/third-party.txt ] || echo licenses > target/third-party.txt
 archive=$(sh .github/archive.sh some-target "$work/bin" "$work/out")
 [ "$(ls "$work/out")" = "$(basename "$archive")" ] || fail "left beside the archive: $(ls "$work/out")"
 mkdir "$work/prefix"
 tar -xzf "$archive" -C "$work/prefix" --strip-components 1
 cd "$work/prefix"
-for file in README.md CHANGELOG.md LICENSE LICENSE-MIT LICENSE-APACHE bin/posing bin/amc2xyz bin/denoise \
+for file in README.md CHANGELOG.md LICENSE LICENSE-MIT LICENSE-APACHE third-party.txt bin/posing bin/amc2xyz bin/denoise \
     share/man/man1/posing.1 share/man/man1/posing-complete.1 share/man/man5/posing-table.5 \
     share/man/man7/posing-formats.7 share/bash-completion/completions/posing share/bash-completion/completions/denoise \
     share/zsh/site-functions/_posing share/fish/vendor_completions.d/posing.fish; do

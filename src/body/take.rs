@@ -168,12 +168,5 @@ pub fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>
 /// The frames of poses without points, with times by `fps` from the start of each take where they
 /// have none.
 pub fn timed(poses: &Poses, fps: Option<f64>) -> Poses {
-    let by_rate = |fps: f64| {
-        let takes = poses.takes().into_iter();
-        takes
-            .flat_map(|take| (0..take.len()).map(move |k| k as f64 / fps))
-            .collect()
-    };
-    let time = poses.time.clone().or_else(|| fps.map(by_rate));
-    frames_of(poses.frames(), time, poses.take.clone())
+    frames_of(poses.frames(), poses.times(fps), poses.take.clone())
 }

@@ -150,7 +150,10 @@ fn sections(text: &str) -> Vec<(String, String)> {
 
 fn see_also(title: &str) -> String {
     match title {
-        "posing" => "posing-table(5), posing-formats(7), posing-scale(7)".to_string(),
-        _ => "posing(1), posing-table(5), posing-formats(7), posing-scale(7)".to_string(),
+        "posing" => {
+            "posing-table(5), posing-json(5), posing-formats(7), posing-scale(7)".to_string()
+        }
+        _ => "posing(1), posing-table(5), posing-json(5), posing-formats(7), posing-scale(7)"
+            .to_string(),
     }
 }

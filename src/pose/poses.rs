@@ -69,6 +69,18 @@ impl Poses {
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
+    /// Seconds of each frame: its own, else by `fps` from the start of its take; `None` without
+    /// either.
+    pub fn times(&self, fps: Option<f64>) -> Option<Vec<f64>> {
+        let by_rate = |fps: f64| {
+            let takes = self.takes().into_iter();
+            takes
+                .flat_map(|take| (0..take.len()).map(move |t| t as f64 / fps))
+                .collect()
+        };
+        self.time.clone().or_else(|| fps.map(by_rate))
+    }
+
     /// The runs of consecutive frames, each with the frames per second of its take; `rates` are
     /// those of the takes.
     pub(crate) fn timed_runs(&self, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {

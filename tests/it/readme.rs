@@ -6,6 +6,7 @@ use std::path::Path;
 
 /// Recipes that are not run, by how they begin, and why.
 const NOT_RUN: &[(&str, &str)] = &[
+    ("pip install", "needs a wheel"),
     ("sh .ci/needs", "builds everything; CI runs it"),
     ("make install", "installs"),
     ("make tables", "takes an hour, and CMU's database"),

@@ -129,9 +129,10 @@ fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let table = read_table(&args.input, false, false)?;
-    let bad = |e: Error| e.at(Place::file(&table.name));
+    let mut table = read_table(&args.input, false, false)?;
     let fps = args.input.rate(&table.poses)?;
+    table.poses.time = table.poses.times(fps);
+    let bad = |e: Error| e.at(Place::file(&table.name));
     let mut poses = chosen(args, &table.poses).map_err(bad)?;
     if let Some(cutoff) = args.butterworth {
         let short = poses.low_pass(cutoff, fps).map_err(bad)?;
@@ -147,9 +148,6 @@ pub fn work(args: &Args) -> Result<()> {
                 "a lower rate without --butterworth: what is faster than half of it turns into \
                  slow movement",
             );
-        }
-        if let (None, Some(fps)) = (&poses.time, fps) {
-            poses.time = Some((0..poses.frames()).map(|t| t as f64 / fps).collect());
         }
         poses = poses.resampled(rate).map_err(bad)?;
     }

@@ -1,0 +1,29 @@
+#!/bin/sh
+# Makes target/wheels/posing-VERSION-py3-none-PLATFORM.whl: the program, a static one on Linux, the Python package, manual
+# pages, completions, examples and licenses.
+#
+#   wheel.sh [TARGET]
+#   wheel.sh x86_64-unknown-linux-musl
+set -eu
+target=${1:-$(rustc -vV | sed -n 's/^host: //p' | sed 's/-linux-gnu$/-linux-musl/')}
+tools=target/wheel/tools
+if [ ! -x "$tools/bin/maturin" ]; then
+  python3 -m venv "$tools"
+  "$tools/bin/pip" install -q --disable-pip-version-check 'maturin>=1.9,<2'
+fi
+sh .github/dist.sh "$target"
+stage=target/wheel/data
+rm -rf "$stage"
+mkdir -p "$stage"
+"${MAKE:-make}" -s -o build install BIN="target/$target/dist" PREFIX= DESTDIR="$stage/data" > /dev/null
+cp target/third-party.txt "$stage/data/share/doc/posing/THIRD-PARTY.txt"
+# The program is installed by the wheel itself; links do not survive in one.
+rm -rf "$stage/data/bin"
+platform=
+case $target in
+  # A static program runs on every Linux, whatever its C library.
+  *-linux-musl) platform='--compatibility manylinux2014 musllinux_1_1' ;;
+esac
+# shellcheck disable=SC2086
+"$tools/bin/maturin" build --locked --target "$target" $platform -o target/wheels -q
+ls -t target/wheels/*.whl | head -n 1
