@@ -28,11 +28,15 @@ static LOOK: extern "C" fn() = {
     look
 };
 
-/// Whether it was closed. Always false on systems other than Linux.
-pub(crate) fn was_closed() -> bool {
-    #[cfg(target_os = "linux")]
-    return WAS_CLOSED.load(Ordering::Relaxed);
-    #[cfg(not(target_os = "linux"))]
+/// Whether it was closed.
+#[cfg(target_os = "linux")]
+fn was_closed() -> bool {
+    WAS_CLOSED.load(Ordering::Relaxed)
+}
+
+/// Not known on other systems.
+#[cfg(not(target_os = "linux"))]
+fn was_closed() -> bool {
     false
 }
 
@@ -50,6 +54,7 @@ pub(crate) fn open_stdout() -> Result<Stdout> {
 
 /// Closes it again in a program that takes the place of this one, which then sees it as this one
 /// did.
+#[cfg(target_os = "linux")]
 pub(crate) fn pass_on() {
     if was_closed() {
         let _ = rustix::io::fcntl_setfd(stdout(), rustix::io::FdFlags::CLOEXEC);

@@ -11,8 +11,6 @@ use crate::numeric::linalg::cholesky_solve;
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2};
 use std::fs;
-use std::os::unix::process::CommandExt;
-use std::process::Command;
 use std::sync::OnceLock;
 
 /// What OpenBLAS takes for a thread that calls it, with the thread's stack; what else a command
@@ -38,15 +36,8 @@ pub(crate) fn prepare() -> Result<()> {
     };
     let is_frugal =
         |(name, value): &(&str, &str)| std::env::var_os(name).is_some_and(|v| v == *value);
-    if !FRUGAL.iter().all(is_frugal)
-        && let Ok(program) = std::env::current_exe()
-    {
-        let mut words = std::env::args_os();
-        let mut again = Command::new(program);
-        again.arg0(words.next().unwrap_or_default());
-        super::closed_stdout::pass_on();
-        // Returns only where it fails.
-        let _ = again.args(words).envs(FRUGAL).exec();
+    if !FRUGAL.iter().all(is_frugal) {
+        start_frugally();
     }
     let room = limit.saturating_sub(used_addresses());
     let threads = room.saturating_sub(BESIDE) / THREAD;
@@ -63,6 +54,24 @@ pub(crate) fn prepare() -> Result<()> {
     MOST_THREADS.get_or_init(|| threads);
     Ok(())
 }
+
+/// Starts the program again, with `FRUGAL` in its environment. Returns only where that fails.
+#[cfg(target_os = "linux")]
+fn start_frugally() {
+    use std::os::unix::process::CommandExt;
+    let Ok(program) = std::env::current_exe() else {
+        return;
+    };
+    let mut words = std::env::args_os();
+    let mut again = std::process::Command::new(program);
+    again.arg0(words.next().unwrap_or_default());
+    super::closed_stdout::pass_on();
+    let _ = again.args(words).envs(FRUGAL).exec();
+}
+
+/// No limit is known here, so it is never called.
+#[cfg(not(target_os = "linux"))]
+fn start_frugally() {}
 
 /// Makes the pool of `threads`, or as many as there are processors; under a limit, no more than it
 /// has room for, whose memory is then taken.

@@ -2,11 +2,10 @@
 //! whole, so that nothing is left of it however the process ends; else it has a temporary name in
 //! the same folder, and [`remove_unfinished_files`] removes it.
 
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
 #[cfg(target_os = "linux")]
 use std::os::fd::AsRawFd;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tempfile::{Builder, NamedTempFile, TempPath};
@@ -114,8 +113,8 @@ impl UnfinishedFile {
     /// Starts a file in the folder of `path`, with the mode that the file there has, or that a new
     /// one gets.
     pub(crate) fn create(path: PathBuf) -> io::Result<UnfinishedFile> {
-        let (mode, old) = (mode(&path), fs::metadata(&path).ok());
-        let mut file = UnfinishedFile::start(path, mode)?;
+        let old = fs::metadata(&path).ok();
+        let mut file = UnfinishedFile::start(path)?;
         if let Some(old) = old {
             // The umask is for new files. Some file systems have no modes.
             let _ = file.file().set_permissions(old.permissions());
@@ -123,13 +122,13 @@ impl UnfinishedFile {
         Ok(file)
     }
 
-    fn start(path: PathBuf, mode: u32) -> io::Result<UnfinishedFile> {
+    fn start(path: PathBuf) -> io::Result<UnfinishedFile> {
         #[cfg(target_os = "linux")]
-        if let Some(file) = nameless(folder(&path), mode) {
+        if let Some(file) = nameless(&path) {
             let file = Unfinished::Nameless(file);
             return Ok(UnfinishedFile { file, path });
         }
-        let (file, name) = named(&path, mode)?;
+        let (file, name) = named(&path)?;
         let file = Unfinished::Named(file, name);
         Ok(UnfinishedFile { file, path })
     }
@@ -201,19 +200,21 @@ fn builder() -> Builder<'static, 'static> {
 }
 
 /// A file with a temporary name in the folder of `path`.
-fn named(path: &Path, mode: u32) -> io::Result<(NamedTempFile, TemporaryName)> {
-    let mode = Permissions::from_mode(mode);
-    TemporaryName::make(|| builder().permissions(mode).tempfile_in(folder(path)))
+fn named(path: &Path) -> io::Result<(NamedTempFile, TemporaryName)> {
+    let mut builder = builder();
+    set_mode(&mut builder, path);
+    TemporaryName::make(|| builder.tempfile_in(folder(path)))
 }
 
-/// A file without a name; `None` where there is no such thing, or it could get no name later.
+/// A file without a name in the folder of `path`; `None` where there is no such thing, or it could
+/// get no name later.
 #[cfg(target_os = "linux")]
-fn nameless(folder: &Path, mode: u32) -> Option<File> {
+fn nameless(path: &Path) -> Option<File> {
     use std::os::unix::fs::OpenOptionsExt;
     let mut options = fs::OpenOptions::new();
-    let options = options.read(true).write(true).mode(mode);
+    let options = options.read(true).write(true).mode(mode(path));
     let flag = rustix::fs::OFlags::TMPFILE.bits();
-    let file = options.custom_flags(flag as i32).open(folder).ok()?;
+    let file = options.custom_flags(flag as i32).open(folder(path)).ok()?;
     let can_be_named = file.as_raw_fd() < MOST_OPEN && fs::read_link(open_path(&file)).is_ok();
     can_be_named.then_some(file)
 }
@@ -244,7 +245,7 @@ fn replace(file: &File, path: &Path) -> io::Result<()> {
 /// Copies a file without a name to `path`: where the folder has no links.
 #[cfg(target_os = "linux")]
 fn copy(mut file: File, path: &Path) -> io::Result<()> {
-    let (mut copy, _name) = named(path, mode(path))?;
+    let (mut copy, _name) = named(path)?;
     let _ = copy
         .as_file()
         .set_permissions(file.metadata()?.permissions());
@@ -255,9 +256,22 @@ fn copy(mut file: File, path: &Path) -> io::Result<()> {
 }
 
 /// The mode the file has now, or what the umask leaves of 0666 (a temporary file would be 0600).
+#[cfg(unix)]
 fn mode(path: &Path) -> u32 {
+    use std::os::unix::fs::PermissionsExt;
     fs::metadata(path).map_or(0o666, |m| m.permissions().mode())
 }
+
+/// Lets the builder make files with the mode of the file at `path`.
+#[cfg(unix)]
+fn set_mode(builder: &mut Builder, path: &Path) {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(fs::Permissions::from_mode(mode(path)));
+}
+
+/// Files have no modes here.
+#[cfg(not(unix))]
+fn set_mode(_: &mut Builder, _: &Path) {}
 
 #[cfg(test)]
 mod tests {
@@ -281,10 +295,10 @@ mod tests {
     #[test]
     fn a_file_has_no_name_before_it_is_whole() {
         let dir = tempfile::tempdir().unwrap();
-        if nameless(dir.path(), 0o666).is_none() {
+        let path = dir.path().join("a");
+        if nameless(&path).is_none() {
             return; // This file system has no files without names.
         }
-        let path = dir.path().join("a");
         for text in [&b"first"[..], b"second"] {
             let whole = written(&path, text).complete().unwrap();
             let before = fs::read(&path).unwrap_or_default();
@@ -317,14 +331,16 @@ mod tests {
         assert_eq!(names(dir.path()).len(), 200);
     }
 
+    #[cfg(unix)]
     #[test]
     fn the_mode_of_a_file_stays() {
+        use std::os::unix::fs::PermissionsExt;
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         fs::write(&path, b"").unwrap();
         // The usual umask (022) would take a bit of the last two.
         for kept in [0o600, 0o664, 0o666] {
-            fs::set_permissions(&path, Permissions::from_mode(kept)).unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(kept)).unwrap();
             let whole = written(&path, b"new").complete().unwrap();
             whole.publish().unwrap();
             assert_eq!(mode(&path) & 0o777, kept);

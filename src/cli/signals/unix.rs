@@ -1,6 +1,6 @@
-//! What happens when a signal ends the process.
+//! Signals that end a process.
 
-use crate::io::output::remove_unfinished_files;
+use super::{STACK, handle_one};
 use signal_hook::consts::{
     SIGABRT, SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGSYS, SIGTERM, SIGTRAP, SIGUSR1, SIGUSR2,
     SIGVTALRM, SIGXCPU, SIGXFSZ,
@@ -9,20 +9,13 @@ use signal_hook::flag;
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, Once, PoisonError, mpsc};
-
-type Stop = Box<dyn FnOnce() + Send>;
+use std::sync::{Arc, Once, mpsc};
 
 /// The signals that end a process and are handled.
 const ENDING: [i32; 12] = [
     SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGXCPU,
     SIGTRAP, SIGSYS,
 ];
-/// The stack of the thread that handles them, bytes.
-const STACK: usize = 256 << 10;
-
-/// What the next signal calls instead of ending the process.
-static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
 /// Handles the signals that end a process from now on: unfinished files are removed, then the
 /// process ends as by default. A file that grows over its limit (SIGXFSZ) is an error of writing.
@@ -53,21 +46,10 @@ pub(crate) fn watch() {
 
 fn handle_all(mut signals: Signals) {
     for signal in signals.forever() {
-        let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(stop) = stop {
-            stop();
-            continue;
-        }
-        remove_unfinished_files();
-        let _ = emulate_default_handler(signal);
+        handle_one(|| {
+            let _ = emulate_default_handler(signal);
+        });
     }
-}
-
-/// Lets the next signal that ends a process call `stop`, after which the process ends by itself.
-/// One more ends it as `watch` does.
-pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
-    *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
-    watch();
 }
 
 /// Whether the process was started with the signal ignored, as shells do for background jobs. Known
