@@ -20,8 +20,8 @@ NR == 1 {
   place[++rows] = $1
   if ($1 !~ /^-?[0-9.]+$/) words = 1
   for (c = 1; c <= curves; c++) {
+    if ($(c + 1) == "" || decades && $(c + 1) <= 0) continue
     cell[rows, c] = $(c + 1)
-    if ($(c + 1) == "") continue
     v = scale($(c + 1))
     if (!cells++) low = high = v
     if (v < low) low = v
@@ -29,6 +29,7 @@ NR == 1 {
   }
 }
 END {
+  if (low == high) high = low + 1
   # Half a place stays free beside words.
   first = words ? 0.5 : place[1]; last = words ? rows + 0.5 : place[rows]
   unit = decades ? 0 : step_for((high - low) / 4)
@@ -42,7 +43,7 @@ END {
   for (c = 1; c <= curves; c++) {
     print "<circle cx=\"" at "\" cy=\"45\" r=\"4\" fill=\"" color[c] "\"/>"
     text(at + 9, 49, name[c], "start")
-    at += 30 + 6.6 * length(name[c])
+    at += 32 + 6.8 * length(name[c])
   }
   text(18, 78, y, "start")
   bands_of = split(bands, band, ",")
@@ -60,7 +61,7 @@ END {
   for (c = 1; c <= curves; c++) {
     path = ""; pen = "M"
     for (r = 1; r <= rows; r++) {
-      if (cell[r, c] == "") { pen = "M"; continue }
+      if (!((r, c) in cell)) { pen = "M"; continue }
       spot = sprintf("%.1f %.1f", across(words ? r : place[r]), up(scale(cell[r, c])))
       path = path pen spot; pen = "L"
       if (dots) { split(spot, xy, " "); print "<circle cx=\"" xy[1] "\" cy=\"" xy[2] "\" r=\"4\" fill=\"" color[c] "\"/>" }
