@@ -7,23 +7,29 @@
 set -eu
 target=${1:-$(rustc -vV | sed -n 's/^host: //p' | sed 's/-linux-gnu$/-linux-musl/')}
 tools=target/wheel/tools
-if [ ! -x "$tools/bin/maturin" ]; then
-  python3 -m venv "$tools"
-  "$tools/bin/pip" install -q --disable-pip-version-check 'maturin>=1.9,<2'
+bin=bin
+case $target in *-windows-*) bin=Scripts ;; esac
+if [ ! -x "$tools/$bin/maturin" ]; then
+  "$(command -v python3 || command -v python)" -m venv "$tools"
+  "$tools/$bin/python" -m pip install -q --disable-pip-version-check 'maturin>=1.9,<2'
 fi
 sh .github/dist.sh "$target"
 stage=target/wheel/data
 rm -rf "$stage"
 mkdir -p "$stage"
-"${MAKE:-make}" -s -o build install BIN="target/$target/dist" PREFIX= DESTDIR="$stage/data" > /dev/null
+case $target in
+  *-windows-*) mkdir -p "$stage/data/share/doc/posing" ;;
+  *)
+    "${MAKE:-make}" -s -o build install BIN="target/$target/dist" PREFIX= DESTDIR="$stage/data" > /dev/null
+    # The program is installed by the wheel itself; links do not survive in one.
+    rm -rf "$stage/data/bin" ;;
+esac
 cp target/third-party.txt "$stage/data/share/doc/posing/THIRD-PARTY.txt"
-# The program is installed by the wheel itself; links do not survive in one.
-rm -rf "$stage/data/bin"
 platform=
 case $target in
   # A static program runs on every Linux, whatever its C library.
   *-linux-musl) platform='--compatibility manylinux2014 musllinux_1_1' ;;
 esac
 # shellcheck disable=SC2086
-"$tools/bin/maturin" build --locked --target "$target" $platform -o target/wheels -q
+"$tools/$bin/maturin" build --locked --target "$target" $platform -o target/wheels -q
 ls -t target/wheels/*.whl | head -n 1

@@ -54,5 +54,6 @@ mod takes;
 mod training;
 mod transition;
 mod trim;
+mod worked_cases;
 mod xyz2amc;
 mod xyz2bvh;

@@ -8,8 +8,9 @@ use std::process::Command;
 fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../python/bin/python");
     let has_all = |python: &PathBuf| {
-        let done = Command::new(python).args(["-c", "import numpy, pytest"]);
-        done.output().is_ok_and(|out| out.status.success())
+        let mut asked = Command::new(python);
+        let asked = asked.args(["-c", "import numpy, pytest"]).output();
+        asked.is_ok_and(|out| out.status.success())
     };
     [own, "python3".into()].into_iter().find(has_all)
 }

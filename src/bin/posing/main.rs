@@ -61,6 +61,11 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
+/// That of musl is slow with threads.
+#[cfg(target_env = "musl")]
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Clean, complete, compare and pose human motion
 #[derive(Parser)]
 #[command(
