@@ -102,5 +102,5 @@ fn the_end_and_the_format_share_a_flag() {
     assert_eq!(text.rows.len(), 51);
     let wrong = command("trim").args(["--to", "soon"]).output().unwrap();
     assert_eq!(wrong.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&wrong.stderr).contains("csv or npy"));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("csv, npy or npz"));
 }

@@ -117,7 +117,11 @@ fn summary(model: &Model) -> String {
         .details
         .iter()
         .filter(|(_, v)| !v.is_object() && !v.is_array());
-    lines.extend(scalars.map(|(key, value)| (key.as_str(), value.to_string())));
+    let text = |value: &Value| match value.as_f64() {
+        Some(number) => number.to_string(),
+        None => value.to_string(),
+    };
+    lines.extend(scalars.map(|(key, value)| (key.as_str(), text(value))));
     for step in meta.history.iter().rev().take(STEPS).rev() {
         let flags: Vec<String> = step.flags.iter().map(|(k, v)| format!("{k}={v}")).collect();
         let made = format!("{} {} {}", step.command, step.version, flags.join(" "));

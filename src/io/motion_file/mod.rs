@@ -370,7 +370,7 @@ fn of_markers(
 
 fn of_bvh(
     path: &Path,
-    mut bvh: Bvh,
+    bvh: Bvh,
     bytes: Bytes,
     units: Units,
     options: &ReadOptions,
@@ -385,10 +385,21 @@ fn of_bvh(
         format: MotionFormat::Bvh,
         table: table(path, poses),
         read_as: read_as(rate, units, custom_sources(options)),
-        notes: std::mem::take(&mut bvh.notes),
+        // Those of a motion file do not begin with its name.
+        notes: bvh
+            .notes
+            .iter()
+            .map(|note| without_name(note, path))
+            .collect(),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
     })
+}
+
+/// A note without the name of its file.
+fn without_name(note: &str, path: &Path) -> String {
+    let name = format!("{}: ", path.display());
+    note.strip_prefix(&name).unwrap_or(note).to_string()
 }
 
 fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Result<MotionFile> {
