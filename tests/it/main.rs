@@ -16,6 +16,7 @@ mod completions;
 mod corrupt;
 mod damage;
 mod defaults;
+mod demo;
 mod denoise;
 mod edit;
 mod evaluate;
