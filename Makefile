@@ -1,4 +1,4 @@
-# make demo    restores a damaged walk: installs what is missing, builds, restores, writes an HTML page
+# make demo    restores a damaged run: installs what is missing, builds, restores, writes an HTML page
 # make test    runs the tests: installs what is missing, then cargo test; lists skipped tests at the end
 # make lint    checks formatting, clippy and documentation for warnings
 # make wheel   builds the Python wheel, with the program in it

@@ -6,6 +6,7 @@
 set -eu
 target=${1:-$(rustc -vV | sed -n 's/^host: //p' | sed 's/-linux-gnu$/-linux-musl/')}
 wheel=$(sh .github/wheel.sh "$target")
+rm -rf target/archive
 mkdir -p target/archive
 cp "$wheel" target/archive
 case $target in

@@ -493,7 +493,12 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
         data = Take.from_frame(data)
     if isinstance(data, Take):
         names = names if names is not None else data.names or None
-        more.update(data.columns)
+        for key, values in data.columns.items():
+            if key in {"time", "take", "sd"}:
+                raise ValueError(f"a column is called {key}, which names something else; rename it")
+            more[key] = np.asarray(values)
+            if more[key].dtype.kind in "bf":
+                more[key] = more[key].astype(np.float64)
         more["time"] = data.time if fps is None else None
         more["take"] = data.take
         more["sd"] = data.sd if isinstance(data, Restored) else None
@@ -507,6 +512,9 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
     if np.isinf(xyz).any():
         row, point, _ = np.argwhere(np.isinf(xyz))[0]
         raise ValueError(f"xyz[{row}, {point}] is infinite; NaN is missing")
+    taken = {"posing", "xyz", "names", "fps", "status", "method", "unlike", "columns", "notes"}
+    for key in taken & more.keys():
+        raise ValueError(f"a column is called {key}, which names something else; rename it")
     if names is not None and len(names) != xyz.shape[1]:
         raise ValueError(f"{len(names)} names for {xyz.shape[1]} points")
     if fps is not None and not 0 < float(fps) < np.inf:
@@ -516,6 +524,7 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
             raise ValueError(f"{key} has {len(values)} values for {len(xyz)} frames")
     more["names"] = None if names is None else np.array(list(names), dtype=np.str_)
     more["fps"] = None if fps is None else np.float64(fps)
+    more["posing"] = np.int32(1)  # says that it is a table, in centimeters, y up
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:  # numpy.savez takes no column called file
         for key, values in {"xyz": xyz, **more}.items():
@@ -529,7 +538,8 @@ def _load(kind: type[T], done: Finished) -> T:
     """The archive that a command wrote, as a take."""
     with np.load(io.BytesIO(done.stdout)) as arrays:
         found: dict[str, Any] = {"fps": None, "time": None, "take": None, **arrays}
-    own = {field.name for field in fields(kind)}
+    found.pop("posing", None)
+    own = {field.name for field in fields(kind)} - {"columns", "notes"}
     columns = {name: found.pop(name) for name in list(found) if name not in own}
     found["names"] = found["names"].tolist()
     found["fps"] = None if found["fps"] is None else float(found["fps"])

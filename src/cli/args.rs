@@ -47,7 +47,7 @@ pub fn value_name(value: impl ValueEnum) -> String {
 /// The input tables of a command.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
-    /// Pose tables, CSV or NPY; - or nothing: standard input
+    /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Frames per second, for a table without times

@@ -57,6 +57,16 @@ impl JsonArgs {
                  --json=FILE",
             ));
         }
+        let is_same = |output: &Path| match (path.canonicalize(), output.canonicalize()) {
+            (Ok(json), Ok(output)) => json == output,
+            _ => path == output,
+        };
+        if output.is_some_and(is_same) {
+            return Err(Error::usage(format!(
+                "--json={} is the file of the result; name another",
+                path.display()
+            )));
+        }
         messages::keep();
         Ok(true)
     }
@@ -100,11 +110,11 @@ impl JsonArgs {
             Some(path) if is_stdout(path) => return write_json(output, value),
             file => file,
         };
-        streams::write_bytes(output, text().as_bytes(), false)?;
-        match file {
-            Some(path) => write_json(Some(path), value),
-            None => Ok(()),
+        // First: nobody may read the text to its end.
+        if let Some(path) = file {
+            write_json(Some(path), value)?;
         }
+        streams::write_bytes(output, text().as_bytes(), false)
     }
 
     /// Whether the object stands in the place of the text; a command that prints nothing else calls

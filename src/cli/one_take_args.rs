@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// The flags of commands that write one take to a file.
 #[derive(Debug, Clone, Args)]
 pub struct OneTakeArgs {
-    /// Pose tables, CSV or NPY; - or nothing: standard input
+    /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete

@@ -176,6 +176,12 @@ impl Task {
 pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
     check_single_stdin_with(&args.input, &args.model.model)?;
     args.json.prepare(args.out.output.as_deref())?;
+    let listed = task.report();
+    let as_json = listed.filter(|path| path.extension().is_some_and(|e| e == "json"));
+    let as_json = as_json.map(JsonArgs::to_file);
+    if let Some(json) = &as_json {
+        json.prepare(None)?;
+    }
     let restored = match (args.per_frame, task.max_gap()) {
         (true, Some(_)) => {
             let what = "--max-gap needs times and cannot be used with --per-frame";
@@ -198,6 +204,11 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
         messages::info(
             "complete will take these values for exact: --status passes their uncertainty on",
         );
+    }
+    match (listed, as_json) {
+        (_, Some(json)) => json.write(&restored)?,
+        (Some(path), None) => write_bytes(Some(path), restored.text().as_bytes(), false)?,
+        (None, None) => {}
     }
     args.json.write(&restored)
 }
@@ -234,13 +245,6 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
-    match task.report() {
-        Some(path) if path.extension().is_some_and(|e| e == "json") => {
-            JsonArgs::to_file(path).write(&report)?;
-        }
-        Some(path) => write_bytes(Some(path), report.text().as_bytes(), false)?,
-        None => {}
-    }
     write_table(
         &args.out,
         args.input.table_units(),

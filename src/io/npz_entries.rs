@@ -51,7 +51,7 @@ impl Zipped<'_> {
         for index in 0..zip.len() {
             let mut entry = zip.by_index(index).map_err(|e| self.fail(&e.to_string()))?;
             let name = entry.name().map_err(|e| self.fail(&e.to_string()))?;
-            let Some(name) = name.strip_suffix(".npy").map(excerpt) else {
+            let Some(name) = name.strip_suffix(".npy").map(String::from) else {
                 continue;
             };
             let place = Place::file(self.name).part(&name);

@@ -1,9 +1,11 @@
 //! Pose tables as NPZ archives, which `numpy.load` opens: `xyz` (frames, points, 3), `names`
 //! (points), `fps` where all takes have one rate, and the columns `take` and `time` (frames).
 //!
+//! `posing` says that it is such a table, in the unit and axes of a table as CSV.
 //! Other columns come along: those of points, `NAME.sd`, as an array `sd` (frames, points), others
-//! as one of (frames). A column is of `<f8`, NaN where cells are empty, or of text. Since both ways
-//! go through the text of CSV, an archive holds what the table would hold as CSV, bit for bit.
+//! as one of (frames). A column is of `<f8`, NaN where cells are empty, or of text. Both ways go
+//! through the text of CSV: an archive holds the numbers that the table would hold as CSV, bit for
+//! bit, though not how their text is written.
 
 use super::columns::Columns;
 use super::csv::{AddedColumn, CsvFormat, push_cell};
@@ -11,15 +13,21 @@ use super::marker_take::unique_names;
 use super::npz::{NpzArray, NpzValues, npz_bytes};
 use super::npz_entries::{Entry, Zipped, number, text_width, texts};
 use super::row::Row;
-use super::text::push_f64;
+use super::text::{excerpt, push_f64};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayD, IxDyn, ShapeBuilder};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Arrays that are no columns.
-const OWN: [&str; 3] = ["xyz", "names", "fps"];
+/// Arrays that are no columns; `posing` is the version of the format, and tells that an archive is
+/// such a table.
+const OWN: [&str; 4] = ["posing", "xyz", "names", "fps"];
+const VERSION: i32 = 1;
+/// The largest array of texts, bytes: each is as wide as the longest.
+const LARGEST_TEXTS: usize = 1 << 30;
+/// The most digits of a whole number that `<f8` holds.
+const DIGITS: usize = 15;
 
 /// The rows of a table that becomes an archive.
 pub(super) struct ArchiveRows {
@@ -65,6 +73,23 @@ impl Cells {
         };
         let of: Vec<f64> = self.texts.iter().map(number).collect::<Option<_>>()?;
         Some(self.cells.iter().map(|&id| of[id as usize]).collect())
+    }
+
+    /// The cells as numbers; `None`: some are none, or are names that look like numbers, such as
+    /// 007.
+    fn quantities(&self) -> Option<Vec<f64>> {
+        let is_name = |text: &Arc<str>| {
+            let digits = text.trim_start_matches('-');
+            let is_whole = digits.bytes().all(|b| b.is_ascii_digit());
+            let is_padded = digits.len() > 1 && digits.starts_with('0');
+            let is_word = digits.starts_with(|c: char| c.is_alphabetic());
+            let is_word = is_word && !digits.eq_ignore_ascii_case("nan");
+            is_word || is_whole && (is_padded || digits.len() > DIGITS)
+        };
+        match self.texts.iter().any(is_name) {
+            true => None,
+            false => self.numbers(),
+        }
     }
 
     fn text(&self, frame: usize) -> &str {
@@ -118,8 +143,22 @@ impl ArchiveRows {
     /// The bytes of the archive.
     ///
     /// # Errors
-    /// [`Error::Data`]: the archive cannot be made.
+    /// [`Error::Data`]: a text is so long that an array of it would be too large.
     pub(super) fn bytes(self) -> Result<Vec<u8>> {
+        for column in &self.columns {
+            let longest = column.texts.iter().map(|text| text.chars().count()).max();
+            let longest = longest.unwrap_or(0);
+            if self.frames.saturating_mul(4 * longest) > LARGEST_TEXTS
+                && column.quantities().is_none()
+            {
+                let what = format!(
+                    "column {} has a text of {longest} letters, and every text of an array is as \
+                     wide: write CSV",
+                    excerpt(&column.name)
+                );
+                return Err(Error::data(Place::file("the archive"), what));
+            }
+        }
         npz_bytes(&self.arrays())
     }
 
@@ -146,39 +185,27 @@ impl ArchiveRows {
                 None => of_frames.push(column),
             }
         }
-        let mut arrays = vec![NpzArray {
-            name: "xyz".into(),
-            shape: vec![frames, points, 3],
-            values: NpzValues::Doubles(self.xyz(&mut of_points)),
-        }];
         let array = |name: &str, shape: &[usize], values| NpzArray {
-            name: free_name(name),
+            name: name.to_string(),
             shape: shape.to_vec(),
             values,
         };
-        arrays.push(NpzArray {
-            name: "names".into(),
-            shape: vec![points],
-            values: NpzValues::Texts(self.points.clone()),
-        });
-        if let Some(fps) = self.rate(&at) {
-            arrays.push(NpzArray {
-                name: "fps".into(),
-                shape: Vec::new(),
-                values: NpzValues::Doubles(vec![fps]),
-            });
-        }
+        let xyz = NpzValues::Doubles(self.xyz(&mut of_points));
+        let mut arrays = vec![
+            array("posing", &[], NpzValues::Whole(vec![VERSION])),
+            array("xyz", &[frames, points, 3], xyz),
+            array("names", &[points], NpzValues::Texts(self.points.clone())),
+        ];
+        let rate = self.rate(&at).map(|fps| NpzValues::Doubles(vec![fps]));
+        arrays.extend(rate.map(|fps| array("fps", &[], fps)));
         for column in of_frames {
             let is_text = column.name == "take";
             let values = values(&[Some(column)], frames, is_text);
-            arrays.push(array(&column.name, &[frames], values));
+            arrays.push(array(&free_name(&column.name, &arrays), &[frames], values));
         }
         for (what, columns) in of_points {
-            arrays.push(array(
-                what,
-                &[frames, points],
-                values(&columns, frames, false),
-            ));
+            let values = values(&columns, frames, false);
+            arrays.push(array(&free_name(what, &arrays), &[frames, points], values));
         }
         arrays
     }
@@ -222,18 +249,19 @@ impl ArchiveRows {
     }
 }
 
-/// The name of an array that holds a column.
-fn free_name(column: &str) -> String {
-    match OWN.contains(&column) {
-        true => format!("{column}_"),
-        false => column.to_string(),
+/// The name of an array that holds a column: another than those that are there.
+fn free_name(column: &str, arrays: &[NpzArray]) -> String {
+    let mut name = column.to_string();
+    while OWN.contains(&&*name) || arrays.iter().any(|array| array.name == name) {
+        name.push('_');
     }
+    name
 }
 
 /// The values of columns side by side (frames, columns): numbers where all cells are.
 fn values(columns: &[Option<&Cells>], frames: usize, is_text: bool) -> NpzValues {
     let missing = || vec![f64::NAN; frames];
-    let numbers = |c: &Option<&Cells>| c.map_or_else(|| Some(missing()), Cells::numbers);
+    let numbers = |c: &Option<&Cells>| c.map_or_else(|| Some(missing()), Cells::quantities);
     let all: Option<Vec<Vec<f64>>> = match is_text {
         true => None,
         false => columns.iter().map(numbers).collect(),
@@ -314,8 +342,8 @@ struct Source<'a> {
     offset: usize,
 }
 
-/// The table in an archive as CSV text; `None`: the archive is none of a table, which has `xyz` and
-/// `names`.
+/// The table in an archive as CSV text; `None`: the archive is no table of posing, which has
+/// `posing`, `xyz` and `names`.
 ///
 /// # Errors
 /// [`Error::Data`]: it is damaged.
@@ -323,7 +351,7 @@ pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
     let zipped = Zipped { name, archive };
     let entries = zipped.entries()?;
     let find = |wanted: &str| entries.iter().find(|e| e.name == wanted);
-    let (Some(xyz), Some(named)) = (find("xyz"), find("names")) else {
+    let (Some(xyz), Some(named), Some(_)) = (find("xyz"), find("names"), find("posing")) else {
         return Ok(None);
     };
     let &[frames, points, 3] = &xyz.header.shape[..] else {
@@ -337,8 +365,11 @@ pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
     else {
         return Ok(None);
     };
-    if frames == 0 {
-        return Err(Error::data(Place::file(name), "has no frames"));
+    if frames == 0 || points == 0 {
+        return Err(Error::data(
+            Place::file(name),
+            "has no frames, or no points",
+        ));
     }
     let mut arrays = Vec::new();
     for entry in entries.iter().filter(|e| !OWN.contains(&e.name.as_str())) {
@@ -352,7 +383,7 @@ pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
             arrays.push((entry.name.as_str(), entry.header.shape.len(), values));
         }
     }
-    let rate = match find("fps").filter(|e| e.header.shape.is_empty()) {
+    let rate = match find("fps") {
         Some(fps) => number(&fps.header.descr, &zipped.values(fps)?),
         None => None,
     };
@@ -366,6 +397,16 @@ pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
     arrays.sort_by_key(|(name, ..)| *name != "take");
     let names = unique_names(named.iter().map(String::as_str));
     Ok(Some(text(&sources(&names, &xyz, &arrays), frames as usize)))
+}
+
+/// Whether an archive is a table of posing.
+///
+/// # Errors
+/// [`Error::Data`]: it is damaged.
+pub(super) fn is_table(name: &str, archive: &[u8]) -> Result<bool> {
+    let entries = Zipped { name, archive }.entries()?;
+    let has = |wanted: &str| entries.iter().any(|entry| entry.name == wanted);
+    Ok(["posing", "xyz", "names"].into_iter().all(has))
 }
 
 /// The times of frames at `rate`; each take begins at 0.
@@ -448,9 +489,11 @@ mod tests {
     use crate::io::{Input, RowReader, TableOptions};
     use std::io::Cursor;
 
+    type Frame = (Row, Vec<f64>, Vec<String>);
+
     /// A table with a quoted take, a missing value, a column of text that one point lacks, and one
     /// of frames.
-    fn table() -> (Columns, Vec<AddedColumn>, Vec<(Row, Vec<f64>, Vec<String>)>) {
+    fn table() -> (Columns, Vec<AddedColumn>, Vec<Frame>) {
         let columns = Columns::for_points(vec!["a".into(), "b.c".into()], true, true);
         let added = vec![
             AddedColumn::new("b.c.status", After::Point(1)),
@@ -513,5 +556,46 @@ mod tests {
             text.contains("\n\"walk, slow\",0.008333333333333333,"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn names_that_look_like_numbers_and_clashing_columns_come_back() {
+        let mut columns = Columns::for_points(vec!["a".into()], false, false);
+        for name in ["id", "force", "status", "xyz", "note"] {
+            columns.names.push(name.into());
+        }
+        let added: Vec<AddedColumn> = ["id", "force", "status", "xyz", "note"]
+            .map(|name| AddedColumn::new(name, After::All))
+            .into_iter()
+            .chain([AddedColumn::new("a.status", After::Point(0))])
+            .collect();
+        let mut archive = ArchiveRows::new(&columns, &added);
+        let cells = ["007", "1.50", "s", "1", "inf", "observed"].map(String::from);
+        archive.push(&Row::default(), &[1.0, 2.0, 3.0], &cells);
+        let arrays = archive.arrays();
+        let find = |name: &str| arrays.iter().find(|a| a.name == name).map(|a| &a.values);
+        assert_eq!(find("id"), Some(&NpzValues::Texts(vec!["007".into()])));
+        assert_eq!(find("force"), Some(&NpzValues::Doubles(vec![1.5])));
+        assert_eq!(find("note"), Some(&NpzValues::Texts(vec!["inf".into()])));
+        assert_eq!(find("xyz_"), Some(&NpzValues::Doubles(vec![1.0])));
+        assert!(find("status").is_some() && find("status_").is_some());
+        let text = csv_of("a.npz", &npz_bytes(&arrays).unwrap()).unwrap();
+        assert!(text.is_some_and(|text| String::from_utf8_lossy(&text).contains("007")));
+    }
+
+    #[test]
+    fn another_archive_is_no_table_and_one_without_points_is_an_error() {
+        let array = |name: &str, shape: &[usize], values| NpzArray {
+            name: name.into(),
+            shape: shape.to_vec(),
+            values,
+        };
+        let names = array("names", &[0], NpzValues::Texts(Vec::new()));
+        let xyz = array("xyz", &[9, 0, 3], NpzValues::Doubles(Vec::new()));
+        let foreign = npz_bytes(&[xyz.clone(), names.clone()]).unwrap();
+        assert!(csv_of("a.npz", &foreign).unwrap().is_none());
+        let own = array("posing", &[], NpzValues::Whole(vec![VERSION]));
+        let own = npz_bytes(&[own, xyz, names]).unwrap();
+        assert!(csv_of("a.npz", &own).is_err());
     }
 }

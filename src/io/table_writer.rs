@@ -60,7 +60,7 @@ impl TableFormat {
     pub fn check_added(self, added: &[AddedColumn]) -> Result<()> {
         match (self, added.first()) {
             (TableFormat::Npy, Some(lost)) => Err(Error::usage(format!(
-                "NPY holds coordinates only: the column {} would be lost; write CSV",
+                "NPY holds coordinates only: the column {} would be lost; write CSV or NPZ",
                 lost.name
             ))),
             _ => Ok(()),

@@ -119,6 +119,14 @@ fn the_object_has_a_stream_of_its_own_and_all_notes() {
         let line = fails(name, &["--json", &gaps], b"", 2);
         assert!(line.contains("-o FILE"), "{line}");
     }
+    let same = at("same.csv");
+    let line = fails(
+        "complete",
+        &[&format!("--json={same}"), "-o", &same, &gaps],
+        b"",
+        2,
+    );
+    assert!(line.contains("is the file of the result"), "{line}");
     // A file for the object leaves standard output to the table.
     let to = format!("--json={}", at("report.json"));
     let table = run("complete", &["-q", &to, &gaps], "");

@@ -14,7 +14,7 @@ use std::process::{Command, Stdio};
 /// Writes into DIR a run of CMU's database (take 09_06), which is built in; the run with 1 cm of
 /// noise on every coordinate and four gaps of 0.2 s in three points each; the run as denoise and
 /// complete restore it with the built-in model, which has seen no take of this person; a BVH file;
-/// and a page that plays all three. The commands that do it are printed: they work with files of
+/// and a page that plays all three; files of these names there are replaced. The commands that do it are printed: they work with files of
 /// yours as well.
 #[derive(Parser)]
 #[command(
@@ -173,8 +173,13 @@ fn run(folder: &Path, words: &[&str]) -> Result<Vec<u8>> {
 fn output(folder: &Path, words: &[&str]) -> Result<Vec<u8>> {
     // Without /proc the system does not say what runs.
     let called = std::env::args_os().next().unwrap_or_default();
-    let program = std::env::current_exe().or_else(|_| std::fs::canonicalize(&called));
-    let program = program.unwrap_or_else(|_| called.into());
+    let program = std::env::current_exe().unwrap_or_else(|_| {
+        let is_path = Path::new(&called).components().count() > 1;
+        let path = is_path
+            .then(|| std::fs::canonicalize(&called).ok())
+            .flatten();
+        path.unwrap_or_else(|| called.into())
+    });
     let done = Command::new(&program)
         .args(words)
         .arg("--quiet")

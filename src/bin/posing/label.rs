@@ -103,7 +103,7 @@ pub struct Args {
     /// a built-in set knows, and of all that move as a bone does
     #[arg(
         long,
-        conflicts_with_all = ["from_nothing", "like", "dry_run"],
+        conflicts_with_all = ["from_nothing", "like", "dry_run", "json"],
         help_heading = "From nothing"
     )]
     learn: bool,

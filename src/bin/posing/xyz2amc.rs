@@ -33,7 +33,7 @@ use std::path::PathBuf;
                   07.asf -o whole.amc"
 )]
 pub struct Args {
-    /// Pose tables, CSV or NPY; - or nothing: standard input
+    /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Skeleton to fit (ASF)

@@ -48,7 +48,7 @@ use std::path::{Path, PathBuf};
         \n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]
 pub struct Args {
-    /// Pose tables, CSV or NPY; - or nothing: standard input
+    /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept

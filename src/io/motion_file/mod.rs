@@ -21,6 +21,7 @@ use super::motion_format::MotionFormat;
 use super::npz_take::NpzTake;
 use super::row::TableOptions;
 use super::table::Table;
+use super::table_archive::is_table;
 use super::zeros::empty_zeros;
 use super::{marker_csv, opensim, trc};
 use crate::pose::{
@@ -161,6 +162,9 @@ impl MotionFile {
             MotionFormat::Asf => {
                 let what = "is a skeleton without motion; AMC takes find it beside them";
                 Err(Error::data(Place::file(name), what))
+            }
+            MotionFormat::Npz if options.joints.is_none() && is_table(&name, &bytes)? => {
+                of_table(format, input()?, options)
             }
             MotionFormat::Npz => {
                 let npz = NpzTake::read(input()?, options.joints.as_deref())?;

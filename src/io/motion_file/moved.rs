@@ -22,6 +22,7 @@ impl MotionFile {
         }
         let format = match self.format {
             MotionFormat::Npy => TableFormat::Npy,
+            MotionFormat::Npz => TableFormat::Npz,
             _ => TableFormat::Csv,
         };
         let moved = self.of_table(moved_table(&self.table, moves));

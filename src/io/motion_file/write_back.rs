@@ -44,6 +44,7 @@ impl MotionFile {
             Original::Table => {
                 let format = match self.format {
                     MotionFormat::Npy => TableFormat::Npy,
+                    MotionFormat::Npz => TableFormat::Npz,
                     _ => TableFormat::Csv,
                 };
                 return self.write_table(path, format, xyz).map(|()| 0);

@@ -71,7 +71,7 @@ pub struct Args {
         value_name = "RUN",
         help_heading = "Output",
         requires = "output",
-        conflicts_with_all = ["config", "fresh"]
+        conflicts_with_all = ["config", "fresh", "json"]
     )]
     paper: Vec<PathBuf>,
     /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I
@@ -211,10 +211,11 @@ fn parsed(json: &str) -> Result<Value> {
 fn rows_of(csv: &str) -> Vec<Value> {
     let mut lines = csv.lines().map(|line| line.split(','));
     let titles: Vec<&str> = lines.next().into_iter().flatten().collect();
-    let cell = |text: &str| match (text, text.parse::<f64>()) {
-        ("", _) => Value::Null,
+    let cell = |text: &str| match (text.parse::<u64>(), text.parse::<f64>()) {
+        _ if text.is_empty() => Value::Null,
+        (Ok(number), _) => number.into(),
         (_, Ok(number)) => number.into(),
-        (text, Err(_)) => text.into(),
+        _ => text.into(),
     };
     let row = |cells: std::str::Split<'_, char>| -> Value {
         let named = titles.iter().map(|title| (*title).to_string());
