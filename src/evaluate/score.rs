@@ -323,11 +323,16 @@ pub(super) mod tests {
         );
         says(
             Poses {
-                take: Some(vec!["b".into(); 3]),
+                take: Some(vec!["a".into(), "b".into(), "b".into()]),
                 ..truth.clone()
             },
-            "take b in frame 0",
+            "take b in frame 1",
         );
         assert!(Score::new(&table(2, 0), &table(2, 0)).is_err());
+        let renamed = Poses {
+            take: Some(vec!["b".into(); 3]),
+            ..truth.clone()
+        };
+        assert!(Score::new(&truth, &renamed).is_ok());
     }
 }

@@ -68,7 +68,7 @@ fn tables_drawn_together_must_fit() {
             "lfemur.x,lfemur.y,lfemur.z,root.x,root.y,root.z\n1,2,3,4,5,6\n",
             "1 frames",
         ),
-        (&TABLE.replace("w,", "v,"), "take v in frame"),
+        (&TABLE.replace("w,0.2", "v,0.2"), "take v in frame"),
         (&TABLE.replace("w,0.2", "w,0.25"), "time 0.25 in frame"),
         (
             &TABLE.replace("unknown", "lost"),

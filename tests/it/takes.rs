@@ -98,7 +98,7 @@ fn the_report_lists_every_gap() {
         std::fs::read_to_string(path).unwrap()
     };
     let json: serde_json::Value = serde_json::from_str(&list("gaps.json")).unwrap();
-    let gaps = json.as_array().unwrap();
+    let gaps = json["gaps"].as_array().unwrap();
     let of = |k: usize| {
         (
             &gaps[k]["point"],

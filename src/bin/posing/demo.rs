@@ -14,8 +14,8 @@ use std::process::{Command, Stdio};
 /// Writes into DIR a run of CMU's database (take 09_06), which is built in; the run with 1 cm of
 /// noise on every coordinate and four gaps of 0.2 s in three points each; the run as denoise and
 /// complete restore it with the built-in model, which has seen no take of this person; a BVH file;
-/// and a page that plays all three; files of these names there are replaced. The commands that do it are printed: they work with files of
-/// yours as well.
+/// and a page that plays all three. Files of these names there are replaced. The commands that do
+/// it are printed: they work with files of yours as well.
 #[derive(Parser)]
 #[command(
     name = "demo",

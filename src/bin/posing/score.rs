@@ -84,6 +84,15 @@ pub fn work(args: &Args) -> Result<()> {
             );
             Error::data(Place::file(&other.name), what)
         })?;
+        let first = |table: &Table| table.poses.take.as_ref().and_then(|t| t.first().cloned());
+        if let (Some(own), Some(wanted)) = (first(other), first(truth))
+            && own != wanted
+        {
+            messages::info(&format!(
+                "{}: its take {own} is compared with take {wanted}",
+                other.name
+            ));
+        }
         let more = other.poses.points.len() - truth.poses.points.len();
         if more > 0 {
             let noun = if more == 1 { "point" } else { "points" };

@@ -84,6 +84,7 @@ pub struct Args {
         long,
         value_name = "SET.json",
         requires = "truth",
+        conflicts_with = "json",
         help_heading = "Method"
     )]
     learn: Option<PathBuf>,
