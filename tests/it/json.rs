@@ -72,10 +72,9 @@ fn names_are_those_of_the_page() {
     let folder = takes();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let page = |name: &str| fs::read_to_string(root.join("man").join(name)).unwrap();
-    let pages = page("posing-json.5") + &page("posing-formats.7") + &page("posing-table.5");
-    let known: BTreeSet<&str> = pages
-        .split(|c: char| !c.is_alphanumeric() && c != '_')
-        .collect();
+    let page_of_json = page("posing-json.5");
+    // What the page leaves to others.
+    let [of_clean, of_models] = ["posing-formats.7", "posing-table.5"].map(page);
     for (line, code) in [
         ("complete --json -o whole.csv gaps.csv", 0),
         ("denoise --json -o smooth.csv walk.csv", 0),
@@ -102,6 +101,15 @@ fn names_are_those_of_the_page() {
         if line.starts_with("evaluate") {
             continue;
         }
+        let more = match line.split(' ').next() {
+            Some("clean") => of_clean.as_str(),
+            Some("model") => of_models.as_str(),
+            _ => "",
+        };
+        let words = [page_of_json.as_str(), more].into_iter();
+        let known: BTreeSet<&str> = words
+            .flat_map(|text| text.split(|c: char| !c.is_alphanumeric() && c != '_'))
+            .collect();
         let new: Vec<_> = found
             .iter()
             .filter(|n| !known.contains(n.as_str()))
