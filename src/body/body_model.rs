@@ -35,12 +35,12 @@ pub struct BodyModel {
 /// Mean distances of vertices, cm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeldOutErrors {
-    /// Of the training poses, each by its own matrices.
+    /// Training poses, each by its own matrices.
     pub decomposed: f64,
-    /// Of poses that are left out, by the rotations of their parts; `None` where there are too
+    /// Poses that are left out, by the rotations of their parts; `None` where there are too
     /// few.
     pub poses: Option<f64>,
-    /// Of people who are left out, by their rotations and the shape that is nearest to them.
+    /// People who are left out, by their rotations and the shape that is nearest to them.
     pub people: Option<f64>,
 }
 

@@ -287,8 +287,16 @@ pub struct FitReport {
     incomplete_frames: usize,
     unplaced_frames: usize,
     unconverged_frames: usize,
-    /// good, or poor: somebody has to look at it.
-    fit: &'static str,
+    fit: Fit,
+}
+
+/// Whether a fit is as it should be.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Fit {
+    Good,
+    /// Somebody has to look at it.
+    Poor,
 }
 
 impl FitReport {
@@ -317,8 +325,8 @@ impl FitReport {
             unplaced_frames: sequence.unplaced,
             unconverged_frames: sequence.unconverged,
             fit: match outcome {
-                Outcome::Done => "good",
-                _ => "poor",
+                Outcome::Done => Fit::Good,
+                _ => Fit::Poor,
             },
         }
     }
@@ -326,8 +334,8 @@ impl FitReport {
     /// The outcome of the command.
     pub fn outcome(&self) -> Outcome {
         match self.fit {
-            "good" => Outcome::Done,
-            _ => Outcome::Findings,
+            Fit::Good => Outcome::Done,
+            Fit::Poor => Outcome::Findings,
         }
     }
 }

@@ -43,13 +43,14 @@ impl JsonArgs {
         }
     }
 
-    /// Whether the object is asked for; messages are kept for it from then on.
+    /// Keeps messages for the object from now on, where it is asked for.
     ///
     /// # Errors
-    /// [`Error::Usage`]: it would stand in one stream with the result of the command, `output`.
-    pub fn prepare(&self, output: Option<&Path>) -> Result<bool> {
+    /// [`Error::Usage`]: it would stand in one stream or file with the result of the command,
+    /// `output`.
+    pub fn prepare(&self, output: Option<&Path>) -> Result<()> {
         let Some(path) = &self.json else {
-            return Ok(false);
+            return Ok(());
         };
         if is_stdout(path) && output.is_none_or(is_stdout) {
             return Err(Error::usage(
@@ -68,7 +69,7 @@ impl JsonArgs {
             )));
         }
         messages::keep();
-        Ok(true)
+        Ok(())
     }
 
     /// Writes the object, where it is asked for.

@@ -1,4 +1,4 @@
-//! All commands with their arguments as JSON, from which wrappers are made: see posing-json(5).
+//! The commands with their arguments as JSON, from which wrappers are made: see posing-json(5).
 
 use super::manual::built;
 use clap::{Arg, ArgAction, Command};

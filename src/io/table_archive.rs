@@ -371,17 +371,15 @@ pub(super) fn csv_of(name: &str, archive: &[u8]) -> Result<Option<Vec<u8>>> {
             "has no frames, or no points",
         ));
     }
+    let is_column = |entry: &&Entry| {
+        let shape = &entry.header.shape[..];
+        !OWN.contains(&&*entry.name) && (shape == [frames] || shape == [frames, points])
+    };
     let mut arrays = Vec::new();
-    for entry in entries.iter().filter(|e| !OWN.contains(&e.name.as_str())) {
-        let is_column = matches!(entry.header.shape[..], [n] if n == frames)
-            || entry.header.shape[..] == [frames, points];
-        if let Some(values) = is_column
-            .then(|| Values::read(&zipped, entry))
-            .transpose()?
-            .flatten()
-        {
-            arrays.push((entry.name.as_str(), entry.header.shape.len(), values));
-        }
+    for entry in entries.iter().filter(is_column) {
+        let values = Values::read(&zipped, entry)?;
+        let axes = entry.header.shape.len();
+        arrays.extend(values.map(|values| (entry.name.as_str(), axes, values)));
     }
     let rate = match find("fps") {
         Some(fps) => number(&fps.header.descr, &zipped.values(fps)?),

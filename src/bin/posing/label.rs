@@ -116,10 +116,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
     if args.learn {
         return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
     }
-    match args.dry_run {
-        true => args.json.prepare_report(),
-        false => args.json.prepare(args.output.as_deref())?,
-    };
+    if args.dry_run {
+        args.json.prepare_report();
+    } else {
+        args.json.prepare(args.output.as_deref())?;
+    }
     // A dry run has places for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
     let kept: Vec<&Path> = args.like.like.iter().map(|path| path.as_path()).collect();

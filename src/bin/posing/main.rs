@@ -169,7 +169,7 @@ fn whole() -> Command {
     Args::command().subcommands(all().map(|entry| (entry.command)()))
 }
 
-/// All commands with their arguments as JSON.
+/// The commands with their arguments, as JSON.
 fn usage() -> Result<String> {
     let commands = GROUPS.iter().flat_map(|(title, entries)| {
         let command = move |entry: &Entry| (*title, (entry.command)());
