@@ -292,6 +292,7 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Hand => "left and right",
         FindingKind::Jump => "jump",
         FindingKind::Held => "held value",
+        FindingKind::HeldFrames => "held frames",
         FindingKind::Fallen => "fallen",
         FindingKind::Drift => "drift",
         FindingKind::EulerFlip => "Euler flip",

@@ -26,7 +26,8 @@ pub use page::page;
 pub use take_pages::TakePages;
 
 use crate::label::unlabeled::{labeled, labeled_poses};
-use crate::pose::stray::points_apart;
+use crate::pose::repeated_frames::RepeatedFrames;
+use crate::pose::stray::{PointApart, points_apart};
 use crate::pose::{JointAngles, Poses};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
@@ -104,6 +105,8 @@ pub enum FindingKind {
     /// A point has the very same place, or a joint the very same rotation, for many frames while
     /// others move: a value that was held.
     Held,
+    /// Frames repeat the one before: they were doubled by a resampling, or held by an animator.
+    HeldFrames,
     /// A point lies still, far from those it goes with, while they move.
     Fallen,
     /// A distance between points that go together drifts.
@@ -217,18 +220,12 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     let size = body::size(take, &apart);
     let mut findings = Vec::new();
     findings.extend(times(take, limits));
-    findings.extend(motion::too_fast(take, limits));
     findings.extend(body::wrong_unit(size, limits));
     findings.extend(body::wrong_axis(size, limits));
     findings.extend(body::stray(take, &apart));
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));
-    findings.extend(motion::jumps(take, limits));
-    findings.extend(motion::held(take, &apart));
-    if !take.are_joints {
-        findings.extend(motion::swaps(take));
-        findings.extend(distances::findings(take, limits));
-    }
+    findings.extend(motion_findings(take, &apart, limits));
     TakeAudit {
         take: name,
         frames: take.xyz.nrows(),
@@ -239,6 +236,39 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
         gaps,
         findings,
     }
+}
+
+/// What is wrong in how points move, by the frames that do not repeat the one before.
+fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Vec<Finding> {
+    let repeated = RepeatedFrames::of(take.xyz);
+    let xyz = repeated.rows(take.xyz);
+    let kept = Take {
+        points: take.points,
+        xyz: xyz.view(),
+        time: None,
+        runs: repeated.kept_runs(&take.runs),
+        rate: take.rate.map(|rate| repeated.rate(rate)),
+        are_joints: take.are_joints,
+    };
+    let mut findings = Vec::new();
+    findings.extend(motion::too_fast(&kept, limits));
+    findings.extend(motion::jumps(&kept, limits));
+    findings.extend(motion::held(&kept, apart));
+    if !take.are_joints {
+        findings.extend(motion::swaps(&kept));
+        findings.extend(distances::findings(&kept, limits));
+    }
+    for frames in findings.iter_mut().filter_map(|f| f.frames.as_mut()) {
+        let shown = repeated.frames(&(frames[0]..frames[1]));
+        *frames = [shown.start, shown.end];
+    }
+    findings.extend(repeated.describe().map(|what| Finding {
+        kind: FindingKind::HeldFrames,
+        points: Vec::new(),
+        frames: None,
+        what: format!("{what}: they are left as they are, and tell nothing"),
+    }));
+    findings
 }
 
 /// Times that repeat or go back, and pauses: rows that were left out are a gap of all points.

@@ -52,7 +52,8 @@ impl CleanSettings {
         let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
         findings.extend(left_open(restored));
         let limit = self.rotation_noise_limit.to_degrees();
-        let noise_stays = !self.smooth && noise_deg.is_some_and(|noise| noise >= limit);
+        let is_noise = rotations.is_some_and(|r| r.cleaned.is_noise);
+        let noise_stays = !self.smooth && is_noise && noise_deg.is_some_and(|n| n >= limit);
         if let (true, Some(noise)) = (noise_stays, noise_deg) {
             findings.push(format!(
                 "noise: {noise:.2} degrees stay, as nothing is smoothed"
@@ -91,7 +92,11 @@ impl CleanSettings {
         }
         let mut notes = notes(file, naming, restored);
         notes.extend(replacements(moved));
-        notes.extend(rotations.iter().flat_map(|r| r.notes()));
+        notes.extend(
+            rotations
+                .iter()
+                .flat_map(|r| r.notes(self.rotation_noise_limit)),
+        );
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),
@@ -238,6 +243,11 @@ fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) ->
         n => out.push(format!(
             "left and right are exchanged ({n} pairs of points, frame by frame): put back"
         )),
+    }
+    if let Some(noise) = restored.counts().doubtful_noise() {
+        out.push(format!(
+            "noise: at most {noise:.2} cm, which cannot be told from motion: it stays"
+        ));
     }
     match restored.counts().cuts {
         0 => {}

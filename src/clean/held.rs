@@ -1,8 +1,30 @@
 //! Rotations that were held, as missing ones.
 
 use crate::Result;
-use crate::audit::held_rotations;
+use crate::audit::{HeldRotations, held_rotations};
 use crate::io::MotionFile;
+use std::ops::Range;
+
+/// The joints of a file whose rotations were held, by their index among its channels, and the
+/// frames: none where the file has no rate.
+pub(crate) fn held_of(file: &MotionFile) -> Vec<(usize, Range<usize>)> {
+    let held = file.rate().map_or(Vec::new(), |rate| {
+        held_rotations(&file.joint_angles(), rate)
+    });
+    let channels = file.channels();
+    let turning = (0..channels.len()).filter(|j| !channels[*j].angles.is_empty());
+    let turning: Vec<usize> = turning.collect();
+    let of = |held: HeldRotations| {
+        let joints = held
+            .joints
+            .into_iter()
+            .filter_map(|j| turning.get(j).copied());
+        joints
+            .map(move |joint| (joint, held.frames.clone()))
+            .collect::<Vec<_>>()
+    };
+    held.into_iter().flat_map(of).collect()
+}
 
 /// Takes rotations that were held for missing ones, and the positions that follow from them; notes
 /// say which, and what cannot be done.

@@ -1,6 +1,6 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
-use super::held::empty_held;
+use super::held::{empty_held, held_of};
 use super::labels::relabeled;
 use super::page::write_page;
 use super::places::PlaceToSee;
@@ -236,10 +236,10 @@ impl CleanSettings {
         }
         summary.copied =
             labels.captured.is_none() && self.is_copied(job, to, &file, points, capture);
-        if let (true, Some(noise)) = (summary.copied, summary.noise_deg) {
-            summary
-                .notes
-                .push(format!("unchanged: the noise is {noise:.2} degrees"));
+        let limit = self.rotation_noise_limit.to_degrees();
+        if let Some(noise) = summary.noise_deg.filter(|n| summary.copied && *n < limit) {
+            let note = format!("unchanged: the noise is {noise:.2} degrees");
+            summary.notes.push(note);
         }
         summary.findings.extend(self.kept(&file, to, points));
         let solved = self.solved(job, &file, points, &mut summary);
@@ -321,6 +321,7 @@ impl CleanSettings {
                     },
                     pops: self.method.outliers,
                     max_gap: self.method.max_gap,
+                    held: held_of(file),
                 };
                 let rate = file.rate().unwrap_or(1.0);
                 let cleaned = clean_rotations(&file.channels(), motion, rate, &how);

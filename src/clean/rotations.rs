@@ -220,8 +220,8 @@ impl CleanedFile {
         (!all.is_empty()).then_some(line).into_iter().collect()
     }
 
-    /// What was done, a line each.
-    pub(crate) fn notes(&self) -> Vec<String> {
+    /// What was done, a line each; `noise_limit`: radians.
+    pub(crate) fn notes(&self, noise_limit: f64) -> Vec<String> {
         let mut out = Vec::new();
         let tracks = &self.cleaned.tracks;
         if self.is_smoothed() {
@@ -242,6 +242,11 @@ impl CleanedFile {
                 "rotations: noise of {:.2} degrees (median of {joints}) smoothed ({})",
                 self.noise(),
                 listed(&some)
+            ));
+        } else if !self.cleaned.is_noise && self.cleaned.noise >= noise_limit {
+            out.push(format!(
+                "noise: at most {:.2} degrees, which cannot be told from motion: it stays",
+                self.noise()
             ));
         }
         let mut pops = Vec::new();

@@ -57,6 +57,7 @@ pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<A
         noise_limit: f64::INFINITY,
         pops: false,
         max_gap: None,
+        ..RotationCleaning::default()
     };
     let rate = bvh.rate().unwrap_or(1.0);
     let paths = clean_rotations(&channels, bvh.motion.view(), rate, &fill).motion;

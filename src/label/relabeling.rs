@@ -207,7 +207,9 @@ impl Relabeling {
             like: take.like,
         });
         let Some(found) = found else {
-            self.unchecked = Some("most pieces of tracks have under 5 frames");
+            self.unchecked = Some(
+                "most pieces of tracks have under 5 frames, or there are too few frames a second",
+            );
             return Vec::new();
         };
         let first = take.frames.start;

@@ -17,9 +17,10 @@ use super::links::Links;
 use super::paths::Paths;
 use super::pieces::{Piece, pieces};
 use super::sides::{SideBy, Sides, Unsure};
-use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
+use super::tuning::repair::{FEWEST_FRAMES, LEAST_RATE, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
 use crate::pose::point_at;
+use crate::pose::repeated_frames::RepeatedFrames;
 use ndarray::Array2;
 
 /// What becomes of the tracks of a take.
@@ -35,8 +36,12 @@ pub(crate) struct Repair {
     pub places: Array2<f64>,
 }
 
-/// Puts the labels of a take right; `None` where most pieces are too short to say anything.
+/// Puts the labels of a take right; `None` where most pieces are too short to say anything, or so
+/// few frames a second were measured that no path leads from one to the next.
 pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
+    if RepeatedFrames::of(take.xyz).rate(take.rate) < LEAST_RATE {
+        return None;
+    }
     let pieces = pieces(take.xyz, take.runs, take.rate);
     let short = pieces.iter().filter(|p| p.frames.len() < FEWEST_FRAMES);
     if 2 * short.count() > pieces.len() {

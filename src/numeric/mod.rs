@@ -16,3 +16,4 @@ pub(crate) mod simd;
 pub(crate) mod small_linalg;
 pub(crate) mod sparse_cholesky;
 pub(crate) mod statistics;
+pub(crate) mod track_noise;

@@ -30,6 +30,23 @@ pub(crate) fn mean_of_finite(values: impl IntoIterator<Item = f64>) -> Option<f6
     (count > 0.0).then(|| sum / count)
 }
 
+/// Values less the mean of those within `reach` of each; NaN where missing.
+pub(crate) fn less_local_mean(values: &[f64], reach: usize) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0)];
+    for v in values {
+        let (sum, count) = sums[sums.len() - 1];
+        sums.push(match v.is_finite() {
+            true => (sum + v, count + 1.0),
+            false => (sum, count),
+        });
+    }
+    let local = |t: usize| {
+        let (from, to) = (t.saturating_sub(reach), (t + reach + 1).min(values.len()));
+        (sums[to].0 - sums[from].0) / (sums[to].1 - sums[from].1)
+    };
+    (0..values.len()).map(|t| values[t] - local(t)).collect()
+}
+
 /// The least and the largest value; +∞ and −∞ for none.
 pub(crate) fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let none = (f64::INFINITY, f64::NEG_INFINITY);
@@ -94,5 +111,13 @@ mod tests {
             |drawn: &mut dyn Iterator<Item = usize>| drawn.map(|k| (k % 2) as f64 / 50.0).sum();
         let [low, high] = bootstrap_interval(50, &mut parallel::rng(0, 0), mean);
         assert!(low > 0.3 && low < 0.45 && high > 0.55 && high < 0.7);
+    }
+
+    #[test]
+    fn what_changes_slowly_is_taken_off() {
+        let values: Vec<f64> = (0..600).map(|t| 40.0 + (t as f64 / 200.0).sin()).collect();
+        let off = less_local_mean(&values, 60);
+        assert!(off[60..540].iter().all(|v| v.abs() <= 0.02));
+        assert!(less_local_mean(&[1.0, f64::NAN, 3.0], 1)[1].is_nan());
     }
 }

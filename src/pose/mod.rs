@@ -11,6 +11,7 @@ pub(crate) mod observation;
 pub mod one_take;
 pub(crate) mod placement;
 pub(crate) mod poses;
+pub(crate) mod repeated_frames;
 pub mod rotation;
 mod segment;
 pub mod similarity;

@@ -19,7 +19,7 @@ use super::take::{PointMapping, Take};
 use super::tuning::adaptive_smoothing::{LEAST_VARIANCE, MOTION_VARIANCE};
 use super::tuning::capture_noise::*;
 use crate::label::distances::Distance;
-use crate::numeric::statistics::{mean_of_finite, median};
+use crate::numeric::statistics::{less_local_mean, mean_of_finite, median};
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -186,23 +186,6 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     mean_of_finite(values).unwrap_or(0.0)
 }
 
-/// Values less the mean of those within `reach` of each; NaN where missing.
-fn less_local_mean(values: &[f64], reach: usize) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0.0)];
-    for v in values {
-        let (sum, count) = sums[sums.len() - 1];
-        sums.push(match v.is_finite() {
-            true => (sum + v, count + 1.0),
-            false => (sum, count),
-        });
-    }
-    let local = |t: usize| {
-        let (from, to) = (t.saturating_sub(reach), (t + reach + 1).min(values.len()));
-        (sums[to].0 - sums[from].0) / (sums[to].1 - sums[from].1)
-    };
-    (0..values.len()).map(|t| values[t] - local(t)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,13 +240,5 @@ mod tests {
                 "{sd} {a}: {noise:?}"
             );
         }
-    }
-
-    #[test]
-    fn what_changes_slowly_is_no_noise() {
-        let values: Vec<f64> = (0..600).map(|t| 40.0 + (t as f64 / 200.0).sin()).collect();
-        let off = less_local_mean(&values, 60);
-        assert!(off[60..540].iter().all(|v| v.abs() <= 0.02));
-        assert!(less_local_mean(&[1.0, f64::NAN, 3.0], 1)[1].is_nan());
     }
 }

@@ -1,10 +1,10 @@
-//! Cleaning: what a take needs and no more. A noisy one is denoised, any other keeps what was
-//! measured; outliers are replaced, gaps filled.
+//! Cleaning: what a take needs and no more. One whose points tremble by noise is denoised; any other
+//! keeps what was measured, also where noise cannot be told from motion; outliers are replaced, gaps filled.
 
 use super::complete::Complete;
 use super::denoise::Denoise;
 use super::gap::{Gap, empty_gaps, find_gaps};
-use super::noise_estimation::typical_noise;
+use super::noise_estimation::point_noise;
 use super::take::{Method, PointMapping, Take, TakeResult};
 use ndarray::ArrayView2;
 
@@ -78,10 +78,15 @@ impl Method for Clean {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        let mut out = match typical_noise(take.xyz, take.runs) > self.noise_limit {
+        let noise = point_noise(take.xyz, take.runs);
+        let level = noise.typical().sqrt();
+        let mut out = match level > self.noise_limit && noise.is_noise(take.rate) {
             true => self.denoise().restore_take(mapping, take, done),
             false => self.complete().restore_take(mapping, take, done),
         };
+        if out.noise == 0.0 && level > self.noise_limit {
+            out.doubtful_noise = Some(level);
+        }
         let gaps = find_gaps(take.xyz, take.runs);
         let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out));
         let unsure: Vec<&Gap> = unsure.collect();

@@ -6,6 +6,8 @@ use super::rigid::noise_floor::NoiseFloor;
 use super::take::Take;
 use super::tuning::noise_estimation::*;
 use crate::numeric::statistics::median;
+use crate::numeric::track_noise::{Track, TrackNoise};
+use crate::pose::repeated_frames::RepeatedFrames;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -61,48 +63,32 @@ pub(crate) fn of_frame(estimator: &FrameEstimator<'_>, y: &[f64]) -> f64 {
     (2.0 * mean).max(0.0).sqrt()
 }
 
-/// Standard deviation of the noise of a path, from its third differences, whichever way the axes
-/// point: motion hardly has any, white noise has √20 times its own. The lower quartile of their
-/// sizes is robust: spikes in a fifth of the frames, each of which spoils four differences, do not
-/// count. `None` with fewer than eight differences.
-pub(crate) fn noise_of_path(path: &[Vec<f64>; 3]) -> Option<f64> {
-    let square = |t: usize| {
-        path.iter()
-            .map(|s| third_difference(&s[t..t + 4]).powi(2))
-            .sum()
-    };
-    let squares = (0..path[0].len().saturating_sub(3)).map(square);
-    let mut squares: Vec<f64> = squares.filter(|d: &f64| d.is_finite()).collect();
-    if squares.len() < 8 {
-        return None;
-    }
-    let at = squares.len() / 4;
-    let quartile = *squares.select_nth_unstable_by(at, f64::total_cmp).1;
-    // The lower quartile of χ² with three degrees of freedom is 1.2125.
-    Some((quartile / 1.2125 / 20.0).sqrt())
-}
-
-fn third_difference(w: &[f64]) -> f64 {
-    w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]
-}
-
-/// Standard deviation of a coordinate of each point (J) by third differences over time, cm
-/// ([`noise_of_path`]). `None` for a point that is never seen long enough.
-pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
+/// The noise of the points of a take (frames, 3 J; cm), a track each.
+pub(crate) fn point_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> TrackNoise {
     let of_point = |p: usize| {
-        let path = [0, 1, 2].map(|axis| {
-            // Runs are joined by a missing value, which no difference crosses.
-            let column = xyz.column(3 * p + axis);
-            let of_run = |r: &Range<usize>| r.clone().map(|t| column[t]).chain([f64::NAN]);
-            runs.iter().flat_map(of_run).collect()
-        });
-        noise_of_path(&path)
+        let row = |t: usize| {
+            let at = |axis: usize| xyz[[t, 3 * p + axis]];
+            [at(0), at(1), at(2), 0.0]
+        };
+        // Runs are joined by a missing value, which no difference crosses.
+        let of_run = |r: &Range<usize>| r.clone().map(row).chain([[f64::NAN; 4]]);
+        Track {
+            rows: runs.iter().flat_map(of_run).collect(),
+            freedoms: 3,
+        }
     };
-    (0..xyz.ncols() / 3).map(of_point).collect()
+    TrackNoise::of(&(0..xyz.ncols() / 3).map(of_point).collect::<Vec<_>>())
 }
 
-/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences
-/// over time ([`noise_of_path`]). A point that is never seen long enough takes the median of the
+/// Standard deviation of a coordinate of each point (J), cm. `None` for a point that is never seen
+/// long enough, or rests.
+pub(crate) fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
+    let variance = point_noise(xyz, runs).variance;
+    variance.into_iter().map(|v| v.map(f64::sqrt)).collect()
+}
+
+/// Standard deviation of a coordinate of each point (J), cm: `given`, or measured over time
+/// ([`point_noise`]). A point that is never seen long enough takes the median of the
 /// others; where there is none, `model` measures some frames, given beside it in its own order of
 /// points.
 pub(crate) fn by_point(
@@ -126,35 +112,13 @@ pub(crate) fn by_point(
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
 }
 
-/// The median over the points of a take of the noise that third differences over time measure, cm;
-/// 0 where it measures none.
+/// The median over the points of a take of the noise that is measured over time
+/// (`numeric::track_noise`), cm, if it is noise; 0 where none is measured. Repeated frames count
+/// once.
 pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
-    median(from_time(xyz, runs).into_iter().flatten().collect()).unwrap_or(0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_distr::{Distribution, StandardNormal};
-
-    #[test]
-    fn noise_is_measured() {
-        let mut generator = crate::numeric::parallel::rng(3, 0);
-        let mut noisy = |sd: f64| {
-            [0.0, 1.0, 2.0].map(|phase| -> Vec<f64> {
-                let swing = |i: usize| 40.0 * (i as f64 / 120.0 * 4.0 + phase).sin();
-                let noise = |g: &mut _| -> f64 { StandardNormal.sample(g) };
-                (0..2400)
-                    .map(|i| swing(i) + sd * noise(&mut generator))
-                    .collect()
-            })
-        };
-        // A quartile of 2,400 differences, four of which share each frame, is right to about 4%.
-        for sd in [0.05, 1.0, 5.6] {
-            let got = noise_of_path(&noisy(sd)).unwrap();
-            assert!((got / sd - 1.0).abs() <= 0.1, "{sd}: {got}");
-        }
-        assert!(noise_of_path(&noisy(0.0)).unwrap() <= 0.01);
-        assert!(noise_of_path(&[0; 3].map(|_| vec![1.0; 10])).is_none());
-    }
+    let repeated = RepeatedFrames::of(xyz);
+    let rows = repeated.rows(xyz);
+    point_noise(rows.view(), &repeated.kept_runs(runs))
+        .typical()
+        .sqrt()
 }

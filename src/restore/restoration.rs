@@ -39,6 +39,10 @@ pub struct RestorationCounts {
     /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
     #[serde(skip)]
     noise: f64,
+    /// What the noise of a coordinate is at most in a take of which nothing was removed, as it may
+    /// be motion, cm; 0 for none.
+    #[serde(skip)]
+    doubtful_noise: f64,
 }
 
 impl RestorationCounts {
@@ -55,6 +59,13 @@ impl RestorationCounts {
         self.replaced += other.replaced;
         self.unfilled += other.unfilled;
         self.noise += other.noise;
+        self.doubtful_noise = self.doubtful_noise.max(other.doubtful_noise);
+    }
+
+    /// What the noise of a coordinate is at most, cm, in a take in which it cannot be told from
+    /// motion: there it stays. `None` where there is no such take.
+    pub fn doubtful_noise(&self) -> Option<f64> {
+        (self.doubtful_noise > 0.0).then_some(self.doubtful_noise)
     }
 
     /// Standard deviation of the noise that was assumed, cm: the mean over the frames; 0 if none
@@ -142,6 +153,7 @@ impl<'t> Restoration<'t> {
             exchanged: restored.exchanged,
             novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
             noise: restored.noise * count as f64,
+            doubtful_noise: restored.doubtful_noise.unwrap_or(0.0),
             ..RestorationCounts::default()
         });
         for (t, p) in &restored.vacated {

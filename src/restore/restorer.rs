@@ -22,15 +22,16 @@ use super::cuts::split_at_cuts;
 use super::denoise::Denoise;
 use super::pose_model::PoseModel;
 use super::restoration::Restoration;
-use super::take::{Method, PointMapping, Take};
+use super::take::{Method, PointMapping, Take, TakeResult};
 use crate::io::Model;
 use crate::io::Table;
 use crate::label::people::{Person, people};
 use crate::label::unlabeled::{labeled, labeled_poses};
+use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, Axis, CowArray, Ix2, s};
+use ndarray::{Array2, ArrayView2, Axis, CowArray, Ix2, s};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -302,9 +303,6 @@ impl Restored<'_> {
                 .map(|r| r.start - frames.start..r.end - frames.start)
                 .collect();
             let rate = own.unwrap_or(rate);
-            let uncut = runs.len();
-            let runs = split_at_cuts(poses.xyz.slice(s![frames.clone(), ..]), &runs, rate);
-            out.count_cuts(runs.len() - uncut);
             let take = Take {
                 names,
                 xyz: seen.slice(s![frames.clone(), ..]),
@@ -312,10 +310,53 @@ impl Restored<'_> {
                 rate,
                 sd: (labeled.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
             };
-            let restored = self.method.restore_take(mapping, &take, self.progress);
+            let whole = poses.xyz.slice(s![frames.clone(), ..]);
+            let (restored, cuts) = self.restore_take(mapping, &take, whole);
+            out.count_cuts(cuts);
             out.add(frames.start, &restored, &labeled.points);
         }
         Ok(())
+    }
+
+    /// Restores one take, whose frames with no point hidden are `whole`, between its cuts; also
+    /// how many these are. Frames that repeat the one before follow it.
+    fn restore_take(
+        &self,
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+        whole: ArrayView2<'_, f64>,
+    ) -> (TakeResult, usize) {
+        let repeated = RepeatedFrames::of(whole);
+        if !repeated.is_any() {
+            let runs = split_at_cuts(whole, take.runs, take.rate);
+            let cuts = runs.len() - take.runs.len();
+            let take = Take {
+                runs: &runs,
+                ..*take
+            };
+            return (
+                self.method.restore_take(mapping, &take, self.progress),
+                cuts,
+            );
+        }
+        let kept_runs = repeated.kept_runs(take.runs);
+        let (xyz, whole) = (repeated.rows(take.xyz), repeated.rows(whole));
+        let rate = repeated.rate(take.rate);
+        let runs = split_at_cuts(whole.view(), &kept_runs, rate);
+        let sd = take.sd.map(|sd| repeated.rows(sd));
+        let kept = Take {
+            names: take.names,
+            xyz: xyz.view(),
+            runs: &runs,
+            rate,
+            sd: sd.as_ref().map(|sd| sd.view()),
+        };
+        let restored = self.method.restore_take(mapping, &kept, self.progress);
+        (self.progress)(take.xyz.nrows() - xyz.nrows());
+        (
+            restored.repeated(&repeated, take.xyz),
+            runs.len() - kept_runs.len(),
+        )
     }
 }
 

@@ -3,14 +3,18 @@
 use super::pose_model::PoseModel;
 use crate::numeric::parallel;
 use crate::numeric::statistics::median;
+use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::{FillMethod, NameMap, Status, point_at};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2, Axis, s};
 use std::ops::Range;
 
 /// Frames of one parallel task.
 pub(crate) const FRAMES_PER_TASK: usize = 8;
+
+/// A point of a frame that repeats another is that frame's to so many cm.
+const REPEATED: f64 = 1e-6;
 
 /// One take of a table.
 #[derive(Debug, Clone, Copy)]
@@ -249,6 +253,9 @@ pub(crate) struct TakeResult {
     pub vacated: Vec<(usize, usize)>,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
+    /// What the noise is at most, where it was not removed, as it may be motion: standard deviation
+    /// of a coordinate, cm.
+    pub doubtful_noise: Option<f64>,
     /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN
     /// where the model has no threshold or the frame is not restored.
     pub novelty: Vec<f64>,
@@ -320,6 +327,49 @@ impl TakeResult {
                 }
             }
         }
+    }
+
+    /// The result for a take of which these are the frames that do not repeat the one before; where
+    /// a repeat has no value it gets that of the frame that it repeats. `captured` (frames, 3 J).
+    pub(crate) fn repeated(
+        self,
+        repeated: &RepeatedFrames,
+        captured: ArrayView2<'_, f64>,
+    ) -> TakeResult {
+        let points = self.points();
+        let mut out = TakeResult {
+            xyz: self.xyz.select(Axis(0), &repeated.shown),
+            states: (repeated.shown.iter())
+                .flat_map(|k| &self.states[k * points..(k + 1) * points])
+                .copied()
+                .collect(),
+            novelty: repeated.shown.iter().map(|k| self.novelty[*k]).collect(),
+            vacated: Vec::new(),
+            ..self
+        };
+        for (k, p) in &self.vacated {
+            let frames = repeated.frames(&(*k..k + 1));
+            out.vacated.extend(frames.map(|t| (t, *p)));
+        }
+        for (t, k) in repeated.shown.iter().enumerate() {
+            for p in 0..points {
+                let own = point_at(captured, t, p);
+                let first = point_at(captured, repeated.kept[*k], p);
+                let state = *out.state(t, p);
+                if own.is_finite() && !(own.distance(first) <= REPEATED) {
+                    // A value of its own.
+                    (0..3).for_each(|axis| out.xyz[[t, 3 * p + axis]] = own[axis]);
+                    out.set(t, p, Status::Observed, EXACT_VARIANCE.sqrt());
+                } else if !own.is_finite() && first.is_finite() && state.status != Status::Unknown {
+                    out.states[t * points + p] = PointState {
+                        status: Status::Inferred,
+                        method: Some(FillMethod::Interpolation),
+                        ..state
+                    };
+                }
+            }
+        }
+        out
     }
 
     /// Whether any point of a frame was filled or replaced.

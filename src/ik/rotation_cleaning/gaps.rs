@@ -9,8 +9,9 @@
 //!        misses at both ends is carried off linearly
 //! ```
 //!
-//! The weights are those of least squares over up to n gaps of the same track and length, times
-//! n / (n + 1); g is learned anew without each. Nothing to compare with: the straight way.
+//! The weights are those of least squares over up to n gaps of the same track and length, or where
+//! none has room of half of it, and so on, times n / (n + 1); g is learned anew without each. Nothing
+//! to compare with: the straight way.
 
 use super::movement::{Movable, gaps, straight};
 use super::tuning::*;
@@ -296,28 +297,39 @@ impl<M: Movable> Gappy<'_, M> {
         let [h, g] = least([hh, hg, gg], [hc, gc], cost);
         let n = simulated.len() as f64;
         let share = n / (n + 1.0);
+        let is_alike = simulated.iter().all(|gap| gap.len() == kind.length);
         let frames = n * kind.length as f64;
+        let error = (cost([share * h, share * g]).max(0.0) / frames).sqrt();
         Weights {
             hermite: share * h,
             regression: share * g,
-            error: (cost([share * h, share * g]).max(0.0) / frames).sqrt(),
+            error: if is_alike { error } else { f64::NAN },
         }
     }
 
-    /// Gaps of a kind, spread over the frames in which the track is seen.
+    /// Gaps of a kind, spread over the frames in which the track is seen; where none has room,
+    /// half as long ones, and so on.
     fn simulated(&self, kind: &Kind) -> Vec<Range<usize>> {
         let sides = kind.has_sides.map(|has| if has { SIDE / 2 } else { 0 });
-        let needed = sides[0] + kind.length + sides[1];
         let mut unseen = vec![0; self.seen.len() + 1];
         (0..self.seen.len()).for_each(|t| unseen[t + 1] = unseen[t] + usize::from(!self.seen[t]));
-        let starts = 0..(self.seen.len() + 1).saturating_sub(needed);
-        let room: Vec<usize> = starts
-            .filter(|&t| unseen[t + needed] == unseen[t])
-            .collect();
+        let room = |length: usize| -> Vec<usize> {
+            let needed = sides[0] + length + sides[1];
+            let starts = 0..(self.seen.len() + 1).saturating_sub(needed);
+            starts
+                .filter(|&t| unseen[t + needed] == unseen[t])
+                .collect()
+        };
+        let lengths = std::iter::successors(Some(kind.length), |length| Some(length / 2));
+        let long = lengths.take_while(|length| *length > SIDE || *length == kind.length);
+        let mut all = long.map(|length| (length, room(length)));
+        let Some((length, room)) = all.find(|(_, room)| !room.is_empty()) else {
+            return Vec::new();
+        };
         let count = room.len().min(SIMULATED);
         // In the middle of as many parts of the room.
         let pick = |i: usize| room[(2 * i + 1) * room.len() / (2 * count)] + sides[0];
-        (0..count).map(|i| pick(i)..pick(i) + kind.length).collect()
+        (0..count).map(|i| pick(i)..pick(i) + length).collect()
     }
 
     /// The paths over a gap, of which the frames on the sides that it `has` are seen.

@@ -1,13 +1,13 @@
 //! Rotations cleaned by themselves: the channels of a BVH or AMC file, joint by joint, without a
 //! model, names or positions.
 //!
-//! Pops are bridged, missing rotations filled, and where the joints tremble more than a limit all
-//! are smoothed, each as strongly as it bears. What does not change keeps its value to the last
-//! bit. Slow noise, correlated over more than some frames, cannot be told from motion.
+//! Pops are bridged, missing rotations filled, and where the joints tremble more than a limit, and
+//! by noise, all are smoothed, each as strongly as it bears. What does not change keeps its value to
+//! the last bit. Slow noise, correlated over more than some frames, cannot be told from motion.
+//! Frames that repeat the one before follow it; rotations that were held stay.
 
 mod gaps;
 mod movement;
-mod noise;
 mod pops;
 mod smoothing;
 mod tracks;
@@ -17,19 +17,20 @@ pub use smoothing::Strength;
 
 use self::gaps::{FilledGap, Gappy, Predictors};
 use self::movement::Movable;
-use self::noise::noise_variance;
 use self::pops::{bridge, pops};
 use self::smoothing::{Noisy, smooth_all};
 use self::tracks::{Track, tracks};
 use crate::numeric::parallel;
 use crate::numeric::statistics::median;
+use crate::numeric::track_noise::{self, TrackNoise};
 use crate::pose::JointChannels;
+use crate::pose::repeated_frames::RepeatedFrames;
 use glam::{DQuat, DVec3};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
 /// How rotations are cleaned.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RotationCleaning {
     /// The noise over which all is smoothed: median over the joints of the standard deviation about
     /// an axis, radians. Infinite: nothing is smoothed.
@@ -38,6 +39,9 @@ pub struct RotationCleaning {
     pub pops: bool,
     /// Longer gaps stay, seconds.
     pub max_gap: Option<f64>,
+    /// Joints, by their index, and frames in which their rotations were held: they are no
+    /// measurements, and stay as they are.
+    pub held: Vec<(usize, Range<usize>)>,
 }
 
 impl Default for RotationCleaning {
@@ -46,6 +50,7 @@ impl Default for RotationCleaning {
             noise_limit: tuning::NOISE_LIMIT,
             pops: true,
             max_gap: None,
+            held: Vec::new(),
         }
     }
 }
@@ -55,8 +60,11 @@ impl Default for RotationCleaning {
 pub struct CleanedRotations {
     /// (frames, channels), radians and centimeters; NaN is missing still.
     pub motion: Array2<f64>,
-    /// The noise of the file, radians: the median over the joints that move.
+    /// The noise of the file, radians: the median over the joints that move; at most that, unless
+    /// `is_noise`.
     pub noise: f64,
+    /// Whether it can be told from motion.
+    pub is_noise: bool,
     /// What became of each joint that moves.
     pub tracks: Vec<CleanedTrack>,
 }
@@ -89,14 +97,59 @@ pub fn clean_rotations(
     rate: f64,
     how: &RotationCleaning,
 ) -> CleanedRotations {
+    let repeated = RepeatedFrames::of(motion);
+    if !repeated.is_any() {
+        return clean_frames(joints, motion, rate, how);
+    }
+    let held = how.held.iter().map(|(joint, frames)| {
+        let kept = repeated.kept_runs(std::slice::from_ref(frames));
+        (*joint, kept.into_iter().next().unwrap_or(0..0))
+    });
+    let how = RotationCleaning {
+        held: held.collect(),
+        ..how.clone()
+    };
+    let kept = repeated.rows(motion);
+    let mut out = clean_frames(joints, kept.view(), repeated.rate(rate), &how);
+    let cleaned = std::mem::replace(&mut out.motion, motion.to_owned());
+    for ((t, c), value) in out.motion.indexed_iter_mut() {
+        let k = repeated.shown[t];
+        let is_same = kept[[k, c]].to_bits() == cleaned[[k, c]].to_bits();
+        if !is_same {
+            *value = cleaned[[k, c]];
+        }
+    }
+    for track in &mut out.tracks {
+        let gaps = track.gaps.iter_mut().map(|gap| &mut gap.0);
+        for frames in track.pops.iter_mut().chain(gaps) {
+            *frames = repeated.frames(frames);
+        }
+    }
+    out
+}
+
+/// [`clean_rotations`] of frames none of which repeats the one before.
+fn clean_frames(
+    joints: &[JointChannels],
+    motion: ArrayView2<'_, f64>,
+    rate: f64,
+    how: &RotationCleaning,
+) -> CleanedRotations {
     let (mut rotations, mut places) = tracks(joints, motion);
     let pops = bridge_pops(&mut rotations, rate, how.pops);
-    let measured = measure(&rotations, &places, &pops);
+    let held: Vec<Vec<Range<usize>>> = rotations.iter().map(|t| how.held_of(t.joint)).collect();
+    let counts: Vec<Vec<bool>> = (rotations.iter().zip(pops.iter().zip(&held)))
+        .map(|(track, (pops, held))| counting(&track.seen, pops, held))
+        .collect();
+    let noise_of_all = measure(&rotations, &places, &counts);
+    let is_noise = noise_of_all.is_noise(rate);
+    let measured = Measured::split(noise_of_all.variance, rotations.len());
     let moving = measured.rotations.iter().flatten().map(|v| v.sqrt());
     let noise = median(moving.collect()).unwrap_or(0.0);
-    let strengths = match noise >= how.noise_limit {
-        true => smooth(&mut rotations, &mut places, &pops, &measured),
-        false => Default::default(),
+    let strengths = if noise >= how.noise_limit && is_noise {
+        smooth(&mut rotations, &mut places, counts, &held, &measured)
+    } else {
+        Default::default()
     };
     let longest = how
         .max_gap
@@ -117,7 +170,16 @@ pub fn clean_rotations(
     CleanedRotations {
         motion: out,
         noise,
+        is_noise,
         tracks: report,
+    }
+}
+
+impl RotationCleaning {
+    /// The frames in which a joint was held.
+    fn held_of(&self, joint: usize) -> Vec<Range<usize>> {
+        let own = self.held.iter().filter(|held| held.0 == joint);
+        own.map(|held| held.1.clone()).collect()
     }
 }
 
@@ -155,7 +217,7 @@ fn bridge_pops(rotations: &mut [Track<DQuat>], rate: f64, wanted: bool) -> Vec<V
         if pops.is_empty() {
             continue;
         }
-        let counts = counting(&track.seen, pops);
+        let counts = counting(&track.seen, pops, &[]);
         bridge(&mut track.values, &counts);
         for t in pops.iter().flat_map(|run| run.clone()) {
             track.is_new[t] = true;
@@ -164,10 +226,13 @@ fn bridge_pops(rotations: &mut [Track<DQuat>], rate: f64, wanted: bool) -> Vec<V
     found
 }
 
-/// Whether each frame was measured and is no pop.
-fn counting(seen: &[bool], pops: &[Range<usize>]) -> Vec<bool> {
+/// Whether each frame was measured, is no pop, and was not held: the first of those was measured.
+fn counting(seen: &[bool], pops: &[Range<usize>], held: &[Range<usize>]) -> Vec<bool> {
     let mut out = seen.to_vec();
     pops.iter().for_each(|run| out[run.clone()].fill(false));
+    for held in held.iter().filter(|held| !held.is_empty()) {
+        out[held.start + 1..held.end].fill(false);
+    }
     out
 }
 
@@ -177,43 +242,46 @@ struct Measured {
     places: Vec<Option<f64>>,
 }
 
-fn measure(
-    rotations: &[Track<DQuat>],
-    places: &[Track<DVec3>],
-    pops: &[Vec<Range<usize>>],
-) -> Measured {
-    Measured {
-        rotations: parallel::map_chunks(rotations.len(), 1, |i| {
-            let track = &rotations[i.start];
-            let counts = counting(&track.seen, &pops[i.start]);
-            // A quaternion moves by half the angle.
-            let variance = || 4.0 * noise_variance(&track.rows(), &counts, track.freedoms());
-            moves(&track.values).then(variance)
-        }),
-        places: (places.iter())
-            .map(|track| {
-                moves(&track.values).then(|| noise_variance(&track.rows(), &track.seen, 3))
-            })
-            .collect(),
+impl Measured {
+    fn split(mut rotations: Vec<Option<f64>>, count: usize) -> Measured {
+        let places = rotations.split_off(count);
+        Measured { rotations, places }
     }
 }
 
-fn moves<M: Movable>(values: &[M]) -> bool {
-    let steps = values.windows(2).map(|w| w[0].step_to(w[1]).length());
-    steps.fold(0.0, f64::max) > tuning::LEAST_STEP
+/// The noise of the rotations in the frames that count, and after them of the places.
+fn measure(
+    rotations: &[Track<DQuat>],
+    places: &[Track<DVec3>],
+    counts: &[Vec<bool>],
+) -> TrackNoise {
+    let track = |rows: Vec<[f64; 4]>, counts: &[bool], scale: f64, freedoms: usize| {
+        let seen = rows.into_iter().zip(counts);
+        let row = |(row, counts): ([f64; 4], &bool)| match counts {
+            true => row.map(|v| scale * v),
+            false => [f64::NAN; 4],
+        };
+        track_noise::Track {
+            rows: seen.map(row).collect(),
+            freedoms,
+        }
+    };
+    // A quaternion moves by half the angle.
+    let rotations = rotations.iter().zip(counts);
+    let rotations = rotations.map(|(t, counts)| track(t.rows(), counts, 2.0, t.freedoms()));
+    let places = places.iter().map(|t| track(t.rows(), &t.seen, 1.0, 3));
+    TrackNoise::of(&rotations.chain(places).collect::<Vec<_>>())
 }
 
-/// Smooths all that moves.
+/// Smooths all that moves, by the frames that count; what was held stays.
 fn smooth(
     rotations: &mut [Track<DQuat>],
     places: &mut [Track<DVec3>],
-    pops: &[Vec<Range<usize>>],
+    mut counts: Vec<Vec<bool>>,
+    held: &[Vec<Range<usize>>],
     measured: &Measured,
 ) -> (Vec<Option<Strength>>, Vec<Option<Strength>>) {
-    let counts: Vec<Vec<bool>> = (rotations.iter().zip(pops))
-        .map(|(track, pops)| counting(&track.seen, pops))
-        .chain(places.iter().map(|track| track.seen.clone()))
-        .collect();
+    counts.extend(places.iter().map(|track| track.seen.clone()));
     let rows =
         (rotations.iter().map(Track::<DQuat>::rows)).chain(places.iter().map(Track::<DVec3>::rows));
     // Over all coordinates of a frame; a quaternion's are those of half the angle.
@@ -237,8 +305,8 @@ fn smooth(
             continue;
         };
         match i.checked_sub(rotations.len()) {
-            None => rotations[i].take(&smooth, |q| DQuat::from_array(q).normalize()),
-            Some(i) => places[i].take(&smooth, |p| DVec3::new(p[0], p[1], p[2])),
+            None => rotations[i].take(&smooth, &held[i], |q| DQuat::from_array(q).normalize()),
+            Some(i) => places[i].take(&smooth, &[], |p| DVec3::new(p[0], p[1], p[2])),
         }
     }
     let of_places = strengths.split_off(rotations.len());
@@ -246,9 +314,10 @@ fn smooth(
 }
 
 impl<M: Copy> Track<M> {
-    /// Takes new values in all frames that are seen.
-    fn take(&mut self, rows: &[[f64; 4]], value: impl Fn([f64; 4]) -> M) {
-        for (t, row) in rows.iter().enumerate() {
+    /// Takes new values in all frames that are seen and not `held`.
+    fn take(&mut self, rows: &[[f64; 4]], held: &[Range<usize>], value: impl Fn([f64; 4]) -> M) {
+        let is_held = |t: usize| held.iter().any(|held| held.contains(&t));
+        for (t, row) in rows.iter().enumerate().filter(|(t, _)| !is_held(*t)) {
             self.values[t] = value(*row);
             self.is_new[t] |= self.seen[t];
         }

@@ -1,4 +1,6 @@
-//! Pops: rotations that leave their path for a frame or some, and come back.
+//! Pops: rotations that leave their path for a frame or some, and come back: faster than a body, or
+//! farther than the joint moves anywhere else in the take. A step of a foot lasts for two frames of
+//! a take of 24 a second.
 
 use super::movement::Movable;
 use super::tuning::*;
@@ -45,6 +47,17 @@ pub(super) fn pops(rotations: &[DQuat], seen: &[bool], rate: f64) -> Vec<Range<u
             None => t += 1,
         }
     }
+    // The largest step that leads to none of them, nor back.
+    let mut others = steps.clone();
+    for run in &out {
+        (others[run.start], others[run.end]) = (0.0, 0.0);
+    }
+    let largest = others.into_iter().fold(0.0, f64::max);
+    out.retain(|run| {
+        let is_fast = (run.len() + 1) as f64 <= POP_FAST * rate;
+        let is_unique = steps[run.start].min(steps[run.end]) > POP_UNIQUE * largest;
+        is_fast || is_unique && frames >= POP_FRAMES_OF_TAKE
+    });
     out
 }
 

@@ -16,7 +16,7 @@ use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::{path_of, put_path, smooth_path};
 use crate::restore::frame_estimator::FrameEstimate;
 use crate::restore::kalman_smoother::PathNoise;
-use crate::restore::noise_estimation::{noise_of_path, variances};
+use crate::restore::noise_estimation::{from_time, variances};
 use crate::restore::take::{FRAMES_PER_TASK, Take};
 use crate::restore::upright::UprightPoses;
 use glam::DVec3;
@@ -145,7 +145,8 @@ impl ModelFill<'_> {
         for (k, t) in gap.frames.clone().enumerate() {
             variance[k] *= carried(&errors, t as f64, self.rate).1;
         }
-        let measured = noise_of_path(&path_of(xyz.view(), 0)).unwrap_or(0.0);
+        let run = 0..gap.frames.len();
+        let measured = from_time(xyz.view(), std::slice::from_ref(&run))[0].unwrap_or(0.0);
         let measured = match ends.is_empty() {
             // No end says which of the poses that the estimates jump between is right: their mean
             // over time is nearest to it.

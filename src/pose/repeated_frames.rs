@@ -1,0 +1,175 @@
+//! Frames that repeat the one before: a resampling doubled them, or an animator held them ("on
+//! twos"). They hold no measurement of their own.
+
+use ndarray::{Array2, ArrayView2, Axis};
+use std::ops::Range;
+
+/// A take with fewer repeats has none: a dropped frame, or a body that rests. The share of its
+/// frames.
+const FEW: f64 = 0.04;
+/// A column that changes by no more in a whole take stands still, cm or radians.
+const STILL: f64 = 1e-6;
+/// The share of the columns that move and are seen in both frames that repeat, to [`SAME`] of the
+/// column's largest value.
+const REPEATING: f64 = 0.9;
+const SAME: f64 = 1e-9;
+/// Repeats that come at one distance by this share are every second frame, third and so on.
+const REGULAR: f64 = 0.9;
+
+/// Which frames of a take repeat the one before.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RepeatedFrames {
+    /// The frames that do not, in order.
+    pub kept: Vec<usize>,
+    /// For each frame, which of `kept` it shows.
+    pub shown: Vec<usize>,
+}
+
+impl RepeatedFrames {
+    /// Those of `columns` (a row a frame; NaN is missing): nearly all values that ever change are
+    /// those of the frame before. None repeats where few do.
+    pub(crate) fn of(columns: ArrayView2<'_, f64>) -> RepeatedFrames {
+        let mut repeats = repeats(columns);
+        let count = repeats.iter().filter(|r| **r).count();
+        if count as f64 <= FEW * repeats.len() as f64 {
+            repeats.fill(false);
+        }
+        let mut out = RepeatedFrames {
+            kept: Vec::new(),
+            shown: Vec::new(),
+        };
+        for (t, repeats) in repeats.into_iter().enumerate() {
+            if !repeats {
+                out.kept.push(t);
+            }
+            out.shown.push(out.kept.len() - 1);
+        }
+        out
+    }
+
+    /// Whether any frame repeats.
+    pub(crate) fn is_any(&self) -> bool {
+        self.kept.len() < self.shown.len()
+    }
+
+    /// The kept frames a second, of `rate` frames.
+    pub(crate) fn rate(&self, rate: f64) -> f64 {
+        rate * self.kept.len() as f64 / self.shown.len().max(1) as f64
+    }
+
+    /// The rows of the kept frames.
+    pub(crate) fn rows(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        rows.select(Axis(0), &self.kept)
+    }
+
+    /// Ranges of consecutive frames as ranges of kept ones, without those of repeats alone.
+    pub(crate) fn kept_runs(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
+        let at = |frame: usize| self.kept.partition_point(|kept| *kept < frame);
+        let kept = runs.iter().map(|run| at(run.start)..at(run.end));
+        kept.filter(|run| !run.is_empty()).collect()
+    }
+
+    /// The frames that show a range of kept ones.
+    pub(crate) fn frames(&self, kept: &Range<usize>) -> Range<usize> {
+        let at = |k: usize| self.kept.get(k).copied().unwrap_or(self.shown.len());
+        at(kept.start)..at(kept.end)
+    }
+
+    /// What to call them: every second, third .. frame, or how many.
+    pub(crate) fn describe(&self) -> Option<String> {
+        if !self.is_any() {
+            return None;
+        }
+        let frames = self.shown.len();
+        let lengths = self.kept.windows(2).map(|w| w[1] - w[0]);
+        let lengths: Vec<usize> = lengths.collect();
+        let longest = lengths.iter().copied().max().unwrap_or(frames);
+        let alike = lengths.iter().filter(|l| **l == longest).count();
+        let each = match longest {
+            2 => "every second frame repeats".to_string(),
+            3 => "two of three frames repeat".to_string(),
+            n => format!("{} of {n} frames repeat", n - 1),
+        };
+        Some(if alike as f64 >= REGULAR * lengths.len() as f64 {
+            format!("{each} the one before")
+        } else {
+            let count = frames - self.kept.len();
+            format!("{count} of {frames} frames repeat the one before")
+        })
+    }
+}
+
+/// Whether each frame repeats the one before.
+fn repeats(columns: ArrayView2<'_, f64>) -> Vec<bool> {
+    let mut moving = vec![0u32; columns.nrows()];
+    let mut same = moving.clone();
+    for column in columns.columns() {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for v in column.iter().filter(|v| v.is_finite()) {
+            (low, high) = (low.min(*v), high.max(*v));
+        }
+        if !(high - low > STILL) {
+            continue;
+        }
+        let least = SAME * low.abs().max(high.abs());
+        for t in 1..column.len() {
+            let step = (column[t] - column[t - 1]).abs();
+            moving[t] += u32::from(step.is_finite());
+            same[t] += u32::from(step <= least);
+        }
+    }
+    let is_repeat =
+        |(same, moving): (u32, u32)| moving > 0 && f64::from(same) > REPEATING * f64::from(moving);
+    same.into_iter().zip(moving).map(is_repeat).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three points that move, frame by frame; those of `at`.
+    fn take(at: impl Iterator<Item = usize>) -> Array2<f64> {
+        let at: Vec<usize> = at.collect();
+        Array2::from_shape_fn((at.len(), 9), |(t, c)| {
+            (at[t] as f64 * 0.1 + c as f64).sin() * 30.0
+        })
+    }
+
+    #[test]
+    fn repeats_are_found_and_named() {
+        let found = |at: &dyn Fn(usize) -> usize| RepeatedFrames::of(take((0..120).map(at)).view());
+        let sound = found(&|t| t);
+        assert!(!sound.is_any() && sound.describe().is_none());
+        let twos = found(&|t| t / 2);
+        assert_eq!(twos.kept, (0..120).step_by(2).collect::<Vec<_>>());
+        assert_eq!(twos.rate(24.0), 12.0);
+        assert_eq!(
+            twos.describe().unwrap(),
+            "every second frame repeats the one before"
+        );
+        assert!(found(&|t| t / 6).describe().unwrap().starts_with("5 of 6"));
+        // Five of four: a film's frames at a video's rate.
+        let pulldown = found(&|t| t * 4 / 5);
+        assert_eq!(
+            pulldown.describe().unwrap(),
+            "24 of 120 frames repeat the one before"
+        );
+        // One that was dropped, and a rest.
+        assert!(!found(&|t| t - usize::from(t > 50)).is_any());
+        assert!(!RepeatedFrames::of(Array2::ones((30, 6)).view()).is_any());
+        assert!(!RepeatedFrames::of(Array2::zeros((0, 6)).view()).is_any());
+    }
+
+    #[test]
+    fn frames_and_kept_ones_lead_to_each_other() {
+        let found = RepeatedFrames::of(take((0..20).map(|t| t / 2)).view());
+        assert_eq!(found.kept_runs(&[0..7, 7..8, 8..20]), [0..4, 4..10]);
+        assert_eq!(found.frames(&(1..3)), 2..6);
+        assert_eq!(found.frames(&(9..10)), 18..20);
+        assert_eq!(found.shown[5], 2);
+        // A point that is missing, or jumps, does not hide a repeat.
+        let mut some = take((0..20).map(|t| t / 2));
+        some.column_mut(0).fill(f64::NAN);
+        assert_eq!(RepeatedFrames::of(some.view()), found);
+    }
+}
