@@ -102,6 +102,11 @@ pub(crate) fn report(counts: &RestorationCounts, too_little: &str, status: bool,
              frames, with what the model's add in simulated gaps"
         )),
     }
+    if let Some(noise) = counts.doubtful_noise() {
+        messages::info(&format!(
+            "noise of at most {noise:.2} cm is taken out, which cannot be told from motion"
+        ));
+    }
     if counts.novel > 0 {
         let which = if status {
             "the column unlike"

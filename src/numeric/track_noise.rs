@@ -13,8 +13,8 @@
 //! ```
 //!
 //! u_c is the variance of the noise of a coordinate. It is read where the other tracks are quiet,
-//! so that neither motion nor the track's own noise selects the frames; a quartile, as spikes in a
-//! fifth of the frames spoil most differences. `common` tells whether that level is noise: white
+//! so that neither motion nor the track's own noise selects the frames (in all frames, where that
+//! is the same); a quartile, as spikes in a fifth of the frames spoil most differences. `common` tells whether that level is noise: white
 //! noise shows .01 to .05, motion alone .087 and more. Frames that repeat the one before have to be
 //! left out: they hold no measurement.
 //!
@@ -31,8 +31,11 @@ use std::f64::consts::PI;
 
 /// Share of the frames that are quiet.
 const QUIET: f64 = 0.3;
-/// Quiet frames, at least.
-const LEAST_QUIET: usize = 8;
+/// Where the level is this share of that of all frames in the median track, or more, all is noise,
+/// and the level of all frames is the better one: with a third of them points differ by chance.
+const ALL_NOISE: f64 = 0.9;
+/// Frames that a level is read from, at least.
+const LEAST_FOR_LEVEL: usize = 8;
 /// Noise shows at most this much power in common, squared nats: between .05, the largest that
 /// noise over the limits shows in most takes at 30 frames a second, and .087, the least of motion.
 const MOST_COMMON: f64 = 0.06;
@@ -45,7 +48,7 @@ const LEAST_TRACKS: usize = 6;
 const LOWEST: f64 = -4.0;
 const HIGHEST: f64 = 6.0;
 /// Tracks with less power, cm² or radians², in more than this share of their frames hold a value
-/// that rarely changes: they tell nothing.
+/// that rarely changes.
 const NO_POWER: f64 = 1e-14;
 const RESTING: f64 = 0.3;
 
@@ -61,7 +64,7 @@ pub(crate) struct Track {
 /// The noise of some tracks.
 pub(crate) struct TrackNoise {
     /// The variance of a coordinate of each track's noise, cm² or radians², if it is noise; `None`
-    /// for one that is too short, or rests.
+    /// for one that is too short, or never moves.
     pub variance: Vec<Option<f64>>,
     powers: Vec<Power>,
 }
@@ -69,13 +72,27 @@ pub(crate) struct TrackNoise {
 impl TrackNoise {
     /// Measures tracks of as many frames each.
     pub(crate) fn of(tracks: &[Track]) -> TrackNoise {
-        let powers: Vec<Power> = (tracks.iter().enumerate())
-            .filter_map(|(c, track)| Power::of(c, track))
-            .collect();
-        let sums = Sums::of(&powers);
         let mut variance = vec![None; tracks.len()];
-        for power in &powers {
-            variance[power.track] = power.level(&sums);
+        let mut powers = Vec::new();
+        for (c, track) in tracks.iter().enumerate() {
+            let power = Power::of(c, track);
+            // A value that rarely changes tells of no other track.
+            if power.is_resting() {
+                variance[c] = power.level(&power.power).filter(|_| power.is_any());
+            } else {
+                powers.push(power);
+            }
+        }
+        let sums = Sums::of(&powers);
+        let both: Vec<[Option<f64>; 2]> = (powers.iter())
+            .map(|power| [power.level(&power.power), power.level(&power.quiet(&sums))])
+            .collect();
+        let shares = both
+            .iter()
+            .filter_map(|[all, quiet]| Some((*quiet)? / (*all)?));
+        let is_all_noise = median(shares.collect()).is_some_and(|share| share >= ALL_NOISE);
+        for (power, [all, quiet]) in powers.iter().zip(both) {
+            variance[power.track] = if is_all_noise { all } else { quiet };
         }
         TrackNoise { variance, powers }
     }
@@ -134,33 +151,39 @@ struct Power {
 }
 
 impl Power {
-    /// `None` for a track that is never seen long enough, or rests.
-    fn of(track: usize, of: &Track) -> Option<Power> {
+    fn of(track: usize, of: &Track) -> Power {
         let power = |y: &[[f64; 4]]| {
             let d = |c: usize| y[0][c] - 4.0 * y[1][c] + 6.0 * y[2][c] - 4.0 * y[3][c] + y[4][c];
             (0..4).map(|c| d(c).powi(2)).sum::<f64>() / (70.0 * of.freedoms as f64)
         };
         let power: Vec<f64> = of.rows.windows(5).map(power).collect();
-        let seen: Vec<f64> = power.iter().copied().filter(|e| e.is_finite()).collect();
-        let resting = seen.iter().filter(|e| **e <= NO_POWER).count();
-        if resting as f64 > RESTING * seen.len() as f64 {
-            return None;
-        }
-        let typical = median(seen)?.ln();
-        let log = power
-            .iter()
-            .map(|e| (e.ln() - typical).clamp(LOWEST, HIGHEST));
-        Some(Power {
+        let seen = power.iter().copied().filter(|e| e.is_finite());
+        let typical = median(seen.collect()).map_or(0.0, f64::ln);
+        let log = (power.iter()).map(|e| (e.ln() - typical).clamp(LOWEST, HIGHEST));
+        Power {
             track,
             freedoms: of.freedoms,
             log: log.collect(),
             power,
             weight: 1.0 / log_variance(of.freedoms),
-        })
+        }
     }
 
-    /// The lower quartile of the power where the other tracks are quiet, as a variance of noise.
-    fn level(&self, all: &Sums) -> Option<f64> {
+    fn is_any(&self) -> bool {
+        self.power.iter().any(|e| *e > NO_POWER)
+    }
+
+    /// Whether there is no power in many of the frames, or none is seen.
+    fn is_resting(&self) -> bool {
+        let seen = self.power.iter().filter(|e| e.is_finite());
+        let (resting, all) = seen.fold((0usize, 0usize), |(resting, all), e| {
+            (resting + usize::from(*e <= NO_POWER), all + 1)
+        });
+        all == 0 || resting as f64 > RESTING * all as f64
+    }
+
+    /// The power where the other tracks are quiet.
+    fn quiet(&self, all: &Sums) -> Vec<f64> {
         // The mean of the others; alone, all frames are alike.
         let others = |t: usize| {
             let (sum, weight) = all.at(t);
@@ -174,12 +197,21 @@ impl Power {
         let seen = (0..self.power.len()).filter(|t| self.power[*t].is_finite());
         let mut seen: Vec<(f64, f64)> = seen.map(|t| (others(t), self.power[t])).collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let count = LEAST_QUIET.max((QUIET * seen.len() as f64) as usize);
-        let loudest = seen.get(count - 1)?.0;
+        let count = LEAST_FOR_LEVEL.max((QUIET * seen.len() as f64) as usize);
+        let loudest = seen
+            .get(count - 1)
+            .map_or(f64::INFINITY, |(others, _)| *others);
         let quiet = seen
             .into_iter()
             .take_while(|(others, _)| *others <= loudest);
-        let quartile = quantile(quiet.map(|(_, power)| power).collect(), 0.25)?;
+        quiet.map(|(_, power)| power).collect()
+    }
+
+    /// The lower quartile of powers as a variance of noise; `None` of too few.
+    fn level(&self, powers: &[f64]) -> Option<f64> {
+        let seen = powers.iter().copied().filter(|e| e.is_finite());
+        let seen: Vec<f64> = seen.collect();
+        let quartile = (seen.len() >= LEAST_FOR_LEVEL).then(|| quantile(seen, 0.25))??;
         Some(quartile / lower_quartile(self.freedoms))
     }
 }

@@ -1,6 +1,7 @@
 //! Frames that repeat the one before: a resampling doubled them, or an animator held them ("on
 //! twos"). They hold no measurement of their own.
 
+use crate::numeric::statistics::{median, range};
 use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
 
@@ -13,6 +14,9 @@ const STILL: f64 = 1e-6;
 /// column's largest value.
 const REPEATING: f64 = 0.9;
 const SAME: f64 = 1e-9;
+/// Where this share of the values of the other frames repeats too, the median of them, numbers are
+/// rounded: to a centimeter, say.
+const COARSE: f64 = 0.5;
 /// Repeats that come at one distance by this share are every second frame, third and so on.
 const REGULAR: f64 = 0.9;
 
@@ -29,9 +33,12 @@ impl RepeatedFrames {
     /// Those of `columns` (a row a frame; NaN is missing): nearly all values that ever change are
     /// those of the frame before. None repeats where few do.
     pub(crate) fn of(columns: ArrayView2<'_, f64>) -> RepeatedFrames {
-        let mut repeats = repeats(columns);
+        let shares = repeating_shares(columns);
+        let mut repeats: Vec<bool> = shares.iter().map(|share| *share > REPEATING).collect();
         let count = repeats.iter().filter(|r| **r).count();
-        if count as f64 <= FEW * repeats.len() as f64 {
+        let others = shares.into_iter().filter(|share| *share <= REPEATING);
+        let is_coarse = median(others.collect()).is_some_and(|share| share > COARSE);
+        if is_coarse || count as f64 <= FEW * repeats.len() as f64 {
             repeats.fill(false);
         }
         let mut out = RepeatedFrames {
@@ -99,15 +106,14 @@ impl RepeatedFrames {
     }
 }
 
-/// Whether each frame repeats the one before.
-fn repeats(columns: ArrayView2<'_, f64>) -> Vec<bool> {
+/// The share of the values of each frame that are those of the frame before; 0 where none is seen
+/// in both.
+fn repeating_shares(columns: ArrayView2<'_, f64>) -> Vec<f64> {
     let mut moving = vec![0u32; columns.nrows()];
     let mut same = moving.clone();
     for column in columns.columns() {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for v in column.iter().filter(|v| v.is_finite()) {
-            (low, high) = (low.min(*v), high.max(*v));
-        }
+        let seen = column.iter().copied().filter(|v| v.is_finite());
+        let (low, high) = range(seen);
         if !(high - low > STILL) {
             continue;
         }
@@ -118,9 +124,8 @@ fn repeats(columns: ArrayView2<'_, f64>) -> Vec<bool> {
             same[t] += u32::from(step <= least);
         }
     }
-    let is_repeat =
-        |(same, moving): (u32, u32)| moving > 0 && f64::from(same) > REPEATING * f64::from(moving);
-    same.into_iter().zip(moving).map(is_repeat).collect()
+    let share = |(same, moving): (u32, u32)| f64::from(same) / f64::from(moving.max(1));
+    same.into_iter().zip(moving).map(share).collect()
 }
 
 #[cfg(test)]
@@ -154,6 +159,9 @@ mod tests {
             pulldown.describe().unwrap(),
             "24 of 120 frames repeat the one before"
         );
+        // Numbers of whole centimeters.
+        let coarse = take(0..400).mapv(|v| (0.02 * v).round());
+        assert!(!RepeatedFrames::of(coarse.view()).is_any());
         // One that was dropped, and a rest.
         assert!(!found(&|t| t - usize::from(t > 50)).is_any());
         assert!(!RepeatedFrames::of(Array2::ones((30, 6)).view()).is_any());

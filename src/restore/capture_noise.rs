@@ -1,7 +1,7 @@
 //! The noise of a capture: how large it is at each point, and how much of it one frame leaves to
 //! the next.
 //!
-//! Third differences over time measure noise that is white. That of cameras and of soft tissue is
+//! Fourth differences over time measure noise that is white. That of cameras and of soft tissue is
 //! not; bones are rigid, and show it. Their lengths l, less their mean over a second, vary by the
 //! noise of both ends:
 //!
@@ -33,7 +33,7 @@ pub(crate) struct CaptureNoise {
 }
 
 impl CaptureNoise {
-    /// Measures the noise of a take without outliers: by third differences, and where a model says
+    /// Measures the noise of a take without outliers: by fourth differences, and where a model says
     /// which points are joined by bones, by their lengths. `given` is the standard deviation of a
     /// coordinate, cm, if known.
     pub(crate) fn measure(
@@ -59,7 +59,7 @@ impl CaptureNoise {
         }
     }
 
-    /// White noise as it was measured, unless bones show more: third differences see little of
+    /// White noise as it was measured, unless bones show more: fourth differences see little of
     /// noise that is correlated, and none of rounding.
     fn mixed(
         mut sd: Vec<f64>,
@@ -74,8 +74,8 @@ impl CaptureNoise {
             // Joints of rotations that tremble: their bones do not.
             return CaptureNoise::white(sd);
         }
-        // The variance of third differences of such noise, over 20 of its own variances.
-        let seen = (20.0 - 30.0 * a + 12.0 * a * a - 2.0 * a * a * a) / 20.0;
+        // The variance of fourth differences of such noise, over 70 of its own variances.
+        let seen = (70.0 - a * (112.0 - a * (56.0 - a * (16.0 - 2.0 * a)))) / 70.0;
         let level = white / (seen * r);
         let is_alike = (1.0 / ALIKE..=ALIKE).contains(&level);
         let is_white = a == 0.0 && level >= 1.0 / MORE;

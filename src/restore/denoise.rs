@@ -8,10 +8,11 @@
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::bone_lengths;
+use super::clean::Clean;
 use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::model_estimates::ModelEstimates;
-use super::noise_estimation::{self, typical_noise};
+use super::noise_estimation::{self, point_noise, typical_noise};
 use super::outliers::{LIKELY, Outliers, find_outliers, spikes_by_time, without};
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
 use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
@@ -89,6 +90,12 @@ impl Method for Denoise {
         let mut out = TakeResult::captured(take.xyz);
         out.is_unknown = adapted.is_some() && known.is_none();
         out.noise = smoothed.noise.mean();
+        if self.noise.is_none() {
+            let measured = point_noise(take.xyz, take.runs);
+            let level = measured.typical().sqrt();
+            let is_doubtful = level > Clean::default().noise_limit && !measured.is_noise(take.rate);
+            out.doubtful_noise = is_doubtful.then_some(level);
+        }
         out.exchanged = exchanged.iter().map(|e| e.frames.len()).sum();
         put_denoised(&mut out, captured, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.

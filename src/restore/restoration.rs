@@ -39,8 +39,8 @@ pub struct RestorationCounts {
     /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
     #[serde(skip)]
     noise: f64,
-    /// What the noise of a coordinate is at most in a take of which nothing was removed, as it may
-    /// be motion, cm; 0 for none.
+    /// What the noise of a coordinate is at most in a take in which it cannot be told from motion,
+    /// cm; 0 for none.
     #[serde(skip)]
     doubtful_noise: f64,
 }
@@ -63,7 +63,8 @@ impl RestorationCounts {
     }
 
     /// What the noise of a coordinate is at most, cm, in a take in which it cannot be told from
-    /// motion: there it stays. `None` where there is no such take.
+    /// motion: cleaning leaves it, denoising may remove some motion too. `None` where there is no
+    /// such take.
     pub fn doubtful_noise(&self) -> Option<f64> {
         (self.doubtful_noise > 0.0).then_some(self.doubtful_noise)
     }

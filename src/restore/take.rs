@@ -253,8 +253,8 @@ pub(crate) struct TakeResult {
     pub vacated: Vec<(usize, usize)>,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
-    /// What the noise is at most, where it was not removed, as it may be motion: standard deviation
-    /// of a coordinate, cm.
+    /// What the noise is at most, where it cannot be told from motion: standard deviation of a
+    /// coordinate, cm.
     pub doubtful_noise: Option<f64>,
     /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN
     /// where the model has no threshold or the frame is not restored.

@@ -126,7 +126,7 @@ pub(crate) mod capture_noise {
     pub(crate) const MOST_CORRELATION: f64 = 0.95;
     /// The two estimates of a variance differ by a larger factor where they measure other things.
     pub(crate) const MORE: f64 = 1.3;
-    /// Third differences whose level is within this factor of the bones' say how the points
+    /// Fourth differences whose level is within this factor of the bones' say how the points
     /// differ.
     pub(crate) const ALIKE: f64 = 2.0;
     /// The variances of points differ by no more than this factor from the median.
