@@ -22,6 +22,7 @@ pub(crate) mod transform;
 pub(crate) mod trimming;
 pub(crate) mod two_bone;
 pub mod units;
+pub(crate) mod zeros;
 
 pub use body::Body;
 pub use bone_points::BonePoints;
