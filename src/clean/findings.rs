@@ -97,6 +97,7 @@ impl CleanSettings {
             format: file.format.name().to_string(),
             frames: poses.frames(),
             points: poses.points.len(),
+            computed: file.computed().into_iter().map(String::from).collect(),
             rate: file.rate(),
             missing: lacking,
             filled,

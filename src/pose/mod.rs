@@ -2,6 +2,7 @@
 
 pub(crate) mod body;
 pub(crate) mod bone_points;
+pub(crate) mod computed;
 pub(crate) mod foot_contacts;
 pub(crate) mod joint_angles;
 pub mod joints;

@@ -27,6 +27,7 @@ use crate::io::Model;
 use crate::io::Table;
 use crate::label::people::{Person, people};
 use crate::label::unlabeled::{labeled, labeled_poses};
+use crate::pose::computed::computed_points;
 use crate::pose::zeros::Zeros;
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
@@ -226,7 +227,12 @@ impl<'m> Restorer<'m> {
     ) -> Result<Restoration<'t>> {
         let mut out = Restoration::unchanged(table);
         let poses = &*Zeros::emptied(&table.poses);
-        let points = labeled(&poses.points);
+        let computed = match rate {
+            Some(_) => computed_points(&table.poses),
+            None => Vec::new(),
+        };
+        let mut points = labeled(&poses.points);
+        points.retain(|p| computed.binary_search(p).is_err());
         let people = people(&poses.points, &points, poses.xyz.view());
         let of_person = |person: &Person| Labeled::of(table, poses, &person.points);
         let people: Vec<Labeled<'_>> = people.iter().map(of_person).collect();
