@@ -50,6 +50,7 @@ impl FileAuditor {
             Ok(file) => {
                 out.takes = audit_motion(&file, &self.limits);
                 out.notes.clone_from(&file.notes);
+                out.computed = file.computed().into_iter().map(String::from).collect();
                 out.notes
                     .extend(labels::add(&file, &self.labels, &mut out.takes));
                 out.has_markers = is_of_markers(file.format);
@@ -145,6 +146,9 @@ pub struct FileAudit {
     /// Why it could not be read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
+    /// The names of its computed points, which are left alone.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub computed: Vec<String>,
     /// The takes of the file.
     pub takes: Vec<TakeAudit>,
     /// Whether its tracks are of markers, each with a label.

@@ -1,6 +1,7 @@
 //! What is missing, and what only looks as if it were there.
 
 use super::{Finding, FindingKind, Limits, Take, ranges};
+use crate::pose::point_at;
 use serde::Serialize;
 
 /// What is missing in a take.
@@ -33,7 +34,7 @@ impl GapSummary {
         let frames = take.xyz.nrows();
         let mut by_point = Vec::new();
         for p in 0..take.points.len() {
-            let missing = (0..frames).filter(|&t| take.at(t, p).is_none());
+            let missing = (0..frames).filter(|&t| !point_at(take.with_zeros, t, p).is_finite());
             let gaps = ranges(missing);
             let Some(longest) = gaps.iter().max_by_key(|g| g.len()) else {
                 continue;
@@ -100,7 +101,7 @@ pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
     let frames = take.xyz.nrows();
     let (mut out, mut always) = (Vec::new(), Vec::new());
     for p in 0..take.points.len() {
-        let is_zero = |t: &usize| take.at(*t, p) == Some(glam::DVec3::ZERO);
+        let is_zero = |t: &usize| point_at(take.with_zeros, *t, p) == glam::DVec3::ZERO;
         let zeros: Vec<usize> = (0..frames).filter(is_zero).collect();
         let others = (0..frames).any(|t| take.at(t, p).is_some_and(|at| at != glam::DVec3::ZERO));
         if zeros.is_empty() {

@@ -28,7 +28,8 @@ pub use take_pages::TakePages;
 use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::stray::{PointApart, points_apart};
-use crate::pose::{JointAngles, Poses};
+use crate::pose::zeros::Zeros;
+use crate::pose::{JointAngles, Poses, point_at};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;
@@ -153,8 +154,10 @@ pub struct TakeAudit {
 /// One take as the checks see it.
 struct Take<'a> {
     points: &'a [String],
-    /// (frames, 3 J), cm.
+    /// (frames, 3 J), cm; what is exactly at the origin is missing.
     xyz: ArrayView2<'a, f64>,
+    /// With what is exactly at the origin.
+    with_zeros: ArrayView2<'a, f64>,
     /// Seconds, one per frame.
     time: Option<&'a [f64]>,
     /// Ranges of consecutive frames.
@@ -191,13 +194,15 @@ pub(crate) fn audit_points(
     let points = labeled(&poses.points);
     let unlabeled = poses.points.len() - points.len();
     let poses = &*labeled_poses(poses, &points);
+    let emptied = Zeros::emptied(poses);
     let all_runs = poses.runs();
     let takes = poses.takes().into_iter().zip(poses.rates());
     let one = |(frames, rate): (Range<usize>, Option<f64>)| {
         let runs = all_runs.iter().filter(|r| frames.contains(&r.start));
         let take = Take {
             points: &poses.points,
-            xyz: poses.xyz.slice(s![frames.clone(), ..]),
+            xyz: emptied.xyz.slice(s![frames.clone(), ..]),
+            with_zeros: poses.xyz.slice(s![frames.clone(), ..]),
             time: poses.time.as_ref().map(|time| &time[frames.clone()]),
             runs: runs
                 .map(|r| r.start - frames.start..r.end - frames.start)
@@ -245,6 +250,7 @@ fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Ve
     let kept = Take {
         points: take.points,
         xyz: xyz.view(),
+        with_zeros: xyz.view(),
         time: None,
         runs: repeated.kept_runs(&take.runs),
         rate: take.rate.map(|rate| repeated.rate(rate)),
@@ -306,9 +312,7 @@ fn times(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
 impl Take<'_> {
     /// The place of a point in a frame; `None` where a coordinate is missing.
     fn at(&self, frame: usize, point: usize) -> Option<glam::DVec3> {
-        let at = [0, 1, 2].map(|axis| self.xyz[[frame, 3 * point + axis]]);
-        let at = glam::DVec3::from_array(at);
-        at.is_finite().then_some(at)
+        Some(point_at(self.xyz, frame, point)).filter(|at| at.is_finite())
     }
 
     /// Frames and those after them, within runs.

@@ -278,6 +278,7 @@ mod tests {
         let take = Take {
             points: &names,
             xyz: xyz.view(),
+            with_zeros: xyz.view(),
             time: None,
             runs: std::iter::once(0..2).collect(),
             rate: None,

@@ -72,6 +72,7 @@ mod tests {
         let take = Take {
             points: &points,
             xyz: xyz.view(),
+            with_zeros: xyz.view(),
             time: None,
             runs: std::iter::once(0..100).collect(),
             rate: None,

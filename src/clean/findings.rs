@@ -12,6 +12,7 @@ use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
 use crate::label::unlabeled::{labeled, left_alone};
+use crate::pose::zeros::Zeros;
 use crate::pose::{PointNaming, Poses, Status, point_at};
 use crate::restore::{Restoration, typical_noise};
 use ndarray::ArrayView2;
@@ -42,7 +43,7 @@ impl CleanSettings {
             let of_frame = |t: usize| points.iter().filter(move |p| is_missing(t, **p)).count();
             (0..poses.frames()).map(of_frame).sum::<usize>()
         };
-        let noise = typical_noise(poses.xyz.view(), &poses.runs());
+        let noise = typical_noise(Zeros::emptied(poses).xyz.view(), &poses.runs());
         let denoised = match rotations {
             Some(rotations) => rotations.is_smoothed(),
             None => restored.counts().mean_noise() > 0.0,
@@ -101,6 +102,7 @@ impl CleanSettings {
             format: file.format.name().to_string(),
             frames: poses.frames(),
             points: poses.points.len(),
+            computed: file.computed().into_iter().map(String::from).collect(),
             rate: file.rate(),
             missing: lacking,
             filled,

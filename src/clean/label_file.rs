@@ -23,6 +23,9 @@ struct Record<'a> {
     input: Fingerprint,
     /// What the file was taken for.
     read_as: &'a ReadAs,
+    /// The names of computed points, which are left alone.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    computed: Vec<&'a str>,
     labels: &'a LabelReport,
     output: Fingerprint,
 }
@@ -59,6 +62,7 @@ pub fn write_labeled(
         posing: env!("CARGO_PKG_VERSION"),
         input: Fingerprint::read(input)?,
         read_as: &file.read_as,
+        computed: file.computed(),
         labels,
         output: Fingerprint::read(output)?,
     };

@@ -593,8 +593,8 @@ impl CleanSettings {
             },
         };
         let poses = Poses {
-            xyz: restored.points.xyz().to_owned(),
-            ..file.table.poses.clone()
+            xyz: file.whole(restored.points.xyz()),
+            ..file.whole_table().poses.clone()
         };
         if poses.takes().len() > 1 {
             let what = "has several takes, which one file of markers cannot hold; clean it with \

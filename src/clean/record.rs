@@ -94,6 +94,9 @@ pub struct Summary {
     pub frames: usize,
     /// Points.
     pub points: usize,
+    /// The names of computed points, which are left alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub computed: Vec<String>,
     /// Frames a second.
     pub rate: Option<f64>,
     /// Positions that were missing: points times frames.

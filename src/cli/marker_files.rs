@@ -6,7 +6,7 @@ use super::messages;
 use super::streams::write_table;
 use crate::io::input::take_name;
 use crate::io::zeros::{count_zeros, empty_zeros};
-use crate::io::{Input, MarkerTake, Quantity, Table, model_outputs};
+use crate::io::{Input, MarkerTake, Table, model_outputs};
 use crate::pose::{LengthUnit, Units, UpAxis};
 use crate::{Error, Result};
 use clap::Args;
@@ -137,7 +137,7 @@ impl MarkerFileArgs {
 
 /// Reports points that are no positions.
 fn report_model_outputs(take: &MarkerTake) {
-    let is_other = |p: &usize| take.quantity(*p) != Quantity::Position;
+    let is_other = |p: &usize| !take.quantity(*p).is_position();
     let others: Vec<usize> = (0..take.points.len()).filter(is_other).collect();
     if let [first, ..] = others[..] {
         messages::info(&format!(

@@ -12,6 +12,7 @@ use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
 use crate::label::unlabeled::left_alone;
+use crate::pose::computed::{computed_note, computed_points};
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
@@ -235,7 +236,14 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
             "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
     }
-    if let Some(what) = left_alone(&table.columns.points) {
+    let computed = match args.input.rate(&table.poses)? {
+        Some(_) => computed_points(&table.poses),
+        None => Vec::new(),
+    };
+    let points = &table.poses.points;
+    let computed: Vec<&str> = computed.iter().map(|p| points[*p].as_str()).collect();
+    let aside = left_alone(&table.columns.points).into_iter();
+    for what in aside.chain(computed_note(&computed)) {
         messages::info(&what);
     }
     let units = args.out.table_units(args.input.table_units());

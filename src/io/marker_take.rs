@@ -122,6 +122,8 @@ pub enum Quantity {
     /// A position.
     #[default]
     Position,
+    /// A position that a model computed.
+    Computed,
     /// Angles about three axes.
     Angles,
     /// A force.
@@ -138,13 +140,18 @@ impl Quantity {
     /// The endings of the columns that hold it: never those of a position.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
-            Quantity::Position => &["x", "y", "z"],
+            Quantity::Position | Quantity::Computed => &["x", "y", "z"],
             Quantity::Angles => &["rx", "ry", "rz"],
             Quantity::Force => &["fx", "fy", "fz"],
             Quantity::Moment => &["mx", "my", "mz"],
             Quantity::Power => &["p"],
             Quantity::Scalar => &["s"],
         }
+    }
+
+    /// Whether it is a position.
+    pub fn is_position(self) -> bool {
+        matches!(self, Quantity::Position | Quantity::Computed)
     }
 }
 
@@ -156,7 +163,7 @@ impl MarkerTake {
 
     /// The points that are positions.
     pub fn positions(&self) -> Vec<usize> {
-        let is_position = |p: &usize| self.quantity(*p) == Quantity::Position;
+        let is_position = |p: &usize| self.quantity(*p).is_position();
         (0..self.points.len()).filter(is_position).collect()
     }
 
@@ -250,7 +257,7 @@ impl MarkerTake {
         MarkerTake {
             points: kept.iter().map(|&p| self.points[p].clone()).collect(),
             xyz: self.xyz.select(Axis(1), &columns),
-            quantities: Vec::new(),
+            quantities: kept.iter().map(|&p| self.quantity(p)).collect(),
             ..self.clone()
         }
     }

@@ -31,7 +31,7 @@ pub fn cells(take: &MarkerTake, frame: usize) -> Vec<String> {
 
 /// The points that are no positions.
 fn others(take: &MarkerTake) -> impl Iterator<Item = usize> {
-    (0..take.points.len()).filter(|p| take.quantity(*p) != Quantity::Position)
+    (0..take.points.len()).filter(|p| !take.quantity(*p).is_position())
 }
 
 fn text(value: f64) -> String {

@@ -16,6 +16,7 @@ use super::tuning::naming::*;
 use crate::Result;
 use crate::numeric::assignment::assign;
 use crate::numeric::parallel::map_chunks;
+use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, point_at};
 use glam::DVec3;
 use ndarray::{Array2, Axis};
@@ -32,6 +33,7 @@ pub(crate) fn name_tracks(
     model: &dyn LabelModel,
     sure: f64,
 ) -> Result<NamedTracks> {
+    let poses = &*Zeros::emptied(poses);
     let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
     let naming = Naming {
         tracks: &tracks,

@@ -8,6 +8,7 @@ use super::sides::Unsure;
 use super::templates::{Templates, WholeTake, WholeTakeKind};
 use super::unlabeled::is_unlabeled;
 use crate::io::PointMove;
+use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, Segment, point_at};
 use ndarray::{ArrayView2, Axis, s};
 use std::borrow::Cow;
@@ -56,6 +57,7 @@ const FEWEST_LABELS: usize = 4;
 
 /// Finds what is wrong with the labels of some poses at `rate` frames a second, take by take.
 pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Relabeling {
+    let poses = &*Zeros::emptied(poses);
     let mut out = Relabeling::default();
     if poses.points.len() > MOST_POINTS {
         out.unchecked = Some("there are over 500 points");

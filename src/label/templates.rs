@@ -9,6 +9,7 @@ use super::tuning::whole_take::MOST_LABELS;
 use super::whole_take::groups;
 use crate::io::MotionFile;
 use crate::pose::Poses;
+use crate::pose::zeros::Zeros;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use sha2::{Digest, Sha256};
@@ -81,6 +82,7 @@ impl Templates {
                 .xyz
                 .iter()
                 .for_each(|v| out.digest.update(v.to_le_bytes()));
+            let poses = &*Zeros::emptied(poses);
             for take in poses.takes() {
                 for labeled in labeled_people(poses, &take) {
                     let (names, places) = (&labeled.names, labeled.places.view());

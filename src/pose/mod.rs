@@ -2,6 +2,7 @@
 
 pub(crate) mod body;
 pub(crate) mod bone_points;
+pub(crate) mod computed;
 pub(crate) mod foot_contacts;
 pub(crate) mod joint_angles;
 pub mod joints;
@@ -23,6 +24,7 @@ pub(crate) mod transform;
 pub(crate) mod trimming;
 pub(crate) mod two_bone;
 pub mod units;
+pub(crate) mod zeros;
 
 pub use body::Body;
 pub use bone_points::BonePoints;

@@ -6,6 +6,7 @@ use super::take::TakeResult;
 use crate::Result;
 use crate::io::Table;
 use crate::label::unlabeled::labeled;
+use crate::pose::zeros::Zeros;
 use crate::pose::{FillMethod, Poses, Status, point_at};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
@@ -101,6 +102,8 @@ pub struct Restoration<'t> {
     /// All its frames.
     frames: TakeResult,
     counts: RestorationCounts,
+    /// Positions at 0 0 0: nothing is estimated from them, and they stay.
+    zeros: Zeros,
 }
 
 impl<'t> Restoration<'t> {
@@ -112,6 +115,7 @@ impl<'t> Restoration<'t> {
             source,
             frames,
             counts: RestorationCounts::default(),
+            zeros: Zeros::of(source.poses.xyz.view()),
         }
     }
 
@@ -168,6 +172,13 @@ impl<'t> Restoration<'t> {
         out.novelty[first..first + count].copy_from_slice(&restored.novelty);
         for t in 0..count {
             for (p, in_table) in points.iter().enumerate() {
+                let is_estimated = matches!(
+                    restored.state(t, p).status,
+                    Status::Inferred | Status::Unknown
+                );
+                if is_estimated && self.zeros.contains(first + t, *in_table) {
+                    continue;
+                }
                 let at = (first + t) * out.points() + in_table;
                 out.states[at] = *restored.state(t, p);
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
@@ -216,6 +227,7 @@ impl<'t> Restoration<'t> {
         fps: Option<f64>,
     ) -> Result<(Restoration<'t>, usize)> {
         let source = &self.source.poses;
+        self.zeros.set(&mut self.frames.xyz, f64::NAN);
         let mut poses = Poses {
             points: source.points.clone(),
             time: source.time.clone(),
@@ -224,6 +236,7 @@ impl<'t> Restoration<'t> {
         };
         let short = poses.low_pass(cutoff, fps)?;
         self.frames.xyz = poses.xyz;
+        self.zeros.set(&mut self.frames.xyz, 0.0);
         Ok((self, short))
     }
 

@@ -27,7 +27,9 @@ use crate::io::Model;
 use crate::io::Table;
 use crate::label::people::{Person, people};
 use crate::label::unlabeled::{labeled, labeled_poses};
+use crate::pose::computed::computed_points;
 use crate::pose::repeated_frames::RepeatedFrames;
+use crate::pose::zeros::Zeros;
 use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
@@ -225,9 +227,15 @@ impl<'m> Restorer<'m> {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         let mut out = Restoration::unchanged(table);
-        let poses = &table.poses;
-        let people = people(&poses.points, &labeled(&poses.points), poses.xyz.view());
-        let of_person = |person: &Person| Labeled::of(table, &person.points);
+        let poses = &*Zeros::emptied(&table.poses);
+        let computed = match rate {
+            Some(_) => computed_points(&table.poses),
+            None => Vec::new(),
+        };
+        let mut points = labeled(&poses.points);
+        points.retain(|p| computed.binary_search(p).is_err());
+        let people = people(&poses.points, &points, poses.xyz.view());
+        let of_person = |person: &Person| Labeled::of(table, poses, &person.points);
         let people: Vec<Labeled<'_>> = people.iter().map(of_person).collect();
         let mapped = people.iter().map(|labeled| {
             let mapped = self.model.map(|model| self.mapping(model, &labeled.poses));
@@ -411,7 +419,8 @@ struct Labeled<'t> {
 }
 
 impl<'t> Labeled<'t> {
-    fn of(table: &'t Table, points: &[usize]) -> Labeled<'t> {
+    /// Some points of a table, at the places that they have in `poses`.
+    fn of(table: &'t Table, poses: &'t Poses, points: &[usize]) -> Labeled<'t> {
         let sd = table
             .sd
             .as_ref()
@@ -420,7 +429,7 @@ impl<'t> Labeled<'t> {
                 false => CowArray::from(sd.select(Axis(1), points)),
             });
         Labeled {
-            poses: labeled_poses(&table.poses, points),
+            poses: labeled_poses(poses, points),
             points: points.to_vec(),
             sd,
         }

@@ -10,6 +10,7 @@ use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, FRAMES, LEAST_PEOPLE};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
 use crate::numeric::statistics::median;
+use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, point_at};
 use crate::prior::rotations::bones::mirror;
 use crate::{Error, Result};
@@ -75,7 +76,7 @@ fn places_in(
     if count < FEWEST_MARKERS {
         return Err(too_few(set, count));
     }
-    let mut xyz = markers.xyz.clone();
+    let mut xyz = Zeros::emptied(markers).xyz.clone();
     if let Some(joints) = joints {
         if markers.frames() != joints.frames() {
             return Err(Error::usage(format!(

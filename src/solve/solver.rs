@@ -9,6 +9,7 @@ use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
 use crate::io::Asf;
 use crate::label::people::named_people;
+use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::{Error, Result};
 use ndarray::{Array2, s};
@@ -154,6 +155,7 @@ impl AllMarkers {
                 .cloned(),
         );
         let ordered = |own: &Poses| {
+            let own = Zeros::emptied(own);
             let mut xyz = Array2::from_elem((own.frames(), 3 * points.len()), f64::NAN);
             for (p, name) in own.points.iter().enumerate() {
                 if let Some(to) = points.iter().position(|n| n == name) {

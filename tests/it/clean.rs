@@ -393,6 +393,29 @@ fn zeros_are_missing_only_where_that_is_said() {
     let kept = folder.clean(&["a.csv", "-o", "kept.csv", "--outliers", "none"]);
     assert_eq!(kept.0, 3);
     assert!(kept.1.contains("zeros: "), "{}", kept.1);
+    let same = |name: &str| {
+        let [was, is] = ["a.csv", name].map(|name| fs::read(folder.at(name)).unwrap());
+        assert!(was == is, "{name}");
+    };
+    same("kept.csv");
+    // Nor are true positions beside them changed: no others than without zeros.
+    let whole: Vec<String> = walk().lines().take(120).map(str::to_string).collect();
+    folder.put("whole.csv", whole.join("\n") + "\n");
+    let changed = |name: &str| {
+        folder.clean(&[name, "-o", "out", "--again"]);
+        let [was, is] = [name.to_string(), format!("out/{name}")]
+            .map(|name| fs::read_to_string(folder.at(&name)).unwrap());
+        let cells = |text: &str| {
+            text.split([',', '\n'])
+                .map(String::from)
+                .collect::<Vec<_>>()
+        };
+        let (was, is) = (cells(&was), cells(&is));
+        (0..was.len())
+            .filter(|k| was[*k] != is[*k])
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(changed("a.csv"), changed("whole.csv"));
     let args = [
         "a.csv",
         "-o",

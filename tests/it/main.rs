@@ -13,6 +13,7 @@ mod clean;
 mod common;
 mod complete;
 mod completions;
+mod computed;
 mod corrupt;
 mod damage;
 mod defaults;

@@ -195,6 +195,7 @@ fn label(
     let name = job.input.display().to_string();
     let named = report.named.iter().flat_map(|named| named.lines());
     let lines = named.chain(report.lines().map(String::from));
+    let lines = lines.chain(file.computed_note());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {
         let note = write_labeled(&job.input, path, &file, &report)?;

@@ -205,6 +205,11 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
         ("MOMENTS", Quantity::Moment),
         ("POWERS", Quantity::Power),
         ("SCALARS", Quantity::Scalar),
+        ("MODELED_MARKERS", Quantity::Computed),
+        ("BONES", Quantity::Computed),
+        ("REACTIONS", Quantity::Computed),
+        ("REFLECTIONS", Quantity::Computed),
+        ("SYMBOLIC", Quantity::Computed),
     ];
     let mut listed: HashMap<&str, Quantity> = HashMap::new();
     for (group, quantity) in groups {
@@ -213,7 +218,12 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
             listed.entry(label).or_insert(quantity);
         }
     }
-    let quantity = |label: &&str| listed.get(label.trim()).copied().unwrap_or_default();
+    // A list may leave out the subject's prefix.
+    let quantity = |label: &&str| {
+        let own = label.rsplit(':').next().unwrap_or_default().trim();
+        let known = listed.get(label.trim()).or_else(|| listed.get(own));
+        known.copied().unwrap_or_default()
+    };
     labels.iter().map(quantity).collect()
 }
 

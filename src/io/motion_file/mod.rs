@@ -1,6 +1,7 @@
 //! A file of motion of any format: its points as a pose table, and the way back into its own
 //! format.
 
+mod aside;
 mod moved;
 mod read_as;
 mod read_rules;
@@ -16,7 +17,7 @@ use super::asf::Asf;
 use super::bvh::{Bvh, BvhPoints, BvhSkeleton, LARGEST_FILE};
 use super::c3d::C3d;
 use super::input::{Input, take_name};
-use super::marker_take::MarkerTake;
+use super::marker_take::{MarkerTake, Quantity};
 use super::motion_format::MotionFormat;
 use super::npz_take::NpzTake;
 use super::row::TableOptions;
@@ -28,6 +29,7 @@ use crate::pose::{
     JointAngles, JointChannels, LengthUnit, Poses, Units, UpAxis, joints, kinematics,
 };
 use crate::{Error, Place, Result};
+use aside::AllPoints;
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2};
 use std::io::Cursor;
@@ -59,7 +61,7 @@ use std::sync::Arc;
 pub struct MotionFile {
     /// The format.
     pub format: MotionFormat,
-    /// The points, in centimeters, y up.
+    /// The points, in centimeters, y up; without computed ones ([`MotionFile::computed`]).
     pub table: Table,
     /// What it was taken for.
     pub read_as: ReadAs,
@@ -67,6 +69,8 @@ pub struct MotionFile {
     pub notes: Vec<String>,
     units: Units,
     original: Original,
+    /// All points, where some are computed.
+    all: Option<Box<AllPoints>>,
 }
 
 /// What is taken for a file that does not say it.
@@ -125,6 +129,24 @@ impl MotionFile {
     /// # Errors
     /// [`Error::Data`]: it is damaged, or neither it nor an option says its rate, unit or axis.
     pub(crate) fn read(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
+        let file = MotionFile::read_whole(path, bytes, options)?;
+        if file.motion().is_some() {
+            return Ok(file);
+        }
+        let listed = file.listed_as_computed();
+        Ok(file.without_computed(&listed).without_zeros(options))
+    }
+
+    /// The file without positions at 0 0 0, where these are missing.
+    fn without_zeros(mut self, options: &ReadOptions) -> MotionFile {
+        if options.zeros_are_missing {
+            empty_zeros(&mut self.table.poses.xyz);
+        }
+        self
+    }
+
+    /// Reads a file with all its points.
+    fn read_whole(path: &Path, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
         let name = path.display().to_string();
         let bytes = Bytes::from(bytes);
         let input = || Input::new(name.clone(), Cursor::new(bytes.clone()));
@@ -234,6 +256,16 @@ impl MotionFile {
             Original::Amc(_, amc, bones) => Ok(amc.positions(motion, bones)),
             _ => Ok(self.table.poses.xyz.clone()),
         }
+    }
+
+    /// The positions that the file lists as computed, by their places among all its positions.
+    fn listed_as_computed(&self) -> Vec<usize> {
+        let Original::C3d(c3d) = &self.original else {
+            return Vec::new();
+        };
+        let positions = c3d.take.positions().into_iter().enumerate();
+        let is_listed = |(_, p): &(usize, usize)| c3d.take.quantity(*p) == Quantity::Computed;
+        positions.filter(is_listed).map(|(at, _)| at).collect()
     }
 
     /// Takes values of channels, (frame, channel), for missing ones, and so the positions that
@@ -352,15 +384,12 @@ fn of_markers(
         (false, _) => Source::Option,
     });
     let mut notes = take.notes.clone();
-    let mut positions = take.only_positions();
+    let positions = take.only_positions();
     let others = take.points.len() - positions.points.len();
     if others > 0 {
         notes.push(format!(
             "{others} points are angles, forces, moments or powers, and stay as they are"
         ));
-    }
-    if options.zeros_are_missing {
-        empty_zeros(&mut positions.xyz);
     }
     Ok(MotionFile {
         format,
@@ -369,6 +398,7 @@ fn of_markers(
         notes,
         units,
         original,
+        all: None,
     })
 }
 
@@ -397,6 +427,7 @@ fn of_bvh(
             .collect(),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
+        all: None,
     })
 }
 
@@ -455,6 +486,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
             }),
             shown,
         ),
+        all: None,
     })
 }
 
@@ -465,9 +497,6 @@ fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result
         ..TableOptions::default()
     };
     let mut table = Table::read(input, &table_options)?;
-    if options.zeros_are_missing {
-        empty_zeros(&mut table.poses.xyz);
-    }
     let units = custom_units(options);
     units.read_frames(&mut table.poses.xyz);
     (table.sd.iter_mut().flatten()).for_each(|sd| *sd *= units.unit.centimeters());
@@ -479,6 +508,7 @@ fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result
         units,
         original: Original::Table,
         table,
+        all: None,
     })
 }
 

@@ -25,7 +25,7 @@ impl MotionFile {
             MotionFormat::Npz => TableFormat::Npz,
             _ => TableFormat::Csv,
         };
-        let moved = self.of_table(moved_table(&self.table, moves));
+        let moved = self.with_moved_table(moves);
         moved.write_table(path.as_ref(), format, moved.table.poses.xyz.view())
     }
 
@@ -38,9 +38,9 @@ impl MotionFile {
         Ok(match self.moved_bytes(moves)? {
             Some(bytes) => MotionFile {
                 notes: self.notes.clone(),
-                ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
+                ..self.read_alike(bytes, options)?
             },
-            None => self.of_table(moved_table(&self.table, moves)),
+            None => self.with_moved_table(moves),
         })
     }
 
@@ -59,10 +59,10 @@ impl MotionFile {
         options: &ReadOptions,
     ) -> Result<MotionFile> {
         let names_of = |take: &MarkerTake| -> Vec<(usize, String)> {
-            let positions = take.positions();
+            let places = self.places_in(take);
             names
                 .iter()
-                .map(|(p, name)| (positions[*p], name.clone()))
+                .map(|(p, name)| (places[*p], name.clone()))
                 .collect()
         };
         let refuse = |what: &str| Err(Error::data(Place::file(&self.table.name), what));
@@ -78,9 +78,9 @@ impl MotionFile {
                 }
             }
             Original::Table if !self.table.columns.names.is_empty() => {
-                let mut table = self.table.clone();
+                let (mut table, places) = (self.whole_table().clone(), self.places());
                 for (point, name) in names {
-                    table.rename_point(*point, name);
+                    table.rename_point(places[*point], name);
                 }
                 return Ok(self.of_table(table));
             }
@@ -88,7 +88,7 @@ impl MotionFile {
         };
         let named = MotionFile {
             notes: self.notes.clone(),
-            ..MotionFile::read(Path::new(&self.table.name), bytes, options)?
+            ..self.read_alike(bytes, options)?
         };
         let mut wanted = self.table.poses.points.clone();
         names
@@ -102,16 +102,30 @@ impl MotionFile {
         Ok(named)
     }
 
-    /// A file that is a table, with another table.
+    /// Reads a file of the same points; those that are computed here are so there.
+    fn read_alike(&self, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
+        let file = MotionFile::read_whole(Path::new(&self.table.name), bytes, options)?;
+        Ok(file.without_computed_of(self).without_zeros(options))
+    }
+
+    /// A file that is a table, with positions moved between its points.
+    fn with_moved_table(&self, moves: &[PointMove]) -> MotionFile {
+        let moves = in_places(moves, &self.places());
+        self.of_table(moved_table(self.whole_table(), &moves))
+    }
+
+    /// A file that is a table, with another table of all its points.
     fn of_table(&self, table: Table) -> MotionFile {
-        MotionFile {
+        let file = MotionFile {
             format: self.format,
             table,
             read_as: self.read_as.clone(),
             notes: self.notes.clone(),
             units: self.units,
             original: Original::Table,
-        }
+            all: None,
+        };
+        file.without_computed_of(self)
     }
 
     /// The bytes of the file with positions moved; `None` of a table.
@@ -134,14 +148,18 @@ impl MotionFile {
 
     /// Moves between the points of its take, which are more than those of its table.
     fn in_take(&self, take: &MarkerTake, moves: &[PointMove]) -> Vec<PointMove> {
-        let positions = take.positions();
-        let of = |m: &PointMove| PointMove {
-            from: positions[m.from],
-            to: m.to.map(|to| positions[to]),
-            frames: m.frames.clone(),
-        };
-        moves.iter().map(of).collect()
+        in_places(moves, &self.places_in(take))
     }
+}
+
+/// Moves between points that have other places now.
+fn in_places(moves: &[PointMove], places: &[usize]) -> Vec<PointMove> {
+    let of = |m: &PointMove| PointMove {
+        from: places[m.from],
+        to: m.to.map(|to| places[to]),
+        frames: m.frames.clone(),
+    };
+    moves.iter().map(of).collect()
 }
 
 /// A table with positions moved between its points, and with them the text of all columns that

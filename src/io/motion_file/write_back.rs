@@ -94,9 +94,10 @@ impl MotionFile {
         };
         let added = carried.as_ref().map_or(Vec::new(), |c| c.columns());
         let output = Output::file(path)?;
-        UnitWriter::new(output, format, [units, units], &self.table.columns, &added)?.write_table(
-            &self.table,
-            xyz,
+        let (table, xyz) = (self.whole_table(), self.whole(xyz));
+        UnitWriter::new(output, format, [units, units], &table.columns, &added)?.write_table(
+            table,
+            xyz.view(),
             |frame| carried.as_ref().map_or(Vec::new(), |c| c.cells(frame)),
         )
     }
@@ -123,7 +124,7 @@ impl MotionFile {
     ) -> Array2<f64> {
         let mut out = take.xyz.clone();
         let was = &self.table.poses.xyz;
-        for (column, p) in take.positions().into_iter().enumerate() {
+        for (column, p) in self.places_in(take).into_iter().enumerate() {
             for t in 0..xyz.nrows() {
                 let at = [0, 1, 2].map(|c| [t, 3 * column + c]);
                 let mut place = at.map(|at| xyz[at]);
