@@ -35,6 +35,7 @@ mod marker_files;
 mod mesh_register;
 mod metric;
 mod other_programs;
+mod outputs;
 mod pages;
 mod pair_label;
 mod paper;

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::CommonArgs;
 use posing::cli::input::open;
 use posing::cli::messages;
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::io::{Amc, Asf};
@@ -40,7 +41,7 @@ pub struct Args {
     credit: Option<String>,
     /// Output file
     #[arg(short, long, value_name = "ROTATIONS.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }
