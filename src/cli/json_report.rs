@@ -3,6 +3,7 @@
 use super::paths::OutputPath;
 use super::{messages, streams};
 use crate::io::output::file_descriptor;
+use crate::io::text::is_hidden;
 use crate::{Error, Result};
 use clap::Args;
 use serde::Serialize;
@@ -105,7 +106,10 @@ impl JsonArgs {
         if let Some(path) = file {
             write_json(Some(path), value)?;
         }
-        streams::write_bytes(output, text().as_bytes(), false)
+        // Names from files stand in it.
+        let is_hidden = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t');
+        let text = text().replace(is_hidden, "\u{fffd}");
+        streams::write_bytes(output, text.as_bytes(), false)
     }
 
     /// Whether the object stands in the place of the text; a command that prints nothing else calls
