@@ -182,7 +182,7 @@ impl Jobs {
     /// [`Error::Usage`]: one would be written over a file that is read, or over another.
     pub(crate) fn check(&self, files: &mut CommandFiles, has_skeletons: bool) -> Result<()> {
         for Job { input, .. } in &self.jobs {
-            files.read(format!("the capture {}", input.display()), input);
+            files.read(format!("the capture {}", input.display()), input)?;
         }
         for Job { input, output, .. } in &self.jobs {
             let called = format!("{}, the result of {},", output.display(), input.display());

@@ -202,7 +202,7 @@ fn make_distinct(jobs: &mut [BatchJob]) -> Result<()> {
 fn check(jobs: &[BatchJob]) -> Result<()> {
     let mut files = command_files();
     for BatchJob { input, .. } in jobs {
-        files.read(format!("the input {}", input.display()), input);
+        files.read(format!("the input {}", input.display()), input)?;
     }
     let mut outputs = jobs.iter().filter_map(|job| job.output.as_deref());
     outputs.try_for_each(|path| files.write(path.display().to_string(), path))

@@ -81,14 +81,14 @@ static FILES: Mutex<Option<CommandFiles>> = Mutex::new(None);
 pub(crate) fn check(command: &Command, matches: &ArgMatches) -> Result<()> {
     let mut files = CommandFiles::default();
     // Whether the command reads it or not: nobody gives it a file that is to be replaced.
-    files.read("the file of standard input", Path::new("-"));
+    files.read("the file of standard input", Path::new("-"))?;
     for (arg, value) in values(command, matches, FileRole::Read) {
         let shown = Path::new(value).display();
         let called = match flag(arg) {
             Some(flag) => format!("the file of {flag}, {shown}"),
             None => format!("the input {shown}"),
         };
-        files.read(called, Path::new(value));
+        files.read(called, Path::new(value))?;
     }
     for (arg, value) in values(command, matches, FileRole::Written) {
         let shown = Path::new(value).display();
@@ -121,6 +121,18 @@ pub fn check_written(written: impl IntoIterator<Item = impl AsRef<Path>>) -> Res
     written.try_for_each(|path| {
         let path = path.as_ref();
         files.write(path.display().to_string(), path)
+    })
+}
+
+/// Fails where a file that a command reads from a folder, or beside another, is one that it writes.
+///
+/// # Errors
+/// [`Error::Usage`](crate::Error::Usage): it is.
+pub fn check_read(read: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+    let mut files = command_files();
+    read.into_iter().try_for_each(|path| {
+        let path = path.as_ref();
+        files.read(format!("the input {}", path.display()), path)
     })
 }
 

@@ -62,13 +62,24 @@ pub struct CommandFiles {
 impl CommandFiles {
     /// Adds a file that is read; `called` is what messages call it: `the input walk.csv`. `-` is
     /// standard input.
-    pub fn read(&mut self, called: impl Into<String>, path: &Path) {
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: it is a file that is written.
+    pub fn read(&mut self, called: impl Into<String>, path: &Path) -> Result<()> {
         let path = match path == Path::new("-") {
             true => Path::new("/dev/stdin"),
             false => path,
         };
-        if let Some(id) = FileId::of(path) {
-            self.read.entry(id).or_insert(called.into());
+        let Some(id) = FileId::of(path) else {
+            return Ok(());
+        };
+        let called = called.into();
+        match self.written.get(&id) {
+            Some(output) => Err(replaced(output, &called)),
+            None => {
+                self.read.entry(id).or_insert(called);
+                Ok(())
+            }
         }
     }
 
@@ -79,9 +90,7 @@ impl CommandFiles {
     pub fn check_not_read(&self, called: &str, path: &Path) -> Result<()> {
         let id = FileId::of(path).filter(|_| !is_stream(path));
         match id.and_then(|id| self.read.get(&id)) {
-            Some(input) => Err(Error::usage(format!(
-                "{called} would be replaced, as it is {input}; name another file"
-            ))),
+            Some(input) => Err(replaced(called, input)),
             None => Ok(()),
         }
     }
@@ -90,8 +99,7 @@ impl CommandFiles {
     /// no files: `-`, an open file of the process (`/dev/stdout`), a pipe.
     ///
     /// # Errors
-    /// [`Error::Usage`]: it is a file that is read, or another that is written. Files that are read
-    /// are to be added first.
+    /// [`Error::Usage`]: it is a file that is read, or another that is written.
     pub fn write(&mut self, called: impl Into<String>, path: &Path) -> Result<()> {
         let Some(id) = FileId::of(path).filter(|_| !is_stream(path)) else {
             return Ok(());
@@ -108,6 +116,12 @@ impl CommandFiles {
             }
         }
     }
+}
+
+fn replaced(output: &str, input: &str) -> Error {
+    Error::usage(format!(
+        "{output} would be replaced, as it is {input}; name another file"
+    ))
 }
 
 /// Whether what is written there goes to an open file of the process.
@@ -127,8 +141,10 @@ mod tests {
         fs::write(at("old.csv"), "x").unwrap();
         fs::create_dir(at("deep")).unwrap();
         let mut files = CommandFiles::default();
-        files.read("the input in.csv", &at("in.csv"));
-        files.read("the file of --to none.bvh", &at("none.bvh"));
+        files.read("the input in.csv", &at("in.csv")).unwrap();
+        files
+            .read("the file of --to none.bvh", &at("none.bvh"))
+            .unwrap();
         let mut refused = vec!["in.csv", "./in.csv", "deep/../in.csv", "none.bvh"];
         let mut sound = vec!["old.csv", "new.csv", "deep/in.csv", "later/in.csv", "deep"];
         #[cfg(unix)]
@@ -152,6 +168,8 @@ mod tests {
             let error = files.clone().write("--page", &at(name)).unwrap_err();
             assert!(error.to_string().contains("are one file"), "{error}");
         }
+        let late = files.read("the input new.csv", &at("new.csv")).unwrap_err();
+        assert!(late.to_string().contains("would be replaced"), "{late}");
         for stream in ["-", "/dev/null", "/dev/stdout", "/dev/fd/1"] {
             for _ in 0..2 {
                 files.write("-o", Path::new(stream)).unwrap();
