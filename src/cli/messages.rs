@@ -60,7 +60,8 @@ const MOST_DIGITS: usize = 24;
 const MOST_LETTERS: usize = 240;
 
 /// Replaces control characters and marks of direction, which text from files may contain: a message
-/// is one line without terminal escapes, and reads as it was written. Numbers and words from files that are longer than anyone reads are cut.
+/// is one line without terminal escapes, and reads as it was written. Numbers and words from files
+/// that are longer than anyone reads are cut.
 fn visible(text: &str) -> String {
     let text = text.replace(is_hidden, "\u{fffd}");
     let text = cut_runs(&text, |c| c.is_ascii_digit(), MOST_DIGITS);

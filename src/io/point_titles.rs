@@ -3,9 +3,8 @@
 
 use super::marker_rows::is_missing;
 use super::row_cells::texts_of;
-use super::text::excerpt;
+use super::text::{decimal, excerpt};
 use super::text_cells::Separator;
-use super::trc::decimal;
 use crate::Result;
 use std::collections::HashMap;
 

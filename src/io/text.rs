@@ -232,6 +232,11 @@ pub fn is_hidden(c: char) -> bool {
     c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}')
 }
 
+/// A number whose decimals may stand behind a comma.
+pub(crate) fn decimal(cell: &str) -> String {
+    cell.replace(',', ".")
+}
+
 /// Text from a file, fit for one line of a message.
 pub fn excerpt(text: &str) -> String {
     let clean: String = text

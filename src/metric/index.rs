@@ -194,7 +194,7 @@ impl PoseIndex {
             serde_json::from_value(takes).map_err(|_| fail("is a damaged index".into()))?;
         let vectors = model.array("vectors", source)?.into_owned();
         if vectors.iter().any(|v| v.is_infinite()) {
-            let what = "has infinite values: make it anew of its table, with --database";
+            let what = "has infinite values: make it anew of its table, with the option `database`";
             return Err(fail(what.into()));
         }
         let index = PoseIndex {

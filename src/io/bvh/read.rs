@@ -397,8 +397,8 @@ fn unique_names(joints: &mut [Joint]) -> Vec<String> {
     renamed
 }
 
-/// The text of a file. Bytes that are no UTF-8 are taken for Latin-1, as old files have it: so names
-/// of any encoding stay in their places. What Latin-1 has no letter for is U+FFFD.
+/// The text of a file. Where it is no UTF-8, its bytes are taken for Latin-1, as old files have it:
+/// names of any encoding stay in their places. What Latin-1 has no letter for is U+FFFD.
 fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),

@@ -5,9 +5,8 @@ use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::{CarriedColumns, MarkerTake};
 use crate::io::point_titles::{MOST_ROWS, PointTitles};
 use crate::io::row_cells::texts_of;
-use crate::io::text::{Lines, excerpt, parse_number};
+use crate::io::text::{Lines, decimal, excerpt, parse_number};
 use crate::io::text_start::BLANK;
-use crate::io::trc::decimal;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use std::borrow::Cow;
@@ -63,7 +62,8 @@ impl Decimals {
     /// A number's text with a point before its decimals.
     ///
     /// # Errors
-    /// [`Error::Unfit`]: some numbers have a comma and some a point, of which one may part thousands.
+    /// [`Error::Unfit`]: some numbers have a comma and some a point, of which one may part
+    /// thousands.
     fn text<'c>(&mut self, cell: &'c str, separator: u8) -> Result<Cow<'c, str>> {
         self.has_point |= cell.contains('.');
         self.has_comma |= separator != b',' && cell.contains(',');

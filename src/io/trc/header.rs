@@ -3,7 +3,7 @@
 
 use crate::io::marker_rows::{Stated, is_missing};
 use crate::io::point_titles::points_of;
-use crate::io::text::{Lines, excerpt};
+use crate::io::text::{Lines, decimal, excerpt};
 use crate::{Error, Result};
 use std::io::BufRead;
 
@@ -74,11 +74,6 @@ pub(crate) fn words(line: &str) -> Vec<&str> {
     let is_decimal = line.contains('\t');
     let parts = |c: char| c.is_whitespace() || c == ',' && !is_decimal;
     line.split(parts).filter(|word| !word.is_empty()).collect()
-}
-
-/// A number whose decimals may stand behind a comma.
-pub(crate) fn decimal(cell: &str) -> String {
-    cell.replace(',', ".")
 }
 
 /// The value of a key: that below it, by number, where each key has one; else by cells.

@@ -13,13 +13,12 @@ mod write;
 
 pub(crate) use write::NewTrc;
 
-pub(crate) use self::header::decimal;
 use self::header::{Header, words};
 use super::input::Input;
 use super::marker_rows::MarkerRows;
 use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
-use super::text::{Lines, excerpt};
+use super::text::{Lines, decimal, excerpt};
 use super::text_cells::Separator;
 use crate::{Error, Place, Result};
 use std::io::BufRead;
