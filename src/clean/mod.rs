@@ -29,9 +29,12 @@ pub use sources::OutputFormat;
 
 use self::earlier_list::EarlierList;
 use self::list::list_path;
+use self::record::record_path;
 use self::sources::Job;
+use crate::draw::take_page::page_beside;
+use crate::io::command_files::CommandFiles;
 use crate::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -50,6 +53,13 @@ pub struct CleanOutput {
     pub page: Option<PathBuf>,
     /// Whether only what the last run did not report counts.
     pub only_new: bool,
+    /// Other files that are read, and that somebody else writes: no result replaces them.
+    pub files: CommandFiles,
+}
+
+/// The files that stand beside a result of [`clean`] and [`write_labeled`]: its record, its page.
+pub fn files_beside(result: &Path) -> [PathBuf; 2] {
+    [record_path(result), page_beside(result)]
 }
 
 /// Cleans files, and those of folders; `progress` hears how many are done, and of how many.
@@ -82,6 +92,8 @@ pub fn clean(
     }
     let page = output.page.clone();
     let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
+    let mut files = output.files.clone();
+    jobs.check(&mut files, settings.skeletons.is_some())?;
     let mut last = EarlierList::default();
     if let Some(page) = &page {
         if page
@@ -92,9 +104,14 @@ pub fn clean(
                         .json; give another name, such as clean.html";
             return Err(Error::usage(what));
         }
+        if output.page.is_none() {
+            files.write(page.display().to_string(), page)?;
+        }
+        let list = list_path(page);
+        files.write(format!("the list {}", list.display()), &list)?;
         jobs.check_page(page, report::is_page(page))?;
-        last = EarlierList::read(&list_path(page))?;
-        jobs.check_page(&list_path(page), true)?;
+        last = EarlierList::read(&list)?;
+        jobs.check_page(&list, true)?;
     }
     let mut cleaned = clean_all(&jobs.jobs, jobs.to, settings, progress);
     let is_one = jobs.folder.is_none();

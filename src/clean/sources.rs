@@ -1,13 +1,15 @@
 //! Which files are cleaned, and where each result goes.
 
+use super::files_beside;
 use super::record::{may_write, record_path};
-use super::skeleton::is_skeleton;
+use super::skeleton::{is_skeleton, skeleton_path};
+use crate::io::command_files::CommandFiles;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
 };
 use crate::io::{MotionFormat, TableFormat};
 use crate::{Error, Place, Result};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Other formats that somebody may ask for.
@@ -85,8 +87,7 @@ pub(crate) struct Jobs {
 /// else below `output`, where the files of a folder keep their places within it.
 ///
 /// # Errors
-/// [`Error::Usage`]: a result would be written over a capture or over another result, or in a
-/// format that it cannot have.
+/// [`Error::Usage`]: a result would have a format that it cannot have.
 /// [`Error::Data`]: there is nothing to clean.
 pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
     let is_stream = |path: &Path| path == Path::new("-") || is_special(path);
@@ -113,7 +114,6 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
         let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
         return Err(Error::data(Place::file(folders.join(", ")), what));
     }
-    out.check()?;
     Ok(out)
 }
 
@@ -175,26 +175,24 @@ impl Jobs {
         found.files
     }
 
-    /// Fails where a result would be written over a capture or over another result.
-    fn check(&self) -> Result<()> {
-        let captures: HashSet<PathBuf> = self.jobs.iter().map(|j| canonical(&j.input)).collect();
-        let mut results: HashMap<PathBuf, &Path> = HashMap::new();
-        for job in &self.jobs {
-            for path in [job.output.clone(), record_path(&job.output)] {
-                if captures.contains(&canonical(&path)) {
-                    let what = "is a capture and would be written over; give another place with \
-                                the option `output`";
-                    return Err(Error::data(Place::file(path.display().to_string()), what));
-                }
-                if let Some(other) = results.insert(path.clone(), &job.input) {
-                    let what = format!(
-                        "{} and {} would both become {}",
-                        other.display(),
-                        job.input.display(),
-                        path.display()
-                    );
-                    return Err(Error::usage(what));
-                }
+    /// Adds the captures to `files`, and the results with what stands beside them; a result of one
+    /// file alone is there already.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: one would be written over a file that is read, or over another.
+    pub(crate) fn check(&self, files: &mut CommandFiles, has_skeletons: bool) -> Result<()> {
+        for Job { input, .. } in &self.jobs {
+            files.read(format!("the capture {}", input.display()), input)?;
+        }
+        for Job { input, output, .. } in &self.jobs {
+            let called = format!("{}, the result of {},", output.display(), input.display());
+            match self.folder {
+                Some(_) => files.write(called, output)?,
+                None => files.check_not_read(&called, output)?,
+            }
+            let skeleton = has_skeletons.then(|| skeleton_path(output));
+            for path in files_beside(output).into_iter().chain(skeleton) {
+                files.write(path.display().to_string(), &path)?;
             }
         }
         Ok(())
@@ -283,7 +281,12 @@ mod tests {
         let outputs: Vec<PathBuf> = jobs.jobs.iter().map(|j| j.output.clone()).collect();
         assert_eq!(outputs, [at("in/out/b.C3D"), at("in/out/deep/a.trc.gz")]);
         assert_eq!(jobs.left_out, 2);
-        let one = |input: &str, output: &str| super::jobs(&[at(input)], &at(output), None);
+        let checked = |inputs: &[PathBuf], output: &str| {
+            let jobs = super::jobs(inputs, &at(output), None)?;
+            jobs.check(&mut CommandFiles::default(), true)?;
+            Ok::<_, Error>(jobs)
+        };
+        let one = |input: &str, output: &str| checked(&[at(input)], output);
         assert_eq!(
             one("in/b.C3D", "x.csv").unwrap().to,
             Some(OutputFormat::Csv)
@@ -295,7 +298,7 @@ mod tests {
         );
         assert!(one("in/b.C3D", "in/b.C3D").is_err());
         let twice = [at("in/b.C3D"), at("in/out/b.C3D")];
-        assert!(super::jobs(&twice, &at("o/"), None).is_err());
+        assert!(checked(&twice, "o/").is_err());
         let to = super::jobs(&[at("in")], &at("o"), Some(OutputFormat::Csv)).unwrap();
         assert_eq!(to.jobs[1].output, at("o/deep/a.csv"));
         Ok(())

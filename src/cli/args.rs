@@ -1,5 +1,6 @@
 //! Flags that several commands share.
 
+use super::paths::OutputPath;
 use super::{memory_limit, messages};
 use crate::io::TableFormat;
 use crate::io::{TableOptions, parse_point_names};
@@ -227,7 +228,7 @@ pub struct BvhSkeletonArgs {
 pub struct OutputArgs {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    pub output: Option<PathBuf>,
+    pub output: Option<OutputPath>,
     /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     pub to: Option<TableFormat>,

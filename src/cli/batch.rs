@@ -2,7 +2,8 @@
 
 use super::input::TakeNames;
 use super::json_report::JsonArgs;
-use super::{Outcome, messages};
+use super::paths::command_files;
+use super::{Outcome, messages, streams};
 pub use crate::io::motion_folder::EXTENSIONS;
 use crate::io::motion_folder::{MotionFolder, is_results_folder, is_special, name_of, unpacked};
 use crate::{Error, Place, Result};
@@ -34,7 +35,7 @@ pub fn each(
     }
     let mut outcome = Outcome::Done;
     for job in jobs {
-        match work(job) {
+        match streams::together(|| work(job)) {
             Ok(Outcome::Done) => {}
             Ok(found) if outcome == Outcome::Done => outcome = found,
             Ok(_) => {}
@@ -88,8 +89,7 @@ struct FileReport {
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of
 /// one file `output` itself, else below `output` under the file's name with the ending
 /// `extension`, or its own; the files of a folder keep their places within it. Results that would
-/// be one are named apart as takes are ([`TakeNames`]), which is said. `kept` are files that no
-/// result may replace.
+/// be one are named apart as takes are ([`TakeNames`]), which is said.
 ///
 /// # Errors
 /// [`Error::Usage`]: a result would replace a file, a file is given twice, or several files have no
@@ -99,7 +99,6 @@ pub fn batch(
     output: Option<&Path>,
     extensions: &[&str],
     extension: Option<&str>,
-    kept: &[&Path],
 ) -> Result<Vec<BatchJob>> {
     let is_one = inputs.len() == 1 && !inputs[0].is_dir();
     let folder = output.filter(|path| !is_one || is_results_folder(path, &inputs[0]));
@@ -115,7 +114,9 @@ pub fn batch(
         }
     };
     make_distinct(&mut jobs)?;
-    check(&jobs, kept)?;
+    if folder.is_some() {
+        check(&jobs)?;
+    }
     Ok(jobs)
 }
 
@@ -197,18 +198,14 @@ fn make_distinct(jobs: &mut [BatchJob]) -> Result<()> {
     Ok(())
 }
 
-/// Fails where a result would replace a file that is read.
-fn check(jobs: &[BatchJob], kept: &[&Path]) -> Result<()> {
-    let read = jobs.iter().map(|job| job.input.as_path());
-    let read: HashSet<PathBuf> = read.chain(kept.iter().copied()).map(canonical).collect();
-    let mut outputs = jobs.iter().filter_map(|job| job.output.as_deref());
-    match outputs.find(|path| !is_special(path) && read.contains(&canonical(path))) {
-        None => Ok(()),
-        Some(output) => Err(Error::usage(format!(
-            "{}: is read and would be replaced; give another place with -o",
-            output.display()
-        ))),
+/// Fails where a result in a folder would replace a file that is read, or another result.
+fn check(jobs: &[BatchJob]) -> Result<()> {
+    let mut files = command_files();
+    for BatchJob { input, .. } in jobs {
+        files.read(format!("the input {}", input.display()), input)?;
     }
+    let mut outputs = jobs.iter().filter_map(|job| job.output.as_deref());
+    outputs.try_for_each(|path| files.write(path.display().to_string(), path))
 }
 
 /// The path without links, where it exists.
@@ -229,43 +226,25 @@ mod tests {
         for name in ["in/a.bvh", "in/deep/b.amc.gz", "in/c.csv", "d.bvh"] {
             fs::write(at(name), "x")?;
         }
-        let of = |inputs: &[&str], output: &str, kept: &[&Path]| {
+        let of = |inputs: &[&str], output: &str| {
             let inputs: Vec<PathBuf> = inputs.iter().map(|i| at(i)).collect();
-            batch(
-                &inputs,
-                Some(&at(output)),
-                &["bvh", "amc"],
-                Some("bvh"),
-                kept,
-            )
+            batch(&inputs, Some(&at(output)), &["bvh", "amc"], Some("bvh"))
         };
         let outputs = |jobs: Vec<BatchJob>| -> Vec<PathBuf> {
             jobs.into_iter().filter_map(|job| job.output).collect()
         };
-        let all = outputs(of(&["in", "d.bvh"], "out", &[]).unwrap());
+        let all = outputs(of(&["in", "d.bvh"], "out").unwrap());
         assert_eq!(all, ["out/a.bvh", "out/deep/b.bvh", "out/d.bvh"].map(&at));
-        assert_eq!(
-            outputs(of(&["d.bvh"], "e.bvh", &[]).unwrap()),
-            [at("e.bvh")]
-        );
-        assert_eq!(
-            outputs(of(&["d.bvh"], "in", &[]).unwrap()),
-            [at("in/d.bvh")]
-        );
-        for (inputs, output, kept) in [
-            (&["in"][..], "in", None),
-            (&["d.bvh"], "d.bvh", None),
-            (&["d.bvh"], "rig.bvh", Some(at("rig.bvh"))),
-            (&["in", "in/a.bvh"], "out", None),
-            (&["in/deep"], "in/deep/none/", None),
+        assert_eq!(outputs(of(&["d.bvh"], "e.bvh").unwrap()), [at("e.bvh")]);
+        assert_eq!(outputs(of(&["d.bvh"], "in").unwrap()), [at("in/d.bvh")]);
+        for (inputs, output) in [
+            (&["in"][..], "in"),
+            (&["in/a.bvh"], "in"),
+            (&["in", "in/a.bvh"], "out"),
+            (&["in/deep"], "in/deep/none/"),
         ] {
-            let kept: Vec<&Path> = kept.iter().map(PathBuf::as_path).collect();
             let is_good = output.ends_with("none/");
-            assert_eq!(
-                of(inputs, output, &kept).is_ok(),
-                is_good,
-                "{inputs:?} {output}"
-            );
+            assert_eq!(of(inputs, output).is_ok(), is_good, "{inputs:?} {output}");
         }
         // Takes of one name, from other folders and in another format.
         for name in ["in/deep/a.bvh", "in/deep/a.amc", "in/a'.bvh"] {
@@ -274,13 +253,12 @@ mod tests {
         let same = of(
             &["in/a.bvh", "in/deep/a.bvh", "in/a'.bvh", "in/deep/a.amc"],
             "out",
-            &[],
         );
         let names = ["out/a.bvh", "out/a'.bvh", "out/a''.bvh", "out/a'''.bvh"];
         assert_eq!(outputs(same.unwrap()), names.map(&at));
         fs::create_dir(at("empty"))?;
-        assert!(of(&["empty"], "out", &[]).is_err());
-        assert!(batch(&[at("in")], None, &["bvh"], Some("bvh"), &[]).is_err());
+        assert!(of(&["empty"], "out").is_err());
+        assert!(batch(&[at("in")], None, &["bvh"], Some("bvh")).is_err());
         Ok(())
     }
 }

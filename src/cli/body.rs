@@ -4,6 +4,7 @@
 use super::args::InputArgs;
 use super::number_table::{self, NumberTable};
 use super::pair_file::PairFile;
+use super::paths::check_read;
 use super::{input, messages};
 use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
 use crate::body::file::part_name;
@@ -42,6 +43,7 @@ pub fn open_body(path: &Path) -> Result<BodyModel> {
 /// that no body has.
 pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet> {
     let mut set = MeshSet::open(paths)?;
+    check_read(&set.names)?;
     for k in 0..set.names.len() {
         let mesh = set.mesh(k);
         let place = || Place::file(&set.names[k]);

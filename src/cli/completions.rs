@@ -1,5 +1,6 @@
 //! Completion scripts for bash, zsh and fish.
 
+use super::paths::FileRole;
 use clap::{Arg, ArgAction, Command, ValueEnum, ValueHint};
 
 /// The shells that completions are written for.
@@ -37,7 +38,7 @@ fn flag(arg: &Arg) -> Arg {
     if !arg.get_action().takes_values() {
         return out.action(ArgAction::SetTrue);
     }
-    if arg.get_value_hint() == ValueHint::AnyPath {
+    if arg.get_value_hint() == ValueHint::AnyPath || FileRole::of(arg) == Some(FileRole::Written) {
         out = out.value_hint(ValueHint::AnyPath);
     }
     let choices = arg.get_possible_values();

@@ -1,11 +1,13 @@
 //! What a command did, as one JSON object: see posing-json(5).
 
+use super::paths::OutputPath;
 use super::{messages, streams};
 use crate::io::output::file_descriptor;
+use crate::io::text::is_hidden;
 use crate::{Error, Result};
 use clap::Args;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The flag of commands that report as JSON.
 #[derive(Debug, Clone, Args)]
@@ -20,7 +22,7 @@ pub struct JsonArgs {
         default_missing_value = "-",
         help_heading = "Output"
     )]
-    json: Option<PathBuf>,
+    json: Option<OutputPath>,
 }
 
 /// The object: what is the same for all commands around the `report` of one.
@@ -39,15 +41,14 @@ impl JsonArgs {
     /// The flag that writes to `file`.
     pub fn to_file(file: &Path) -> JsonArgs {
         JsonArgs {
-            json: Some(file.to_path_buf()),
+            json: Some(file.to_path_buf().into()),
         }
     }
 
     /// Keeps messages for the object from now on, where it is asked for.
     ///
     /// # Errors
-    /// [`Error::Usage`]: it would stand in one stream or file with the result of the command,
-    /// `output`.
+    /// [`Error::Usage`]: it would stand in one stream with the result of the command, `output`.
     pub fn prepare(&self, output: Option<&Path>) -> Result<()> {
         let Some(path) = &self.json else {
             return Ok(());
@@ -57,16 +58,6 @@ impl JsonArgs {
                 "--json prints to standard output, and so would the result: give -o FILE, or \
                  --json=FILE",
             ));
-        }
-        let is_same = |output: &Path| match (path.canonicalize(), output.canonicalize()) {
-            (Ok(json), Ok(output)) => json == output,
-            _ => path == output,
-        };
-        if output.is_some_and(is_same) {
-            return Err(Error::usage(format!(
-                "--json={} is the file of the result; name another",
-                path.display()
-            )));
         }
         messages::keep();
         Ok(())
@@ -115,7 +106,10 @@ impl JsonArgs {
         if let Some(path) = file {
             write_json(Some(path), value)?;
         }
-        streams::write_bytes(output, text().as_bytes(), false)
+        // Names from files stand in it.
+        let is_hidden = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t');
+        let text = text().replace(is_hidden, "\u{fffd}");
+        streams::write_bytes(output, text.as_bytes(), false)
     }
 
     /// Whether the object stands in the place of the text; a command that prints nothing else calls

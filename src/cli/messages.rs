@@ -1,6 +1,7 @@
 //! Messages on standard error: one line each, after the command's name.
 
 use crate::error::with_options;
+use crate::io::text::is_hidden;
 use std::io::Write;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -58,10 +59,11 @@ pub(crate) fn is_quiet() -> bool {
 const MOST_DIGITS: usize = 24;
 const MOST_LETTERS: usize = 240;
 
-/// Replaces control characters, which text from files may contain: a message is one line without
-/// terminal escapes. Numbers and words from files that are longer than anyone reads are cut.
+/// Replaces control characters and marks of direction, which text from files may contain: a message
+/// is one line without terminal escapes, and reads as it was written. Numbers and words from files
+/// that are longer than anyone reads are cut.
 fn visible(text: &str) -> String {
-    let text = text.replace(char::is_control, "\u{fffd}");
+    let text = text.replace(is_hidden, "\u{fffd}");
     let text = cut_runs(&text, |c| c.is_ascii_digit(), MOST_DIGITS);
     cut_runs(&text, |c| !c.is_whitespace(), MOST_LETTERS)
 }
@@ -122,6 +124,9 @@ mod tests {
     fn what_a_file_says_is_one_line_and_no_escape() {
         let said = super::visible("take \"a\nb\u{1b}[2J\": é");
         assert_eq!(said, "take \"a\u{fffd}b\u{fffd}[2J\": é");
+        // Marks that turn the direction of writing; letters of such a direction stay.
+        let turned = super::visible("a\u{202e}vsc.exe\u{2066} \u{5e9}\u{2028}");
+        assert_eq!(turned, "a\u{fffd}vsc.exe\u{fffd} \u{5e9}\u{fffd}");
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub mod name_maps;
 pub mod number_table;
 pub mod one_take_args;
 pub mod pair_file;
+pub mod paths;
 pub mod progress;
 pub mod read_args;
 pub mod registration_points;
@@ -72,7 +73,7 @@ where
     A: CommandFactory + FromArgMatches,
     O: Into<Outcome>,
 {
-    let command = manual::typed(A::command()).version(version);
+    let mut command = manual::typed(A::command()).version(version);
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
@@ -81,9 +82,13 @@ where
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
-    let parsed = command.try_get_matches_from(words);
-    match parsed.and_then(|matches| A::from_arg_matches(&matches)) {
-        Ok(args) => exit_code(work(&args)),
+    let parsed = command
+        .try_get_matches_from_mut(words)
+        .and_then(|matches| Ok((A::from_arg_matches(&matches)?, matches)));
+    match parsed {
+        Ok((args, matches)) => exit_code(
+            paths::check(&command, &matches).and_then(|()| streams::together(|| work(&args))),
+        ),
         Err(e) => parse_failure(&typed, &e),
     }
 }

@@ -4,6 +4,7 @@
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
 use super::input::{check_single_stdin, or_stdin, read_table};
+use super::paths::OutputPath;
 use super::streams::write_bytes;
 use crate::io::NewTake;
 use crate::pose::Poses;
@@ -21,7 +22,7 @@ pub struct OneTakeArgs {
     files: Vec<PathBuf>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
+    pub output: Option<OutputPath>,
     /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,

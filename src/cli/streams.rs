@@ -4,7 +4,7 @@ use super::args::OutputArgs;
 use super::closed_stdout::open_stdout;
 use super::messages;
 use crate::io::csv::AddedColumn;
-use crate::io::output::file_descriptor;
+use crate::io::output::{drop_waiting, file_descriptor, publish_waiting};
 use crate::io::unit_writer::UnitWriter;
 use crate::io::{Columns, Output, Table, TableFormat};
 use crate::pose::units::Units;
@@ -12,12 +12,26 @@ use crate::{Error, Result};
 use std::io::{self, BufWriter, IsTerminal};
 use std::path::Path;
 
+/// Does some work and then puts the files in place that it opened by [`open_output`]: all, or none
+/// where it fails. A reader of standard output that went away is no failure.
+///
+/// # Errors
+/// Those of the work; a file cannot be put in place.
+pub fn together<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    let done = work();
+    match &done {
+        Err(e) if !e.is_closed_pipe() => drop_waiting(),
+        _ => publish_waiting()?,
+    }
+    done
+}
+
 /// Opens a file, or standard output without a path or for `-`. Binary is never written to a
-/// terminal.
+/// terminal. The file appears when the command is done: see [`together`].
 pub fn open_output(path: Option<&Path>, binary: bool) -> Result<Output> {
     match path {
         Some(path) if path != Path::new("-") && file_descriptor(path) != Some(1) => {
-            Output::file(path)
+            Output::file(path).map(Output::waiting)
         }
         _ if binary && io::stdout().is_terminal() => Err(Error::usage(
             "will not write binary output to a terminal; use -o FILE or a pipe",

@@ -1,6 +1,7 @@
 //! The commands with their arguments as JSON, from which wrappers are made: see posing-json(5).
 
 use super::manual::built;
+use super::paths::{FileRole, OutputPath};
 use clap::{Arg, ArgAction, Command};
 use serde::Serialize;
 use std::any::TypeId;
@@ -37,6 +38,9 @@ struct Argument {
     /// What its value is called: SECONDS; none of a switch.
     value: Option<String>,
     r#type: &'static str,
+    /// Whether the command writes the file that it names.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    written: bool,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     choices: Vec<Choice>,
     default: Option<String>,
@@ -119,6 +123,7 @@ impl Argument {
                 names.join(" ")
             }),
             r#type: type_of(arg, takes_values, !choices.is_empty()),
+            written: FileRole::of(arg) == Some(FileRole::Written),
             choices,
             default: text(arg.get_default_values()).filter(|_| takes_values),
             value_is_optional: takes_values && arg.is_require_equals_set(),
@@ -147,7 +152,7 @@ fn type_of(arg: &Arg, takes_values: bool, has_choices: bool) -> &'static str {
         {
             "integer"
         }
-        () if is(&[TypeId::of::<PathBuf>()]) => "path",
+        () if is(&[TypeId::of::<PathBuf>(), TypeId::of::<OutputPath>()]) => "path",
         () => "text",
     }
 }

@@ -178,6 +178,11 @@ impl MarkerRows {
             stated.notes.push(what);
         }
         self.note_oddities(&mut stated, is_cut);
+        if stated.labels.iter().any(|label| label.contains('\u{fffd}')) {
+            let what = "names of its points are not UTF-8: convert the file first (iconv -f latin1 \
+                        -t utf-8, or -f shift_jis)";
+            stated.notes.push(what.into());
+        }
         let width = self.width.max(3 * named);
         if width == 0 {
             return Err(bad("has no markers".into()));

@@ -7,6 +7,7 @@ mod block_reader;
 pub mod bvh;
 pub(crate) mod c3d;
 mod columns;
+pub mod command_files;
 pub mod csv;
 mod foreign_format;
 mod frame_times;

@@ -251,7 +251,12 @@ impl Zipped<'_> {
 /// What an archive is of posing itself, or of meshes.
 fn of_posing(entries: &[Entry]) -> Option<&'static str> {
     let has = |name: &str| entries.iter().any(|e| e.name == name);
-    if has("meta") {
+    // That of a model is text as bytes; others keep what they like under this name.
+    let is_meta = |e: &Entry| e.name == "meta" && e.header.descr == "|u1";
+    if entries
+        .iter()
+        .any(|e| is_meta(e) && e.header.shape.len() == 1)
+    {
         return Some("is a model of posing, expected positions");
     }
     (has("faces") && (has("vertices") || has("predicted")))
@@ -495,6 +500,10 @@ mod tests {
         fails(&[other("poses")], "SMPL body and no positions");
         fails(&[("a", "<f8", &[3], f8(&[1.; 3]))], "it has a (3)");
         fails(&[("meta", "|u1", &[1], vec![0])], "a model of posing");
+        // What others keep under this name.
+        let meta = ("meta", "|S4", &[1usize][..], b"walk".to_vec());
+        let with_meta = take(&[joints(), meta, named.clone()]).unwrap();
+        assert_eq!(with_meta.points, ["hip"]);
         fails(&[("joints", "<f8", &[0, 1, 3], vec![]), named], "no frames");
         let hips = ["hips".to_string()];
         let named = read(archive(&[joints()], true), Some(&hips)).unwrap();

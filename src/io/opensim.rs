@@ -4,9 +4,10 @@
 
 use super::input::Input;
 use super::marker_csv::points::rate_of_times;
+use super::marker_rows::is_missing;
 use super::marker_take::{CarriedColumns, MarkerTake};
 use super::motion_format::{MotionFormat, recognized};
-use super::text::{Lines, parse_number};
+use super::text::{Lines, excerpt, parse_number};
 use super::text_start::MOST_HEADER_LINES;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -65,6 +66,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
     }
     let mut notes: Vec<String> = early.into_iter().collect();
     notes.extend(header.notes(times.len()));
+    notes.extend(missing_cells(&carried));
     notes.push(format!(
         "holds no positions; columns beside the time: {}",
         carried.names.len()
@@ -79,6 +81,30 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
         carried,
         ..MarkerTake::default()
     })
+}
+
+/// Which columns lack how many values, in a line; `None`: none does.
+fn missing_cells(carried: &CarriedColumns) -> Option<String> {
+    /// The most columns that the line names.
+    const MOST: usize = 8;
+    let rows = carried.rows.len();
+    let is_missing =
+        |cell: Option<&[u8]>| cell.is_none_or(|cell| is_missing(&String::from_utf8_lossy(cell)));
+    let counts = carried.names.iter().enumerate().map(|(column, name)| {
+        let missing = carried
+            .rows
+            .iter()
+            .filter(|row| is_missing(row.get(column)));
+        (name, missing.count())
+    });
+    let lacking: Vec<(&String, usize)> = counts.filter(|(_, count)| *count > 0).collect();
+    let mut told: Vec<String> = (lacking.iter().take(MOST))
+        .map(|(name, count)| format!("{} {count} of {rows}", excerpt(name)))
+        .collect();
+    if lacking.len() > MOST {
+        told.push(format!("{} columns more", lacking.len() - MOST));
+    }
+    (!told.is_empty()).then(|| format!("values are missing: {}", told.join(", ")))
 }
 
 /// What the header says.
@@ -224,6 +250,14 @@ mod tests {
             take(MOT, false).unwrap().notes[0],
             "its angles are in degrees"
         );
+    }
+
+    #[test]
+    fn missing_values_are_told_by_column() {
+        let holed = MOT.replace("-1.00000", "NaN").replace("-0.94496", "nan");
+        let read = take(&holed, false).unwrap();
+        assert_eq!(read.notes[1], "values are missing: knee_angle_r 2 of 2");
+        assert_eq!(text(&read, 0), ["0.00000", "NaN"]);
     }
 
     #[test]

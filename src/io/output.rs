@@ -8,6 +8,31 @@ use flate2::write::GzEncoder;
 use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Complete files that are put in place together.
+static WAITING: Mutex<Vec<CompleteOutput>> = Mutex::new(Vec::new());
+
+/// Puts all files in place that are complete and wait for each other.
+///
+/// # Errors
+/// [`Error::Io`]: that fails for one; those before it are in place.
+#[cfg(feature = "cli")]
+pub(crate) fn publish_waiting() -> Result<()> {
+    let mut waiting = take_waiting().into_iter();
+    waiting.try_for_each(CompleteOutput::put_in_place)
+}
+
+/// Drops the files that are complete and wait: nothing is left of them.
+#[cfg(feature = "cli")]
+pub(crate) fn drop_waiting() {
+    drop(take_waiting());
+}
+
+#[cfg(feature = "cli")]
+fn take_waiting() -> Vec<CompleteOutput> {
+    std::mem::take(&mut WAITING.lock().unwrap_or_else(PoisonError::into_inner))
+}
 
 /// Where bytes are written: a file, or a stream such as standard output.
 ///
@@ -25,6 +50,8 @@ pub struct Output {
     /// The name that messages use.
     name: String,
     target: Target,
+    /// Whether the file waits for [`publish_waiting`] when it is complete.
+    waits: bool,
 }
 
 enum Target {
@@ -104,7 +131,21 @@ impl Output {
         }
         let file = UnfinishedFile::create(resolved).map_err(fail)?;
         let target = Target::File(Packer::new(file, path).map_err(fail)?);
-        Ok(Output { name, target })
+        Ok(Output {
+            name,
+            target,
+            waits: false,
+        })
+    }
+
+    /// The output, whose file is put in place by [`publish_waiting`], not as soon as it is
+    /// complete: of several results, none appears before all are.
+    #[cfg(feature = "cli")]
+    pub(crate) fn waiting(self) -> Output {
+        Output {
+            waits: true,
+            ..self
+        }
     }
 
     /// Writes to a stream that is already open; `name` is for messages. The caller buffers it.
@@ -112,6 +153,7 @@ impl Output {
         Output {
             name: name.into(),
             target: Target::Stream(Box::new(stream)),
+            waits: false,
         }
     }
 
@@ -160,7 +202,8 @@ impl Output {
         done.map_err(|e| Error::io(&self.name, e))
     }
 
-    /// Flushes; syncs a file and puts it at its path: it exists only from now on.
+    /// Flushes; syncs a file and puts it at its path: it exists only from now on, or where it waits
+    /// for others, from when they are complete.
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
@@ -175,13 +218,13 @@ impl Output {
     /// [`Error::Io`], with the name of the output.
     pub(crate) fn complete(mut self) -> Result<CompleteOutput> {
         self.flush()?;
-        let name = self.name;
+        let (name, waits) = (self.name, self.waits);
         let Target::File(file) = self.target else {
             return Ok(CompleteOutput::default());
         };
         let whole = file.into_file().and_then(UnfinishedFile::complete);
         let file = Some(whole.map_err(|e| Error::io(&name, e))?);
-        Ok(CompleteOutput { name, file })
+        Ok(CompleteOutput { name, file, waits })
     }
 }
 
@@ -191,14 +234,24 @@ pub struct CompleteOutput {
     name: String,
     /// `None` for streams.
     file: Option<WholeFile>,
+    waits: bool,
 }
 
 impl CompleteOutput {
-    /// Puts the file at its path.
+    /// Puts the file at its path, or lets it wait for the other results of a command.
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
     pub fn publish(self) -> Result<()> {
+        if self.waits {
+            let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
+            waiting.push(self);
+            return Ok(());
+        }
+        self.put_in_place()
+    }
+
+    fn put_in_place(self) -> Result<()> {
         let Some(file) = self.file else {
             return Ok(());
         };

@@ -3,7 +3,7 @@
 
 use super::marker_rows::is_missing;
 use super::row_cells::texts_of;
-use super::text::excerpt;
+use super::text::{decimal, excerpt};
 use super::text_cells::Separator;
 use crate::Result;
 use std::collections::HashMap;
@@ -49,6 +49,19 @@ impl PointTitles {
     }
 
     fn of_lines(lines: &[&str], is_position: fn(&Group) -> bool) -> Option<PointTitles> {
+        let titles = PointTitles::of_any(lines, is_position)?;
+        (!titles.points.is_empty() || !titles.planar.is_empty()).then_some(titles)
+    }
+
+    /// What the first rows of a table have with axes though nothing of it is a position, for a
+    /// message; `None`: nothing, or positions.
+    pub(crate) fn no_positions(lines: &[&str]) -> Option<String> {
+        let titles = PointTitles::of_any(lines, Group::is_position)?;
+        let is_none = titles.points.is_empty() && titles.planar.is_empty();
+        (is_none && !titles.quantities.is_empty()).then(|| list(&titles.quantities))
+    }
+
+    fn of_any(lines: &[&str], is_position: fn(&Group) -> bool) -> Option<PointTitles> {
         let separator = separator_of(lines.first()?)?;
         let byte = separator.byte()?;
         let of_line = |line: &&str| texts_of(line, byte).iter().map(|c| c.to_string()).collect();
@@ -72,7 +85,7 @@ impl PointTitles {
         };
         titles.separator = separator;
         titles.take_last_row(&rows);
-        (!titles.points.is_empty() || !titles.planar.is_empty()).then_some(titles)
+        Some(titles)
     }
 
     /// The unit of length, if one is stated.
@@ -164,7 +177,7 @@ impl PointTitles {
             .by_ref()
             .map(|&c| row.get(c).map_or("", String::as_str))
             .collect();
-        let is_word = |cell: &&str| !is_missing(cell) && cell.parse::<f64>().is_err();
+        let is_word = |cell: &&str| !is_missing(cell) && decimal(cell).parse::<f64>().is_err();
         let names_index = self.rows > 1
             && row.first().is_some_and(|c| is_word(&c.as_str()))
             && row.iter().skip(1).all(String::is_empty);
@@ -174,6 +187,24 @@ impl PointTitles {
         } else if names_index {
             self.rows += 1;
         }
+    }
+}
+
+/// The points of columns that are all named by a point and an axis, x, y and z in turn; `None`:
+/// some are not.
+pub(crate) fn points_of(columns: &[String]) -> Option<Vec<String>> {
+    let (points, rest) = columns.as_chunks::<3>();
+    let point = |three: &[String; 3]| {
+        let axes = three.each_ref().map(|title| TitledAxis::of(title));
+        let [Some(x), Some(y), Some(z)] = axes else {
+            return None;
+        };
+        let is_one = x.key() == y.key() && y.key() == z.key();
+        (is_one && [x.axis, y.axis, z.axis] == [0, 1, 2]).then(|| x.name.to_string())
+    };
+    match rest.is_empty() {
+        true => points.iter().map(point).collect(),
+        false => None,
     }
 }
 
@@ -190,7 +221,7 @@ fn list(names: &[String]) -> String {
 }
 
 /// Words that a name has whose x, y and z are no position; they may stand in the plural.
-const OTHER_QUANTITIES: [&str; 22] = [
+const OTHER_QUANTITIES: [&str; 33] = [
     "rot",
     "rotation",
     "euler",
@@ -204,9 +235,20 @@ const OTHER_QUANTITIES: [&str; 22] = [
     "acc",
     "accel",
     "acceleration",
+    "accelerometer",
+    "gyr",
     "gyro",
+    "gyroscope",
     "mag",
+    "magnetometer",
     "omega",
+    "angular",
+    "speed",
+    "jerk",
+    "scale",
+    "scaling",
+    "factor",
+    "impulse",
     "force",
     "grf",
     "moment",
@@ -582,6 +624,11 @@ mod tests {
             "Ann:L_ACC",
             "Rotation:Hips",
             "CenterOfMassVelocity",
+            "gyr",
+            "imu1_accelerometer",
+            "pelvis_scale",
+            "scaleFactors",
+            "AngularRate",
         ] {
             assert!(is_other_quantity(other), "{other}");
         }
@@ -594,6 +641,9 @@ mod tests {
             "GRF_position",
             "Accra",
             "RASIS",
+            "LSCA",
+            "Gyrus",
+            "CenterOfGravity",
             "",
         ] {
             assert!(!is_other_quantity(point), "{point}");

@@ -170,9 +170,12 @@ impl ArchiveRows {
         // Columns by what stands behind the names of points.
         let mut of_points: Vec<PointColumns<'_>> = Vec::new();
         let mut of_frames = Vec::new();
+        let number: HashMap<&str, usize> = (self.points.iter().enumerate())
+            .map(|(i, point)| (point.as_str(), i))
+            .collect();
         for column in &self.columns {
             let parted = column.name.rsplit_once('.');
-            let point = |name: &str| self.points.iter().position(|p| p == name);
+            let point = |name: &str| number.get(name).copied();
             match parted.and_then(|(name, what)| Some((point(name)?, what))) {
                 Some((point, what)) => {
                     let at = of_points.iter().position(|(known, _)| *known == what);

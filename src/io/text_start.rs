@@ -60,6 +60,16 @@ fn of_rows(rows: &[&str]) -> Option<TextStart> {
     PointTitles::read(rows).map(|_| TextStart::Points)
 }
 
+/// What a table of text that begins so has with axes, where none of it is a position by its title.
+pub(crate) fn no_positions(start: &[u8]) -> Option<String> {
+    let start = &start[..start.len().min(MOST_LINE_BYTES)];
+    let text = String::from_utf8_lossy(start);
+    let lines = text.split(['\n', '\r']);
+    let filled = lines.filter(|line| !line.trim_matches(BLANK).is_empty());
+    let rows: Vec<&str> = filled.take(MOST_ROWS).collect();
+    PointTitles::no_positions(&rows)
+}
+
 /// Whether a file that begins so is no text.
 pub(crate) fn is_binary(start: &[u8]) -> bool {
     start.iter().any(|b| *b < 9)

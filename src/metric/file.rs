@@ -86,7 +86,15 @@ impl PoseMetric {
             Projection::Weights(weights) => weights.len(),
             Projection::Matrix(matrix) => matrix.nrows(),
         };
-        self.scaling.shift.len() == width
+        let all_finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        let is_finite = match &self.projection {
+            Projection::Weights(weights) => all_finite(weights),
+            Projection::Matrix(matrix) => matrix.iter().all(|v| v.is_finite()),
+        };
+        is_finite
+            && all_finite(&self.scaling.shift)
+            && all_finite(&self.scaling.scale)
+            && self.scaling.shift.len() == width
             && self.scaling.scale.len() == width
             && rows == width * window_parts(self.window)
     }

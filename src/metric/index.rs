@@ -193,6 +193,10 @@ impl PoseIndex {
         let takes: Vec<IndexedTake> =
             serde_json::from_value(takes).map_err(|_| fail("is a damaged index".into()))?;
         let vectors = model.array("vectors", source)?.into_owned();
+        if vectors.iter().any(|v| v.is_infinite()) {
+            let what = "has infinite values: make it anew of its table, with the option `database`";
+            return Err(fail(what.into()));
+        }
         let index = PoseIndex {
             metric,
             takes,
@@ -265,5 +269,13 @@ mod tests {
         cut.insert("vectors", Array2::zeros((3, 2)));
         assert!(PoseIndex::from_model(&cut, "i").is_err());
         assert!(PoseIndex::from_model(&index.metric.to_model(), "m").is_err());
+        for (name, told) in [("vectors", "infinite values"), ("scale", "damaged")] {
+            let mut bad = model.clone();
+            let mut values = model.array(name, "i").unwrap().into_owned();
+            values[[0, 0]] = f32::INFINITY;
+            bad.insert(name, values);
+            let said = PoseIndex::from_model(&bad, "i").unwrap_err().to_string();
+            assert!(said.contains(told), "{said}");
+        }
     }
 }

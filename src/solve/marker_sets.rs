@@ -51,6 +51,10 @@ struct LearnedMarker {
     sd: [f64; 3],
 }
 
+/// The most names of a set that a file has: several times those of the fullest body suits (some 300
+/// markers). Pairs of them are kept.
+const MOST_NAMES: usize = 1000;
+
 /// The kind in the file of a learned set.
 const KIND: &str = "marker-set";
 
@@ -89,6 +93,17 @@ const SIDE: &str = "{S}";
 /// What a landmark ends in where most takes have no marker on it.
 const RARE: char = '?';
 
+/// Fails for more names than a set has.
+fn check_count(names: usize) -> std::result::Result<(), String> {
+    match names > MOST_NAMES {
+        true => Err(format!(
+            "names {names} markers, and a marker set has {MOST_NAMES} at most: leave out those \
+             that no take has"
+        )),
+        false => Ok(()),
+    }
+}
+
 /// A name as it counts: case and . _ - do not.
 fn plain(name: &str) -> String {
     let own = own_name(name).to_lowercase();
@@ -112,14 +127,16 @@ impl MarkerSet {
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
         let bad = |what: String| Error::data(Place::file(&name), what);
         if !text.trim_start().starts_with('{') {
-            let lines = toml::from_str(&text)
+            let lines: BTreeMap<String, String> = toml::from_str(&text)
                 .map_err(|e| bad(format!("is no marker set: {}", e.message())))?;
+            check_count(lines.len()).map_err(&bad)?;
             return MarkerSet::new(name.clone(), &lines).map_err(|e| bad(e.to_string()));
         }
         let learned: Learned = serde_json::from_str(&text)
             .ok()
             .filter(|l: &Learned| l.kind == KIND)
             .ok_or_else(|| bad("is no marker set that label or solve has learned".to_string()))?;
+        check_count(learned.markers.len()).map_err(&bad)?;
         let known = |(pattern, marker): (String, LearnedMarker)| {
             let place = [marker.offset, marker.sd].map(DVec3::from_array);
             (pattern, Landmark::new(&marker.bone, marker.along, place))
@@ -336,5 +353,29 @@ mod tests {
         assert_eq!((set.name.as_str(), set.markers(&lab).len()), ("opencap", 6));
         let lines = BTreeMap::from([("x".to_string(), "NOWHERE".to_string())]);
         assert!(MarkerSet::new("mine".into(), &lines).is_err());
+    }
+
+    #[test]
+    fn a_set_of_a_file_has_no_more_names_than_a_body() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let open = |text: String| {
+            std::fs::write(file.path(), text).unwrap();
+            MarkerSet::open(file.path()).map_err(|e| e.to_string())
+        };
+        let toml = |n: usize| (0..n).map(|i| format!("M{i} = \"KNL\"\n")).collect();
+        let json = |n: usize| {
+            let mut set: serde_json::Value =
+                serde_json::from_str(&MarkerSet::shipped()[0].to_json().unwrap()).unwrap();
+            let markers = set["markers"].as_object_mut().unwrap();
+            let one = markers.values().next().unwrap().clone();
+            *markers = (0..n).map(|i| (format!("M{i}"), one.clone())).collect();
+            set.to_string()
+        };
+        assert_eq!(open(toml(MOST_NAMES)).unwrap().lines.len(), MOST_NAMES);
+        assert_eq!(open(json(MOST_NAMES)).unwrap().lines.len(), MOST_NAMES);
+        for text in [toml(MOST_NAMES + 1), json(MOST_NAMES + 1)] {
+            let said = open(text).unwrap_err();
+            assert!(said.contains("1000 at most"), "{said}");
+        }
     }
 }

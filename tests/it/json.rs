@@ -134,7 +134,7 @@ fn the_object_has_a_stream_of_its_own_and_all_notes() {
         b"",
         2,
     );
-    assert!(line.contains("is the file of the result"), "{line}");
+    assert!(line.contains("are one file; name another"), "{line}");
     // A file for the object leaves standard output to the table.
     let to = format!("--json={}", at("report.json"));
     let table = run("complete", &["-q", &to, &gaps], "");

@@ -36,6 +36,7 @@ mod marker_files;
 mod mesh_register;
 mod metric;
 mod other_programs;
+mod outputs;
 mod pages;
 mod pair_label;
 mod paper;

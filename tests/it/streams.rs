@@ -236,12 +236,13 @@ fn an_output_appears_whole_or_not_at_all() {
     assert_eq!(fs::read(&out).unwrap(), b"before");
     run("complete", &["--per-frame", "-o", text(&out)], &long(3));
     assert_eq!(fs::read_to_string(&out).unwrap().lines().count(), 4);
-    // A command may write over its own input.
+    // No command writes over its own input.
     fs::write(&out, long(500)).unwrap();
-    run(
+    fails(
         "corrupt",
         &["--dense", "0", "-o", text(&out), text(&out)],
-        "",
+        b"",
+        2,
     );
     assert_eq!(fs::read_to_string(&out).unwrap(), long(500));
     let said = fails(

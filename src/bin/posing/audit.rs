@@ -8,6 +8,7 @@ use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::LimitArgs;
+use posing::cli::paths::{OutputPath, check_read};
 use posing::cli::read_args::ReadArgs;
 use posing::cli::{Outcome, messages};
 use posing::io::motion_file::LARGEST_MOTION_FILE;
@@ -54,7 +55,7 @@ pub struct Args {
     /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears
     /// only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -64,6 +65,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let has_json = args.json.prepare_report();
     check_single_stdin(&args.files)?;
     let (files, unreadable) = files_to_audit(&or_stdin(&args.files));
+    check_read(&files)?;
     let page_path = (args.output.as_deref()).filter(|path| {
         !has_json
             && path

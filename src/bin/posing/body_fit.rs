@@ -15,6 +15,7 @@ use posing::cli::body::{
     write_rotations, write_shapes,
 };
 use posing::cli::json_report::JsonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{input, streams};
 use posing::io::MeshFormat;
@@ -70,16 +71,16 @@ pub struct Args {
     one_person: bool,
     /// Output file
     #[arg(short, long, value_name = "FITS.npz", help_heading = "Output")]
-    output: PathBuf,
+    output: OutputPath,
     /// Write the completed meshes to a folder, as PLY
     #[arg(long, value_name = "DIR", help_heading = "Output")]
-    meshes: Option<PathBuf>,
+    meshes: Option<OutputPath>,
     /// Write the rotations and the root position as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    rotations: Option<PathBuf>,
+    rotations: Option<OutputPath>,
     /// Write the shapes as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    shapes: Option<PathBuf>,
+    shapes: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
@@ -244,7 +245,7 @@ fn write(args: &Args, body: &BodyModel, fits: &[Fitted]) -> Result<()> {
     ])?;
     streams::write_bytes(Some(&args.output), &bytes, true)?;
     match &args.meshes {
-        Some(folder) => MeshOutput::Folder(folder.clone(), MeshFormat::Ply).write(
+        Some(folder) => MeshOutput::Folder(folder.to_path_buf(), MeshFormat::Ply).write(
             &completed,
             faces,
             Units::CM_Y,

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::body::scan_fit::fit_scan;
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
+use posing::cli::paths::OutputPath;
 use posing::cli::registration_points::{RegistrationPoints, read_scan};
 use posing::cli::{input, messages};
 use posing::io::mesh_output::MeshOutput;
@@ -40,10 +41,10 @@ pub struct Args {
     units: MeshUnitArgs,
     /// Output file: .obj, .ply, .stl or .npz
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: PathBuf,
+    output: OutputPath,
     /// Write the model's own mesh, which is not warped to the scan
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    predicted: Option<PathBuf>,
+    predicted: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }

@@ -7,6 +7,7 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::pose_take;
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages};
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Result};
@@ -65,7 +66,7 @@ pub struct Args {
     /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and
     /// viewers; or a folder (ending in /) for a file per mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
-    output: PathBuf,
+    output: OutputPath,
     /// Format of the files of a folder [default: ply]
     #[arg(
         long,

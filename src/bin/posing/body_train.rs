@@ -10,6 +10,7 @@ use posing::body::{BodyModel, Template};
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::pair_file::PairFile;
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{messages, streams};
 use posing::io::MeshSet;
@@ -104,7 +105,7 @@ pub struct Args {
     paper: bool,
     /// Output file
     #[arg(short, long, value_name = "BODY.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }

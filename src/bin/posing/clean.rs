@@ -11,6 +11,7 @@ use posing::cli::label_args::LikeArgs;
 use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
+use posing::cli::paths::{OutputPath, command_files};
 use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::{Outcome, messages};
@@ -24,7 +25,7 @@ use posing::restore::Clean;
 use posing::{Error, Result};
 use serde_json::json;
 use sha2::{Digest, Sha256};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
@@ -64,14 +65,14 @@ pub struct Args {
     inputs: Vec<PathBuf>,
     /// Write the result of one file to OUT, results of several files into the folder DIR
     #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
-    output: PathBuf,
+    output: OutputPath,
     /// Format of the results [default: that of each file, or by the extension of OUT]
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<OutputFormat>,
     /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
     /// the ending .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    page: Option<PathBuf>,
+    page: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
     /// Clean files again whose results are there, also where somebody changed these
@@ -163,11 +164,11 @@ pub struct Args {
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
     /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
-    /// --bvh has them; SET is a marker set by its name or file [default: of each take the one that
+    /// --bvh has them; by a marker set's name or file [default: of each take the one that
     /// knows most of its markers]
     #[arg(
         long,
-        value_name = "SET",
+        value_name = "NAME|FILE",
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "auto",
@@ -213,10 +214,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     args.json.prepare_report();
     let output = CleanOutput {
-        path: args.output.clone(),
+        path: args.output.to_path_buf(),
         to: args.to,
-        page: args.page.clone(),
+        page: args.page.as_deref().map(Path::to_path_buf),
         only_new: args.new_only,
+        files: command_files(),
     };
     let bar = Progress::new("cleaning", 0);
     let progress = |done: usize, all: usize| bar.set_of(done as u64, all as u64);

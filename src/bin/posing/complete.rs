@@ -3,10 +3,11 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::paths::OutputPath;
 use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::io::parse_point_names;
 use posing::restore::Complete;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// Fill gaps and missing points
 ///
@@ -43,7 +44,7 @@ pub struct Args {
     /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. The
     /// object of --json if FILE ends in .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    report: Option<PathBuf>,
+    report: Option<OutputPath>,
     #[command(flatten)]
     restoring: RestoringArgs,
     #[command(flatten)]
@@ -62,6 +63,6 @@ pub fn work(args: &Args) -> Result<()> {
     };
     restore(
         &args.restoring,
-        &Task::Complete(options, args.report.clone()),
+        &Task::Complete(options, args.report.as_deref().map(Path::to_path_buf)),
     )
 }

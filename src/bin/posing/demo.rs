@@ -2,11 +2,12 @@
 
 use clap::Parser;
 use posing::cli::args::CommonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::{messages, streams};
 use posing::io::output::write_file;
 use posing::{Error, Place, Result};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Damage a captured run, restore it, and draw what came of it
@@ -25,7 +26,7 @@ use std::process::{Command, Stdio};
 pub struct Args {
     /// Folder for the files; it is made if it is not there
     #[arg(value_name = "DIR", default_value = "posing-demo")]
-    folder: PathBuf,
+    folder: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }

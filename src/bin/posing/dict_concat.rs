@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::io::Model;
 use posing::prior::provenance::{digest, entry};
@@ -36,7 +37,7 @@ pub struct Args {
     no_report: bool,
     /// Output file
     #[arg(short, long, value_name = "DICT.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }

@@ -6,6 +6,7 @@ use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
 use posing::cli::ik::{name_bone_ends, read_skeleton};
 use posing::cli::input::{check_single_stdin, open_model, read_table};
 use posing::cli::name_maps::name_map;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{browser, signals};
 use posing::edit;
@@ -59,7 +60,7 @@ pub struct Args {
     map: Option<String>,
     /// Keep the session in FILE, and go on with it if it exists
     #[arg(long, value_name = "FILE.json")]
-    session: Option<PathBuf>,
+    session: Option<OutputPath>,
     /// Port of the page's address; 0: any that is free
     #[arg(long, value_name = "P", default_value_t = 0)]
     port: u16,
@@ -87,7 +88,7 @@ pub fn work(args: &Args) -> Result<()> {
         .transpose()?;
     let source = EditSource {
         figure: figure(args, &model, table.as_ref())?,
-        session: args.session.clone(),
+        session: args.session.as_deref().map(Path::to_path_buf),
         model,
         table,
     };

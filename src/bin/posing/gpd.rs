@@ -5,10 +5,10 @@ use ndarray::{Axis, concatenate};
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
+use posing::cli::paths::OutputPath;
 use posing::io::TableFormat;
 use posing::metric::{Family, Gpd};
 use posing::{Error, Result};
-use std::path::PathBuf;
 
 /// Describe poses by 1,683 geometric features
 ///
@@ -51,7 +51,7 @@ pub struct Args {
     is_static: bool,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Output format, csv or npy (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<TableFormat>,

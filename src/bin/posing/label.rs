@@ -1,12 +1,13 @@
 //! Puts the labels of takes right.
 
 use clap::Parser;
-use posing::clean::write_labeled;
+use posing::clean::{files_beside, write_labeled};
 use posing::cli::args::CommonArgs;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each_told};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::marker_set::marker_set;
+use posing::cli::paths::{OutputPath, check_written};
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
@@ -58,7 +59,7 @@ pub struct Args {
         required_unless_present = "dry_run",
         help_heading = "Output"
     )]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Say what would be changed, and write nothing
     #[arg(long, conflicts_with = "output", help_heading = "Output")]
     dry_run: bool,
@@ -123,8 +124,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     // A dry run has places for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
-    let kept: Vec<&Path> = args.like.like.iter().map(|path| path.as_path()).collect();
-    let jobs = batch(&args.inputs, output, &EXTENSIONS, None, &kept)?;
+    let jobs = batch(&args.inputs, output, &EXTENSIONS, None)?;
+    let results = jobs.iter().filter(|_| !args.dry_run);
+    let results = results.filter_map(|job| job.output.as_deref());
+    check_written(results.flat_map(files_beside))?;
     if jobs.len() > 1 && !args.keep_labels.is_empty() {
         let what = "--keep-labels is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));

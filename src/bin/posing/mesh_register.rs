@@ -5,6 +5,7 @@ use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::registration_points::{RegistrationPoints, read_scan};
 use posing::cli::{input, messages};
@@ -51,7 +52,7 @@ pub struct Args {
     template_units: Option<LengthUnit>,
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }

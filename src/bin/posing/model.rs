@@ -3,6 +3,7 @@
 use clap::{Parser, Subcommand};
 use posing::cli::args::CommonArgs;
 use posing::cli::json_report::JsonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, streams};
 use posing::io::Model;
 use posing::solve::MarkerSet;
@@ -41,7 +42,7 @@ enum What {
     Save {
         /// Output file
         #[arg(short, long, value_name = "MODEL.npz")]
-        output: PathBuf,
+        output: OutputPath,
     },
 }
 

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::io::text::push_f32;
 use posing::metric::pairs::{FrameRef, LabeledPair, best_threshold};
@@ -56,7 +57,7 @@ pub struct Args {
     map: FittingMapArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }

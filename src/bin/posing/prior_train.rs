@@ -3,6 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, value_name};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::training::{MultiscaleArgs, ready};
 use posing::cli::{messages, streams};
@@ -10,7 +11,6 @@ use posing::prior::multiscale;
 use posing::prior::provenance::entry;
 use posing::prior::tuning::Tuning;
 use posing::prior::{HoldBack, Kind, TrainOptions};
-use std::path::PathBuf;
 
 /// Train a pose model
 ///
@@ -47,7 +47,7 @@ pub struct Args {
     credit: Option<String>,
     /// Output file
     #[arg(short, long, value_name = "MODEL.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
     #[command(flatten)]

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive, value_name};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
@@ -95,7 +96,7 @@ pub struct Args {
     paper: bool,
     /// Output file
     #[arg(short, long, value_name = "METRIC.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
     #[command(flatten)]

@@ -6,6 +6,7 @@ use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::name_map;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::retarget::{Rest, Retargeted, Retargeter, cmu_map};
@@ -18,7 +19,7 @@ use posing::pose::{NameMap, joints};
 use posing::{Error, Place, Result};
 use serde_json::{Value, json};
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Carry motion to another skeleton: a rig of other proportions, names and rest pose
 ///
@@ -55,7 +56,7 @@ pub struct Args {
     /// Write the result of one file to OUT instead of standard output, results of several files
     /// into the folder DIR
     #[arg(short, long, value_name = "OUT.bvh|DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Names of the sources' joints: cmu, a shipped map or a TOML file [default: the map that
     /// fits, else the shape of the skeleton]
     #[arg(long, value_name = "NAME|FILE.toml", help_heading = "Method")]
@@ -115,13 +116,8 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.json.prepare(args.output.as_deref())?;
     let inputs = or_stdin(&args.inputs);
     check_single_stdin(inputs.iter().chain([&args.to]))?;
-    let kept: Vec<&Path> = [Some(&args.to), args.asf.as_ref()]
-        .into_iter()
-        .flatten()
-        .map(PathBuf::as_path)
-        .collect();
     let output = args.output.as_deref();
-    let jobs = batch(&inputs, output, &["bvh", "amc"], Some("bvh"), &kept)?;
+    let jobs = batch(&inputs, output, &["bvh", "amc"], Some("bvh"))?;
     let options = ReadOptions {
         fps: args.fps,
         up: Some(args.up),

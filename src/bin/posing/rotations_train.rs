@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::CommonArgs;
 use posing::cli::input::open;
 use posing::cli::messages;
+use posing::cli::paths::{OutputPath, check_read};
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::io::{Amc, Asf};
@@ -40,7 +41,7 @@ pub struct Args {
     credit: Option<String>,
     /// Output file
     #[arg(short, long, value_name = "ROTATIONS.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -81,6 +82,7 @@ fn person(
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
     files.sort();
+    check_read(&files)?;
     let with = |ending: &str| {
         let is_one = |f: &&PathBuf| {
             f.extension()

@@ -5,6 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::messages;
+use posing::cli::paths::OutputPath;
 use posing::evaluate::Score;
 use posing::evaluate::alignment::point_order;
 use posing::io::Table;
@@ -52,7 +53,7 @@ pub struct Args {
     joints: Option<String>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }

@@ -5,6 +5,7 @@ use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::open;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::marker_set::marker_set;
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::{write_bytes, write_table};
@@ -87,7 +88,7 @@ pub struct Args {
         conflicts_with = "json",
         help_heading = "Method"
     )]
-    learn: Option<PathBuf>,
+    learn: Option<OutputPath>,
     /// Joints of a take to learn from, once a take, in their order
     #[arg(
         long,
@@ -108,16 +109,16 @@ pub struct Args {
     sd: bool,
     /// Also write the motion as AMC, for the skeleton of --asf-out
     #[arg(long, value_name = "OUT.amc", help_heading = "Output")]
-    amc: Option<PathBuf>,
+    amc: Option<OutputPath>,
     /// Also write the skeleton as ASF
     #[arg(long, value_name = "OUT.asf", help_heading = "Output")]
-    asf_out: Option<PathBuf>,
+    asf_out: Option<OutputPath>,
     /// Also write skeleton and motion as BVH
     #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
-    bvh: Option<PathBuf>,
+    bvh: Option<OutputPath>,
     /// Also write a page that plays joints and markers, each with a line to its bone
     #[arg(long, value_name = "OUT.html", help_heading = "Output")]
-    page: Option<PathBuf>,
+    page: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]

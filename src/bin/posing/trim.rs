@@ -1,6 +1,6 @@
 //! Chooses frames and points of takes, changes their rate, filters them.
 
-use std::path::PathBuf;
+use posing::cli::paths::OutputPath;
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
@@ -68,7 +68,7 @@ pub struct Args {
     rename: Vec<(String, String)>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Unit of length of the output (default: that of an input table, else cm)
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
     out_units: Option<LengthUnit>,

@@ -7,6 +7,7 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::io::{Amc, Asf, SkeletonFile};
 use posing::pose::one_take::first_frame_number;
@@ -43,7 +44,7 @@ pub struct Args {
     joints_of: JointArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
     /// fit
     #[arg(long)]

@@ -5,6 +5,7 @@ use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::bvh::LARGEST_FILE;
@@ -67,7 +68,7 @@ pub struct Args {
     joints_of: JointArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Order of the rotation channels; the last is applied first [default: ZYX, or that of the BVH
     /// skeleton]
     #[arg(long, value_name = "ORDER", value_parser = order)]

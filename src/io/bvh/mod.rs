@@ -187,6 +187,35 @@ mod tests {
     const FRAME: &str = "90 0 0 5 6 7 0 0 0 0 ";
 
     #[test]
+    fn names_that_are_not_utf_8_stay_apart_and_are_told() {
+        let text = odd(&FRAME.repeat(2)).replace("JOINT a {", "JOINT \u{e4} {");
+        assert_eq!(load(text.clone(), false).unwrap().notes.len(), 0);
+        // Two words of Shift-JIS, in bytes, one of which has that of a no-break space.
+        let start = text
+            .replace('\u{e4}', "AAAA")
+            .replace("JOINT b\n", "JOINT BBBB\n");
+        let mut bytes = start.into_bytes();
+        for (word, own) in [(b"AAAA", b"\x8d\xb6\x98r"), (b"BBBB", b"\x89\xa0\x83\\")] {
+            let at = bytes.windows(4).position(|four| four == word).unwrap();
+            bytes[at..at + 4].copy_from_slice(own);
+        }
+        let bvh = load(bytes.clone(), false).unwrap();
+        let names: Vec<&str> = bvh.joints.iter().map(|j| j.name.as_str()).collect();
+        assert_eq!(
+            names[1..3],
+            ["\u{fffd}\u{b6}\u{fffd}r", "\u{fffd}\u{a0}\u{fffd}\\"]
+        );
+        let told = "2 names of joints are not UTF-8";
+        assert!(
+            bvh.notes.len() == 1 && bvh.notes[0].contains(told),
+            "{:?}",
+            bvh.notes
+        );
+        let again = bvh.with_motion(&bytes, bvh.motion.view(), 1.0).unwrap();
+        assert_eq!(again, bytes);
+    }
+
+    #[test]
     fn odd_files_are_read() {
         let loaded = load(odd(&FRAME.repeat(2)), false).unwrap();
         assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);

@@ -12,6 +12,7 @@ use crate::pose::rotation::Axis;
 use crate::{Error, Place, Result};
 use glam::DVec3;
 use ndarray::Array2;
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 /// Larger files are refused; an hour at 120 frames a second takes a fifth of it.
@@ -26,8 +27,7 @@ impl Bvh {
     pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Bvh> {
         let name = input.name.clone();
         let bytes = input.read_all(LARGEST_FILE)?;
-        // Old files have Latin-1 names.
-        let text = String::from_utf8_lossy(&bytes);
+        let text = decoded(&bytes);
         let mut parser = Parser::new(&text);
         let mut notes = Vec::new();
         let fail = |fault: BvhFault, words: &Tokens| {
@@ -37,6 +37,14 @@ impl Bvh {
             return Err(fail(fault, &parser.words));
         }
         let mut joints = parser.joints;
+        let is_foreign = |joint: &&Joint| !joint.name.is_ascii();
+        let foreign = joints.iter().filter(is_foreign).count();
+        if foreign > 0 && matches!(text, Cow::Owned(_)) {
+            notes.push(format!(
+                "{name}: {foreign} names of joints are not UTF-8 and are read as Latin-1; convert \
+                 the file first if they have another encoding (iconv -f shift_jis -t utf-8)"
+            ));
+        }
         if let Some((at, word, count)) = parser.stray {
             let more = if count > 1 {
                 format!(" and {} more", count - 1)
@@ -389,10 +397,26 @@ fn unique_names(joints: &mut [Joint]) -> Vec<String> {
     renamed
 }
 
+/// The text of a file. Where it is no UTF-8, its bytes are taken for Latin-1, as old files have it:
+/// names of any encoding stay in their places. What Latin-1 has no letter for is U+FFFD.
+fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => {
+            let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+            let letter = |b: &u8| match b {
+                0x80..=0x9f => char::REPLACEMENT_CHARACTER,
+                b => char::from(*b),
+            };
+            Cow::Owned(bytes.iter().map(letter).collect())
+        }
+    }
+}
+
 /// Where the values of the motion start in the bytes of a file; `None` where it has no head that
 /// can be read.
 pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
-    let text = String::from_utf8_lossy(bytes);
+    let text = decoded(bytes);
     let mut parser = Parser::new(&text);
     parser.hierarchy().ok()?;
     motion_head(&mut parser.words).ok()?;
@@ -404,7 +428,7 @@ pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
 /// Where the hierarchy ends in the bytes of a file, behind the word MOTION; `None` where there is
 /// none.
 pub(super) fn hierarchy_end(bytes: &[u8]) -> Option<usize> {
-    let text = String::from_utf8_lossy(bytes);
+    let text = decoded(bytes);
     let mut parser = Parser::new(&text);
     parser.hierarchy().ok()?;
     // Counted from the end, as for `motion_start`.

@@ -14,7 +14,7 @@ use super::input::Input;
 use super::marker_take::MarkerTake;
 use super::motion_format::{MotionFormat, recognized};
 use super::text::Lines;
-use super::text_start::{TextStart, of_lines, too_long};
+use super::text_start::{TextStart, no_positions, of_lines, too_long};
 use crate::{Error, Place, Result};
 
 /// Reads a file. `points` are what a Motive file's points shall be, instead of the first kind that
@@ -41,6 +41,7 @@ pub fn read(
         return Err(Error::data(Place::file(name), what));
     }
     let is_pose_table = of_lines(input.first_bytes()) == Some(TextStart::PoseTable);
+    let no_positions = no_positions(input.first_bytes());
     let is_empty = input.first_bytes().is_empty();
     let too_long = too_long(input.first_bytes());
     let mut lines = Lines::new(&name, input.into_reader());
@@ -57,6 +58,13 @@ pub fn read(
         MotionFormat::Csv if is_empty => Err(Error::data(
             Place::file(name),
             "is empty, expected a table of markers",
+        )),
+        MotionFormat::Csv if let Some(others) = no_positions => Err(Error::data(
+            Place::file(name),
+            format!(
+                "has no positions: by their titles {others} are angles, velocities, forces, \
+                 scales or the like; give markers another name"
+            ),
         )),
         MotionFormat::Csv => {
             let known = "is neither a Motive CSV file (it begins with Format Version), a Qualisys \

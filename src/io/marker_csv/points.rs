@@ -5,10 +5,11 @@ use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::{CarriedColumns, MarkerTake};
 use crate::io::point_titles::{MOST_ROWS, PointTitles};
 use crate::io::row_cells::texts_of;
-use crate::io::text::{Lines, parse_number};
+use crate::io::text::{Lines, decimal, excerpt, parse_number};
 use crate::io::text_start::BLANK;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
+use std::borrow::Cow;
 use std::io::BufRead;
 
 /// A line and its number.
@@ -50,11 +51,42 @@ fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<Line>> {
     Ok(line.map(|line| (lines.number, line)))
 }
 
+/// How the numbers of a table are written whose cells commas do not part.
+#[derive(Debug, Default)]
+struct Decimals {
+    has_comma: bool,
+    has_point: bool,
+}
+
+impl Decimals {
+    /// A number's text with a point before its decimals.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: some numbers have a comma and some a point, of which one may part
+    /// thousands.
+    fn text<'c>(&mut self, cell: &'c str, separator: u8) -> Result<Cow<'c, str>> {
+        self.has_point |= cell.contains('.');
+        self.has_comma |= separator != b',' && cell.contains(',');
+        match (self.has_comma, self.has_point) {
+            (true, true) => Err(format!(
+                "has numbers with a comma and with a point, as in \"{}\": write all decimals with \
+                 a point, and no signs between thousands",
+                excerpt(cell)
+            )
+            .into()),
+            (true, false) => Ok(Cow::Owned(decimal(cell))),
+            _ => Ok(Cow::Borrowed(cell)),
+        }
+    }
+}
+
 /// The rows that were read so far.
 struct Table<'a> {
     name: &'a str,
     titles: &'a PointTitles,
     separator: u8,
+    /// Whether a number was read whose decimals stand behind a comma, and one with a point.
+    decimals: Decimals,
     /// The columns of the coordinates, point by point.
     at: Vec<usize>,
     /// The column of the time, and the seconds of its unit.
@@ -81,7 +113,7 @@ impl Table<'_> {
         let cells = first.map(|(_, line)| texts_of(line, separator));
         let is_number = |column: usize| {
             let cell = cells.as_ref().and_then(|cells| cells.get(column));
-            cell.is_some_and(|cell| parse_number(cell).is_ok())
+            cell.is_some_and(|cell| parse_number(&decimal(cell)).is_ok())
         };
         let mut others = titles.others.iter();
         let time = others.find_map(|(title, column)| {
@@ -102,6 +134,7 @@ impl Table<'_> {
             name,
             titles,
             separator,
+            decimals: Decimals::default(),
             at: titles.points.iter().flat_map(|(_, at)| *at).collect(),
             time,
             frame,
@@ -133,10 +166,17 @@ impl Table<'_> {
             None if is_cut => None,
             cell => Some(cell.unwrap_or_default()),
         });
+        let chosen = chosen.map(|cell| self.decimals.text(cell, self.separator));
+        let chosen = chosen.collect::<Result<Vec<_>>>();
+        let chosen = chosen.map_err(|e| e.at(Place::line(self.name, number)))?;
+        let chosen = chosen.iter().map(|cell| &**cell);
         let pushed = self.rows.push(number, None, None, chosen);
         pushed.map_err(|e| e.at(Place::line(self.name, number)))?;
         if let Some((column, unit)) = self.time {
-            let seconds = parse_number(cell(column).unwrap_or_default());
+            let text = self
+                .decimals
+                .text(cell(column).unwrap_or_default(), self.separator);
+            let seconds = text.and_then(|text| parse_number(&text));
             let seconds = seconds.map_err(|what| bad(format!("time: {what}")))?;
             let seconds = seconds * unit;
             if self.times.last().is_some_and(|last| seconds < *last) {
@@ -198,6 +238,7 @@ impl Table<'_> {
         take.carried = self.carried;
         take.carried.rows.truncate(frames);
         take.cells.separator = self.titles.separator;
+        take.cells.decimal_comma = self.decimals.has_comma;
         take.cells.move_points(|cell| self.at[cell]);
         Ok(take)
     }
@@ -276,6 +317,49 @@ mod tests {
             .with_points(ANIPOSE.as_bytes(), take.xyz.view(), new.view());
         let wanted = ANIPOSE.replace(".25,,,,\n", ".25,,9.5,,\n");
         assert_eq!(String::from_utf8(bytes).unwrap(), wanted);
+    }
+
+    #[test]
+    fn decimals_may_stand_behind_a_comma() {
+        let text = "time;A.x;A.y;A.z;note\n0;-1,5;2;3,25;\"so, so\"\n0,01;1,5;2;3;\n";
+        let read = take(text).unwrap();
+        assert_eq!(read.xyz.row(0).to_vec(), [-1.5, 2.0, 3.25]);
+        assert_eq!(
+            (read.rate, carried(&read, 0)),
+            (Some(100.0), vec!["so, so".into()])
+        );
+        let mut new = read.xyz.clone();
+        new[[0, 1]] = 7.5;
+        let bytes = read
+            .cells
+            .with_points(text.as_bytes(), read.xyz.view(), new.view());
+        assert_eq!(
+            String::from_utf8(bytes).unwrap(),
+            text.replace(";2;3,25", ";7,5;3,25")
+        );
+        // One of them may part thousands.
+        let mixed = text.replace("0,01;1,5", "0,01;1.5");
+        let said = take(&mixed).unwrap_err().to_string();
+        assert!(
+            said.contains("x.csv:3: has numbers with a comma and with a point"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn a_table_of_other_quantities_is_told_by_name() {
+        let text = "time,gyr_x,gyr_y,gyr_z,pelvis_scale_x,pelvis_scale_y,pelvis_scale_z\n\
+            0,1,2,3,1,1,1\n";
+        let said = take(text).unwrap_err().to_string();
+        assert!(
+            said.contains("no positions") && said.contains("gyr, pelvis_scale"),
+            "{said}"
+        );
+        let with_a_marker = text.replace("gyr", "LFHD");
+        let read = take(&with_a_marker).unwrap();
+        assert_eq!(read.points, ["LFHD"]);
+        assert!(read.notes[0].contains("pelvis_scale"), "{:?}", read.notes);
+        assert_eq!(read.carried.names.len(), 3);
     }
 
     #[test]

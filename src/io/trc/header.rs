@@ -2,7 +2,8 @@
 //! number.
 
 use crate::io::marker_rows::{Stated, is_missing};
-use crate::io::text::{Lines, excerpt};
+use crate::io::point_titles::points_of;
+use crate::io::text::{Lines, decimal, excerpt};
 use crate::{Error, Result};
 use std::io::BufRead;
 
@@ -27,10 +28,15 @@ impl Header {
         let number = |key: &str| decimal(&value(key)?).parse::<f64>().ok();
         let markers = number("NumMarkers");
         let has_commas = !titles.contains('\t') && titles.contains(',');
-        let Some(labels) = labels(&titles, has_commas, markers) else {
+        let Some(labels) = labels(titles.trim_start_matches('\t'), has_commas, markers) else {
             let found = excerpt(titles.replace('\t', " ").trim());
             let what = format!("expected Frame#, Time and the names of markers, found \"{found}\"");
             return Err(Error::data(lines.here(), what));
+        };
+        // Some files name each column.
+        let labels = match markers == Some(labels.len() as f64) {
+            true => labels,
+            false => points_of(&labels).unwrap_or(labels),
         };
         let mut notes = Vec::new();
         if let Some(markers) = markers.filter(|&n| n < labels.len() as f64) {
@@ -68,11 +74,6 @@ pub(crate) fn words(line: &str) -> Vec<&str> {
     let is_decimal = line.contains('\t');
     let parts = |c: char| c.is_whitespace() || c == ',' && !is_decimal;
     line.split(parts).filter(|word| !word.is_empty()).collect()
-}
-
-/// A number whose decimals may stand behind a comma.
-pub(crate) fn decimal(cell: &str) -> String {
-    cell.replace(',', ".")
 }
 
 /// The value of a key: that below it, by number, where each key has one; else by cells.

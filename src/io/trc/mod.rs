@@ -13,12 +13,12 @@ mod write;
 
 pub(crate) use write::NewTrc;
 
-use self::header::{Header, decimal, words};
+use self::header::{Header, words};
 use super::input::Input;
 use super::marker_rows::MarkerRows;
 use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
-use super::text::{Lines, excerpt};
+use super::text::{Lines, decimal, excerpt};
 use super::text_cells::Separator;
 use crate::{Error, Place, Result};
 use std::io::BufRead;
@@ -34,14 +34,16 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let mut lines = Lines::new(&name, input.into_reader()).any_end();
     check_first(&mut lines, other)?;
     let header = Header::read(&mut lines)?;
+    // The cells of a whole row: the frame's number, its time, the points.
+    let whole = 2 + 3 * header.stated.labels.len();
     let separator = match header.has_commas {
         true => Separator::Comma,
-        false => Separator::TabOrBlanks {
-            whole: 2 + 3 * header.stated.labels.len(),
-        },
+        false => Separator::TabOrBlanks { whole },
     };
     let mut rows = MarkerRows::default();
     let (mut is_first, mut decimal_comma) = (true, false);
+    // Whether an empty cell stands before the frame's number, as in the first row.
+    let mut has_margin: Option<bool> = None;
     loop {
         let number = lines.number + 1;
         let Some(line) = lines.next_line()? else {
@@ -59,13 +61,20 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
             }
             false => line,
         };
-        let cells = cells(line, separator);
+        let mut cells = cells(line, separator);
         let is_blank = cells.iter().all(|c| c.trim().is_empty());
         // The line of X1, Y1, Z1, which some files lack.
-        let is_title = is_first && !is_blank && cells[0].trim().parse::<f64>().is_err();
+        let is_number = |cell: &str| cell.trim().parse::<f64>().is_ok();
+        let is_title = is_first && !is_number(cells[0]) && !begins_with_margin(&cells, whole);
         is_first &= is_blank;
         if is_blank || is_title {
             continue;
+        }
+        if *has_margin.get_or_insert_with(|| begins_with_margin(&cells, whole))
+            && !cells.remove(0).trim().is_empty()
+        {
+            let what = "does not begin with an empty cell, as the rows before do";
+            return Err(Error::data(lines.here(), what));
         }
         let (frame, time) = (Some(cells[0]), cells.get(1).copied());
         let pushed = rows.push(number, frame, time, cells.iter().skip(2).copied());
@@ -74,7 +83,8 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let mut take = rows.take(&name, header.stated, lines.whole, keep_whole)?;
     take.cells.separator = separator;
     take.cells.decimal_comma = decimal_comma;
-    take.cells.move_points(|cell| 2 + cell);
+    take.cells
+        .move_points(|cell| 2 + usize::from(has_margin == Some(true)) + cell);
     Ok(take)
 }
 
@@ -83,6 +93,21 @@ fn cells(line: &str, separator: Separator) -> Vec<&str> {
     match separator.of_row(line.as_bytes()) {
         Some(byte) => line.split(char::from(byte)).collect(),
         None => line.split_whitespace().collect(),
+    }
+}
+
+/// Whether an empty cell stands before the frame's number in a row that has a cell more than a
+/// `whole` one.
+fn begins_with_margin(cells: &[&str], whole: usize) -> bool {
+    match cells {
+        [first, frame, time, ..] => {
+            let is_number = |cell: &str| decimal(cell.trim()).parse::<f64>().is_ok();
+            first.trim().is_empty()
+                && frame.trim().parse::<u64>().is_ok()
+                && is_number(time)
+                && cells.len() > whole
+        }
+        _ => false,
     }
 }
 
@@ -206,6 +231,60 @@ mod tests {
         let read = take(&decimals).unwrap();
         assert_eq!((read.rate, read.xyz[[0, 0]]), (Some(100.0), 1.5));
         assert!(read.cells.decimal_comma);
+    }
+
+    #[test]
+    fn rows_may_begin_with_a_tab() {
+        let text = format!("{HEAD}{ROWS}");
+        let sound = take(&text).unwrap();
+        let shifted = text.replace("\n5\t", "\n\t5\t").replace("\n6\t", "\n\t6\t");
+        // The line of X1, Y1, Z1 may lack, and the titles may begin with a tab too.
+        let bare = shifted.replace("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n", "");
+        let titled = shifted.replace("Frame#", "\tFrame#");
+        for other in [&shifted, &bare, &titled] {
+            let read = take(other).unwrap();
+            assert_eq!((&read.points, read.xyz.nrows()), (&sound.points, 2));
+            assert_eq!((read.first_frame, read.xyz.row(0)), (5, sound.xyz.row(0)));
+            let mut new = read.xyz.clone();
+            new[[0, 0]] = 9.5;
+            let bytes = read
+                .cells
+                .with_points(other.as_bytes(), read.xyz.view(), new.view());
+            let wanted = other.replace("5\t0.04\t1\t", "5\t0.04\t9.5\t");
+            assert_eq!(String::from_utf8(bytes).unwrap(), wanted);
+        }
+        let mixed = shifted.replace("\n\t6", "\n6");
+        let said = take(&mixed).unwrap_err().to_string();
+        assert!(said.contains("does not begin with an empty cell"), "{said}");
+    }
+
+    #[test]
+    fn names_may_stand_above_each_column() {
+        let each = "A_x\tA_y\tA_z\tB.X\tB.Y\tB.Z";
+        let text = format!("{HEAD}{ROWS}").replace("A\t\t\tB\t\t\t", each);
+        let read = take(&text).unwrap();
+        assert_eq!(
+            (read.points, read.notes),
+            (vec!["A".into(), "B".into()], vec![])
+        );
+        // Markers that are called so are as many as the header says.
+        let three = "PathFileType\t4\t(X/Y/Z)\nDataRate\tNumFrames\tNumMarkers\tUnits\n\
+            100\t1\t3\tmm\nFrame#\tTime\tA_x\t\t\tA_y\t\t\tA_z\n\
+            1\t0\t1\t2\t3\t4\t5\t6\t7\t8\t9\n";
+        assert_eq!(take(three).unwrap().points, ["A_x", "A_y", "A_z"]);
+    }
+
+    #[test]
+    fn names_of_another_encoding_are_told() {
+        let text = format!("{HEAD}{ROWS}").replace("A\t\t\t", "\u{e4}\t\t\t");
+        assert!(take(&text).unwrap().notes.is_empty());
+        let bytes = text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+        let input = Input::new("x.trc", std::io::Cursor::new(bytes)).unwrap();
+        let notes = read(input, false).unwrap().notes;
+        assert!(
+            notes[0].contains("not UTF-8") && notes.len() == 1,
+            "{notes:?}"
+        );
     }
 
     #[test]

@@ -14,6 +14,7 @@ use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
+use posing::cli::paths::OutputPath;
 use posing::cli::{Outcome, input};
 use posing::io::Table;
 use posing::pose::units::{LengthUnit, Units, UpAxis, parse_length};
@@ -84,7 +85,7 @@ pub struct Args {
     /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending
     /// in /) for a file per frame
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
-    output: PathBuf,
+    output: OutputPath,
     /// Format of the files of a folder [default: ply]
     #[arg(
         long,
@@ -95,10 +96,10 @@ pub struct Args {
     mesh_format: Option<String>,
     /// Write the rotations and the root position as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    rotations: Option<PathBuf>,
+    rotations: Option<OutputPath>,
     /// Write the shape as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    shapes: Option<PathBuf>,
+    shapes: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }

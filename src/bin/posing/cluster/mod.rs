@@ -5,6 +5,7 @@ mod split;
 use self::split::{KMeansArgs, SplitFolder};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::cli::{input, messages};
@@ -14,7 +15,6 @@ use posing::io::csv::{AddedColumn, After};
 use posing::io::model::check_point_count;
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
-use std::path::PathBuf;
 
 /// Group poses by hierarchical k-means
 ///
@@ -37,10 +37,10 @@ pub struct Args {
     kmeans: KMeansArgs,
     /// Write the centroids to a model file
     #[arg(long, value_name = "CENTROIDS.npz")]
-    save: Option<PathBuf>,
+    save: Option<OutputPath>,
     /// Write one table per cluster into DIR: 0.csv, 1.csv, …
     #[arg(long, value_name = "DIR", conflicts_with = "output")]
-    split: Option<PathBuf>,
+    split: Option<OutputPath>,
     #[command(flatten)]
     seed: SeedArgs,
     #[command(flatten)]

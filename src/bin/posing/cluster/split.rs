@@ -1,14 +1,14 @@
 //! `cluster` around the library: its flags, and a folder with one table a cluster.
 
 use posing::cli::args::OutputArgs;
+use posing::cli::paths::check_written;
 use posing::cli::streams::create_table;
 use posing::cluster::KMeans;
-use posing::io::output::CompleteOutput;
 use posing::io::{Row, Table, TableFormat};
 use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The flags of k-means.
 #[derive(Debug, Clone, clap::Args)]
@@ -88,6 +88,8 @@ impl SplitFolder<'_> {
     /// # Errors
     /// When there are such files, or the folder cannot be read.
     pub fn check(&self) -> Result<()> {
+        let parts = (0..self.parts).map(|part| self.folder.join(self.name(part)));
+        check_written(parts)?;
         if !self.folder.is_dir() {
             return Ok(());
         }
@@ -121,10 +123,9 @@ impl SplitFolder<'_> {
         for (frame, &label) in labels.iter().enumerate() {
             members[label as usize].push(frame);
         }
-        let mut complete = Vec::new();
         for (part, members) in members.into_iter().enumerate() {
             let out = OutputArgs {
-                output: Some(PathBuf::from(self.folder).join(self.name(part))),
+                output: Some(self.folder.join(self.name(part)).into()),
                 ..self.out.clone()
             };
             let mut sink = create_table(&out, self.input, &table.columns, &[])?;
@@ -133,8 +134,8 @@ impl SplitFolder<'_> {
                 let xyz = row.xyz.clone();
                 sink.write(&mut row, &xyz, &[])?;
             }
-            complete.push(sink.complete()?);
+            sink.finish()?;
         }
-        complete.into_iter().try_for_each(CompleteOutput::publish)
+        Ok(())
     }
 }

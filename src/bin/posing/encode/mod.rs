@@ -4,6 +4,7 @@ mod code_table;
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::paths::OutputPath;
 
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::streams::open_output;
@@ -45,7 +46,7 @@ pub(crate) struct Args {
     pursuit: SelectionRule,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }

@@ -3,6 +3,7 @@
 
 use clap::Args;
 use posing::cli::args::InputArgs;
+use posing::cli::paths::{OutputPath, check_written};
 use posing::cli::progress::Progress;
 use posing::cli::toml_file;
 use posing::cli::{input, messages};
@@ -70,7 +71,7 @@ pub struct BenchmarkArgs {
     /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished
     /// results there
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    pub output: Option<PathBuf>,
+    pub output: Option<OutputPath>,
     /// Tables of poses; in the file only.
     #[arg(skip)]
     pub tables: Vec<PathBuf>,
@@ -106,7 +107,9 @@ impl BenchmarkArgs {
             frames: self.frames.or(file.frames),
             base: self.base.or(file.base),
             observe: self.observe.or(file.observe),
-            output: self.output.or(file.output.map(|name| folder.join(name))),
+            output: self
+                .output
+                .or(file.output.map(|name| folder.join(&*name).into())),
             tables: within(file.tables),
             subjects: file.subjects,
         })
@@ -316,6 +319,7 @@ fn run_cases(
 
 /// Writes the results into a folder.
 pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+    check_written(files.iter().map(|(name, _)| folder.join(name)))?;
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (name, text) in files {
         posing::io::output::write_file(folder.join(name), text.as_bytes())?;

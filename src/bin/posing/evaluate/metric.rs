@@ -7,6 +7,7 @@ use posing::cli::args::InputArgs;
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::take_classes;
 use posing::cli::{input, messages};
@@ -51,7 +52,7 @@ pub struct EvaluateMetricArgs {
     seed: u64,
     /// Also write metric.csv, metric.json and report.html into DIR
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
 }
 
 fn rule(text: &str) -> std::result::Result<LabelRule, String> {

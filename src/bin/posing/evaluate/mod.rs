@@ -15,7 +15,7 @@ use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
 use posing::evaluate::report::BenchmarkReport;
 use posing::{Error, Result};
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Compare models on poses they were not trained on
 ///
@@ -184,8 +184,8 @@ pub fn work(args: &Args) -> Result<()> {
     let data = Dataset::new(&sources(&args.table, tables)?, &plan.subjects)?;
     let bench = Benchmark::new(&data, settings)?;
     benchmark::report_exclusions(&bench);
-    let open = |folder: &PathBuf| ResultCache::open(folder, args.fresh);
-    let mut cache = plan.output.as_ref().map(open).transpose()?;
+    let open = |folder: &Path| ResultCache::open(folder, args.fresh);
+    let mut cache = plan.output.as_deref().map(open).transpose()?;
     if let Some(shard) = args.cells
         && let Some(cache) = cache
     {

@@ -6,6 +6,7 @@ use clap::Args;
 use posing::Result;
 use posing::cli::args::InputArgs;
 use posing::cli::json_report::JsonArgs;
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages};
 use posing::evaluate::restoration::{GapLength, TakesSettings, TestTakes, TestedModel};
@@ -60,7 +61,7 @@ pub struct EvaluateTakesArgs {
     seed: u64,
     /// Also write takes.csv and report.html into DIR
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
 }
 
 fn gap_length(text: &str) -> std::result::Result<GapLength, String> {

@@ -6,12 +6,12 @@ use self::training::{KsvdArgs, TrainingRun};
 use clap::{ArgGroup, Parser};
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
+use posing::cli::paths::OutputPath;
 use posing::cli::training::ready;
 use posing::cli::{input, messages, streams};
 use posing::prior::provenance::{digest, entry};
 use posing::prior::sparse_coding::sparse_model;
 use posing::sparse::Dictionary;
-use std::path::PathBuf;
 
 /// Train a sparse dictionary of poses by K-SVD
 ///
@@ -38,7 +38,7 @@ pub struct Args {
     credit: Option<String>,
     /// Dictionary
     #[arg(short, long, value_name = "DICT.npz")]
-    output: PathBuf,
+    output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
     #[command(flatten)]

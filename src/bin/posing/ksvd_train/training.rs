@@ -2,6 +2,7 @@
 
 use ndarray::ArrayView2;
 use posing::cli::args::{InputArgs, Space, parse_positive, value_name};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages};
 use posing::io::input::ContentKind;
@@ -59,10 +60,10 @@ pub struct KsvdArgs {
     pub valid: Option<PathBuf>,
     /// Save the state to FILE after each iteration, and resume from FILE if it exists
     #[arg(long, value_name = "FILE")]
-    pub checkpoint: Option<PathBuf>,
+    pub checkpoint: Option<OutputPath>,
     /// Write one line of JSON per iteration
     #[arg(long, value_name = "FILE")]
-    pub log: Option<PathBuf>,
+    pub log: Option<OutputPath>,
     /// Space in which poses are learned
     #[arg(long, value_enum, default_value = "world")]
     pub space: Space,

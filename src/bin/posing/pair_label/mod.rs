@@ -8,9 +8,9 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, format_of};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::metric::pair_proposal::PairRules;
-use std::path::PathBuf;
 
 /// Propose pairs of poses, and label them alike or not on a page
 ///
@@ -53,10 +53,10 @@ pub struct Args {
     title: String,
     /// Write the pairs to FILE, with an empty label column
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    csv: Option<PathBuf>,
+    csv: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PairFormat>,

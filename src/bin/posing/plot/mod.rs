@@ -10,12 +10,14 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, format_of};
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::messages;
+use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::draw::mesh_sequences::are_meshes;
 use posing::draw::mesh_sequences::name_of;
 use posing::draw::player;
 use posing::draw::scene::runs;
 use posing::draw::scene::{Figure, Scene};
+use posing::io::command_files::are_one;
 use posing::{Error, Result};
 use std::path::PathBuf;
 
@@ -89,7 +91,7 @@ pub struct Args {
     caption: String,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PlotFormat>,
@@ -109,6 +111,15 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let files = or_stdin(&args.input.files);
     check_single_stdin(&files)?;
+    if let Some(table) = &args.table
+        && let Some(file) = files.iter().find(|file| are_one(file, table))
+    {
+        return Err(Error::usage(format!(
+            "--table {} is the input {}; name another file, such as one of scores",
+            table.display(),
+            file.display()
+        )));
+    }
     let text = match are_meshes(&files)? {
         true => meshes(args, to)?,
         false => poses(args, to, &files)?,

@@ -7,13 +7,14 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_index, open_metric, read_takes};
+use posing::cli::paths::OutputPath;
 use posing::cli::take_classes;
 use posing::cli::{input, messages, streams};
 use posing::io::csv::push_cell;
 use posing::io::text::{excerpt, push_f32, push_f64};
 use posing::metric::{EventSearch, Examples, PoseDatabase, PoseIndex, PoseMetric};
 use posing::{Error, Place, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Find the poses of a database that are most like given ones, or the motions
 ///
@@ -54,7 +55,7 @@ pub struct Args {
     /// With --database: keep it described in FILE; without: search that FILE, which is read far
     /// faster than a table and has its own metric
     #[arg(long, value_name = "FILE")]
-    index: Option<PathBuf>,
+    index: Option<OutputPath>,
     /// Poses to find for each frame, or events [default: 10; all, with --within or --like]
     #[arg(short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     k: Option<u32>,
@@ -124,10 +125,10 @@ pub struct Args {
         requires = "database",
         help_heading = "Output"
     )]
-    picture: Option<PathBuf>,
+    picture: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -144,10 +145,11 @@ const MOST: u32 = 10;
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let index = args.index.iter().filter(|_| args.database.is_none());
+    let index = args.index.as_deref().filter(|_| args.database.is_none());
+    let index = index.map(Path::to_path_buf);
     let others = (args.database.iter().chain(&args.model))
         .chain(&args.classes)
-        .chain(index);
+        .chain(&index);
     input::check_single_stdin_with(&args.input, others)?;
     let most = args.k.unwrap_or(MOST);
     if let Some(scope) = args.scope.iter().find(|s| **s > most) {
@@ -170,8 +172,8 @@ fn database(args: &Args) -> Result<(Option<MetricTakes>, PoseIndex)> {
     let model = args.model.as_deref().map(open_metric).transpose()?;
     let Some(table) = &args.database else {
         // clap asks for one of both.
-        let path = args.index.clone().unwrap_or_default();
-        let index = open_index(&path)?;
+        let path = args.index.as_deref().unwrap_or(Path::new(""));
+        let index = open_index(path)?;
         if model.is_some_and(|model| model != index.metric) {
             let what = "is described by another metric than that of -m; leave -m out, or give \
                         --database to describe it anew";
@@ -261,8 +263,8 @@ fn farthest(
         let place = || {
             Place::file(
                 args.database
-                    .as_ref()
-                    .or(args.index.as_ref())
+                    .as_deref()
+                    .or(args.index.as_deref())
                     .map_or(String::new(), |path| path.display().to_string()),
             )
         };

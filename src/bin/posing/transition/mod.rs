@@ -8,6 +8,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{open_metric, read_takes};
+use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages};
 use posing::metric::{JointMap, PoseMetric};
 use posing::{Error, Result};
@@ -77,10 +78,10 @@ pub struct Args {
     over: Option<f64>,
     /// Write the blended take of the nearest good transition to FILE, CSV or NPY
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    blend: Option<PathBuf>,
+    blend: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
+    output: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -103,7 +104,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     input::check_single_stdin_with(&args.input, &args.model)?;
-    let is_stdout = |path: &Option<PathBuf>| path.as_deref().is_none_or(|p| p == Path::new("-"));
+    let is_stdout = |path: &Option<OutputPath>| path.as_deref().is_none_or(|p| p == Path::new("-"));
     if args.blend.is_some() && is_stdout(&args.blend) && is_stdout(&args.output) {
         return Err(Error::usage(
             "--blend -: the transitions go to standard output too; write them to a file with -o",

@@ -280,7 +280,7 @@ impl<'a> Transitions<'a> {
         let name = chosen.takes.map(|take| self.takes.names[take].as_str());
         let table = Table::from_poses(blend.to_poses(&name.join(">")));
         let output = OutputArgs {
-            output: Some(path.to_path_buf()),
+            output: Some(path.to_path_buf().into()),
             to: None,
             out_units: None,
             out_up: None,
