@@ -1,9 +1,11 @@
 //! What the body's mirror image says of names: distances on one side of a body are those on the
 //! other, so that the names are right on the side of a long exchange where they fit them.
 
+use super::chirality::is_turned;
 use super::distances::{Distance, Distances};
+use super::tuning::chirality;
 use super::tuning::mirror::*;
-use super::tuning::whole_take::NEAR;
+use super::tuning::whole_take::{CLEAR, NEAR};
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;
 use crate::pose::joints::mirrored;
@@ -59,49 +61,119 @@ impl<'a> Mirror<'a> {
     /// Pairs of labels that are exchanged in every frame, or whose mirror images are, the clearest
     /// first; `distances` are those between the labels.
     pub(crate) fn exchanged(&self, distances: &Distances) -> Vec<[usize; 2]> {
-        let labels = self.images.len();
-        let rigid: Vec<Vec<(usize, Distance)>> = (0..labels)
-            .map(|track| distances.most_rigid(track))
-            .collect();
-        let gain = |tracks: &[usize], pair: [usize; 2]| {
-            let apart = distances.between(tracks[pair[0]], tracks[pair[1]]);
-            if !apart.is_some_and(|d| (NEAR[0]..=NEAR[1]).contains(&d.median)) {
-                return 0.0;
-            }
-            let mut label_of = vec![0; labels];
-            (0..labels).for_each(|l| label_of[tracks[l]] = l);
-            let of_label = |label: usize, other: usize| {
-                let is_usable = |l: &usize| !pair.contains(l);
-                let image = self.images[label].filter(is_usable)?;
-                let term = |(track, distance): &(usize, Distance)| {
-                    let near = Some(label_of[*track]).filter(is_usable)?;
-                    let across = self.images[near].filter(|l| is_usable(l) && *l != image)?;
-                    let [own, other] = [label, other]
-                        .map(|l| distances.between(tracks[l], tracks[across]))
-                        .map(|d| d.map(|d| cost_of(&d, distance, WHOLE_UNEVEN)));
-                    Some(own? - other?)
-                };
-                let terms = rigid[tracks[image]].iter().filter_map(term);
-                Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
-            };
-            let [a, b] = pair;
-            // Each fits better: else one of them is set elsewhere on the other side.
-            let better: Vec<f64> = [of_label(a, b), of_label(b, a)]
-                .into_iter()
-                .flatten()
-                .collect();
-            if better.iter().any(|gain| *gain <= 0.0) {
-                return 0.0;
-            }
-            better.iter().sum()
-        };
-        exchanged(labels, gain)
+        let whole = WholeMirror::new(self, distances);
+        exchanged(self.images.len(), |tracks, pair| whole.gain(tracks, pair))
+    }
+
+    /// Whether two labels, or their mirror images, are exchanged in every frame; `None` where the
+    /// sides do not say it.
+    pub(crate) fn says(&self, distances: &Distances, pair: [usize; 2]) -> Option<bool> {
+        let whole = WholeMirror::new(self, distances);
+        let tracks: Vec<usize> = (0..self.images.len()).collect();
+        let turned = whole.is_turned(&tracks, pair);
+        turned.or_else(|| (whole.gain(&tracks, pair) > CLEAR).then_some(true))
     }
 
     /// The mirror image of each label, itself where it has none.
     pub(crate) fn images(&self) -> Vec<usize> {
         let all = self.images.iter().enumerate();
         all.map(|(label, image)| image.unwrap_or(label)).collect()
+    }
+}
+
+/// The body's mirror image in a whole take.
+struct WholeMirror<'m, 'a> {
+    mirror: &'m Mirror<'a>,
+    distances: &'m Distances,
+    /// The most rigid neighbors of each track.
+    rigid: Vec<Vec<(usize, Distance)>>,
+}
+
+impl<'m, 'a> WholeMirror<'m, 'a> {
+    fn new(mirror: &'m Mirror<'a>, distances: &'m Distances) -> WholeMirror<'m, 'a> {
+        let tracks = 0..mirror.images.len();
+        WholeMirror {
+            rigid: tracks.map(|track| distances.most_rigid(track)).collect(),
+            mirror,
+            distances,
+        }
+    }
+
+    /// What the exchange of two labels gains, where the label `l` is at the places of the track
+    /// `tracks[l]`, χ²: by which way round they lie, and where that is not known by distances.
+    fn gain(&self, tracks: &[usize], pair: [usize; 2]) -> f64 {
+        let apart = self.distances.between(tracks[pair[0]], tracks[pair[1]]);
+        if !apart.is_some_and(|d| (NEAR[0]..=NEAR[1]).contains(&d.median)) {
+            return 0.0;
+        }
+        match self.is_turned(tracks, pair) {
+            // The nearest first.
+            Some(true) => TURNED - apart.map_or(0.0, |d| d.median),
+            Some(false) => 0.0,
+            None => self.nearer(tracks, pair),
+        }
+    }
+
+    /// Whether two labels lie the wrong way round.
+    fn is_turned(&self, tracks: &[usize], [a, b]: [usize; 2]) -> Option<bool> {
+        let images = &self.mirror.images;
+        let with_image = |label: usize| Some([label, images[label]?]);
+        let [a, b] = [with_image(a)?, with_image(b)?];
+        if a.iter().any(|l| b.contains(l)) || a[0] == a[1] || b[0] == b[1] {
+            return None;
+        }
+        let looseness = |[label, image]: &[usize; 2]| {
+            let all = [
+                [a[0], *label],
+                [b[0], *label],
+                [a[1], *image],
+                [b[1], *image],
+            ];
+            let all = all.map(|[one, other]| self.distances.between(tracks[one], tracks[other]));
+            all.iter()
+                .try_fold(0.0, |most: f64, d| Some(most.max(d.as_ref()?.looseness())))
+        };
+        let is_other = |both: &[usize; 2]| !both.iter().any(|l| a.contains(l) || b.contains(l));
+        let others = (0..images.len()).filter_map(with_image).filter(is_other);
+        let known = others.filter_map(|both| Some((looseness(&both)?, both)));
+        let mut known: Vec<(f64, [usize; 2])> = known.collect();
+        known.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let near = known.into_iter().take(chirality::NEIGHBORS);
+        let neighbors: Vec<[usize; 2]> = near.map(|(_, both)| both.map(|l| tracks[l])).collect();
+        is_turned(
+            self.mirror.places,
+            [a, b].map(|both| both.map(|l| tracks[l])),
+            &neighbors,
+        )
+    }
+
+    /// How much nearer the distances of two labels come to those of their mirror images, χ².
+    fn nearer(&self, tracks: &[usize], pair: [usize; 2]) -> f64 {
+        let images = &self.mirror.images;
+        let mut label_of = vec![0; images.len()];
+        (0..images.len()).for_each(|l| label_of[tracks[l]] = l);
+        let of_label = |label: usize, other: usize| {
+            let is_usable = |l: &usize| !pair.contains(l);
+            let image = images[label].filter(is_usable)?;
+            let term = |(track, distance): &(usize, Distance)| {
+                let near = Some(label_of[*track]).filter(is_usable)?;
+                let across = images[near].filter(|l| is_usable(l) && *l != image)?;
+                let [own, other] = [label, other]
+                    .map(|l| self.distances.between(tracks[l], tracks[across]))
+                    .map(|d| d.map(|d| cost_of(&d, distance, WHOLE_UNEVEN)));
+                Some(own? - other?)
+            };
+            let terms = self.rigid[tracks[image]].iter().filter_map(term);
+            Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
+        };
+        let [a, b] = pair;
+        // Each fits better: else one of them is set elsewhere on the other side.
+        let better = [of_label(a, b), of_label(b, a)].into_iter().flatten();
+        let better: Vec<f64> = better.collect();
+        match better.iter().any(|gain| *gain <= 0.0) {
+            true => 0.0,
+            false => better.iter().sum(),
+        }
     }
 }
 

@@ -11,12 +11,12 @@
 
 use super::changes::{Change, ChangeKind};
 use super::evidence::{Evidence, independent_frames};
-use super::identities::{Exchanged, exchanges};
+use super::identities::exchanges;
 use super::labeled_take::LabeledTake;
 use super::links::Links;
 use super::paths::Paths;
 use super::pieces::{Piece, pieces};
-use super::sides::{SideBy, Sides, Unsure};
+use super::sides::{Exchanged, SideBy, Sides, Unsure};
 use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
 use crate::pose::point_at;
@@ -47,7 +47,7 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
     let sides = match found.is_empty() {
         true => Sides::default(),
-        false => take.sides(&found, named),
+        false => take.sides(&found, named, &pieces),
     };
     let identity = |piece: &Piece| match piece.track < take.labels {
         true => Some(point_in(piece.track, piece.frames.start, &sides.exchanged)),

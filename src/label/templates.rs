@@ -47,6 +47,8 @@ pub(crate) struct WholeTake {
     pub points: Vec<usize>,
     /// The labeled takes that say it.
     pub like: Vec<String>,
+    /// Whether more than one take says it: two of them, or one and the sides of the body.
+    pub is_sure: bool,
     /// Whether changes put it right.
     pub is_put_back: bool,
 }
@@ -141,7 +143,7 @@ impl Templates {
                 places: person.places.view(),
                 distances: &distances,
             };
-            let (own, said) = self.compare(&person.person, labels, &mirror.images());
+            let (own, said) = self.compare(&person.person, labels, &mirror);
             found.extend(own);
             notes.extend(said);
         }
@@ -178,8 +180,9 @@ impl Templates {
         &self,
         person: &Person,
         labels: Labels<'_>,
-        mirrored: &[usize],
+        mirror: &Mirror<'_>,
     ) -> (Vec<WholeTake>, Vec<String>) {
+        let mirrored = &mirror.images();
         let templates = self.of(&person.name);
         let mut said: BTreeMap<(WholeTakeKind, Vec<usize>), Vec<usize>> = BTreeMap::new();
         let mut known = Vec::new();
@@ -214,8 +217,13 @@ impl Templates {
             };
             let mut like: Vec<String> = by.iter().map(|n| templates[*n].take.clone()).collect();
             like.dedup();
+            let by_mirror = match group[..] {
+                [a, b] => mirror.says(labels.distances, [a, b]),
+                _ => None,
+            };
             let one = WholeTake {
                 kind,
+                is_sure: by_mirror.unwrap_or(by.len() > 1),
                 is_put_back: false,
                 points: sided.iter().map(|l| person.points[*l]).collect(),
                 like,
@@ -243,6 +251,7 @@ impl Labeled {
                 kind: WholeTakeKind::EitherSide,
                 points: labels.iter().map(|l| self.person.points[*l]).collect(),
                 like: Vec::new(),
+                is_sure: false,
                 is_put_back: false,
             }
         };
