@@ -1,7 +1,7 @@
 //! What the body's mirror image says of names: distances on one side of a body are those on the
 //! other, so that the names are right on the side of a long exchange where they fit them.
 
-use super::chirality::is_turned;
+use super::chirality::Sides;
 use super::distances::{Distance, Distances};
 use super::tuning::chirality;
 use super::tuning::mirror::*;
@@ -70,8 +70,10 @@ impl<'a> Mirror<'a> {
     pub(crate) fn says(&self, distances: &Distances, pair: [usize; 2]) -> Option<bool> {
         let whole = WholeMirror::new(self, distances);
         let tracks: Vec<usize> = (0..self.images.len()).collect();
-        let turned = whole.is_turned(&tracks, pair);
-        turned.or_else(|| (whole.gain(&tracks, pair) > CLEAR).then_some(true))
+        match whole.turned(&tracks, pair) {
+            votes if votes < 0 => Some(false),
+            _ => (whole.gain(&tracks, pair) > CLEAR).then_some(true),
+        }
     }
 
     /// The mirror image of each label, itself where it has none.
@@ -106,16 +108,20 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         if !apart.is_some_and(|d| (NEAR[0]..=NEAR[1]).contains(&d.median)) {
             return 0.0;
         }
-        match self.is_turned(tracks, pair) {
-            // The nearest first.
-            Some(true) => TURNED - apart.map_or(0.0, |d| d.median),
-            Some(false) => 0.0,
-            None => self.nearer(tracks, pair),
+        match self.turned(tracks, pair) {
+            votes @ 1.. => CLEAR + f64::from(votes),
+            0 => self.nearer(tracks, pair),
+            _ => 0.0,
         }
     }
 
-    /// Whether two labels lie the wrong way round.
-    fn is_turned(&self, tracks: &[usize], [a, b]: [usize; 2]) -> Option<bool> {
+    /// How many volumes say that two labels lie the wrong way round; nothing of labels without
+    /// mirror images.
+    fn turned(&self, tracks: &[usize], pair: [usize; 2]) -> i32 {
+        self.votes(tracks, pair).unwrap_or(0)
+    }
+
+    fn votes(&self, tracks: &[usize], [a, b]: [usize; 2]) -> Option<i32> {
         let images = &self.mirror.images;
         let with_image = |label: usize| Some([label, images[label]?]);
         let [a, b] = [with_image(a)?, with_image(b)?];
@@ -140,11 +146,11 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         known.sort_by(|a, b| a.0.total_cmp(&b.0));
         let near = known.into_iter().take(chirality::NEIGHBORS);
         let neighbors: Vec<[usize; 2]> = near.map(|(_, both)| both.map(|l| tracks[l])).collect();
-        is_turned(
-            self.mirror.places,
-            [a, b].map(|both| both.map(|l| tracks[l])),
-            &neighbors,
-        )
+        let sides = Sides {
+            places: self.mirror.places,
+            neighbors: &neighbors,
+        };
+        Some(sides.turned([a, b].map(|both| both.map(|l| tracks[l]))))
     }
 
     /// How much nearer the distances of two labels come to those of their mirror images, χ².

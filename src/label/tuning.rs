@@ -172,9 +172,6 @@ pub(crate) mod mirror {
     /// Gait), in which no pair gains over 10.6 then.
     pub(crate) const WHOLE_NEIGHBORS: usize = 6;
     pub(crate) const WHOLE_UNEVEN: f64 = 2.0;
-    /// What it gains to exchange labels that lie the wrong way round, less their distance, cm: more
-    /// than distances do.
-    pub(crate) const TURNED: f64 = 1000.0;
 }
 
 /// Which way round two labels lie. In twenty takes of eight marker sets all pairs 4 to 30 cm apart
