@@ -17,46 +17,26 @@ pub(super) struct Sides<'a> {
 }
 
 impl Sides<'_> {
-    /// How many volumes say that two labels are exchanged on one side, less those that say that
-    /// they are not. More than nothing only where most of those that they span together have the
-    /// same sign on both sides, and neither lies worse in the other's place; less only where most
-    /// have not.
+    /// How many of the volumes that two labels span have the same sign on both sides, where most
+    /// have: these labels are exchanged on one side; -1 where most have not.
     pub(super) fn turned(&self, [a, b]: [[usize; 2]; 2]) -> i32 {
-        let pairs = combinations(self.neighbors, 2);
-        let all = pairs.iter().map(|of| [a, b, of[0], of[1]]);
-        let both = all.filter_map(|four| {
-            let [own, image] = [0, 1].map(|side| self.sign(four.map(|l| l[side])));
-            Some(own? == image?)
-        });
-        let are_same: Vec<bool> = both.collect();
-        let same = are_same.iter().filter(|same| **same).count();
-        let others = are_same.len() - same;
-        let are_most = |of: usize| of >= FEWEST && of as f64 >= MOST * are_same.len() as f64;
-        if are_most(others) {
-            return -1;
+        let (mut same, mut others) = (0, 0);
+        for (k, c) in self.neighbors.iter().enumerate() {
+            for d in &self.neighbors[..k] {
+                let signs = [0, 1].map(|side| self.sign([a, b, *c, *d].map(|l| l[side])));
+                match signs {
+                    [Some(own), Some(image)] if own == image => same += 1,
+                    [Some(_), Some(_)] => others += 1,
+                    _ => {}
+                }
+            }
         }
-        let better = || [[a, b], [b, a]].map(|[label, other]| self.better(label, other));
-        match are_most(same).then(better) {
-            Some([a, b]) if a.min(b) >= 0 => same as i32 + a + b,
+        let are_most = |of: i32| of >= FEWEST && f64::from(of) >= MOST * f64::from(same + others);
+        match (are_most(same), are_most(others)) {
+            (true, _) => same,
+            (_, true) => -1,
             _ => 0,
         }
-    }
-
-    /// How many more of the volumes of a label with three of its neighbors have the other sign on
-    /// the other side where it is in the track of another label.
-    fn better(&self, [own, image]: [usize; 2], [other, _]: [usize; 2]) -> i32 {
-        let triples = combinations(self.neighbors, 3);
-        let each = triples.iter().map(|of| {
-            let sign = |track: usize, side: usize| {
-                self.sign([track, of[0][side], of[1][side], of[2][side]])
-            };
-            let Some(image) = sign(image, 1) else {
-                return 0;
-            };
-            let is_same = |track: usize| i32::from(sign(track, 0) == Some(image));
-            is_same(own) - is_same(other)
-        });
-        each.sum()
     }
 
     /// Whether the volume of four tracks is positive; `None` where that changes, or they are flat.
@@ -75,19 +55,6 @@ impl Sides<'_> {
         let is_flat = median(all)?.abs() < FLAT;
         (count >= FEWEST_FRAMES && is_one && !is_flat).then_some(2 * positive > count)
     }
-}
-
-/// All choices of so many of some labels.
-fn combinations(of: &[[usize; 2]], count: usize) -> Vec<Vec<[usize; 2]>> {
-    if count == 0 {
-        return vec![Vec::new()];
-    }
-    let with = |(k, first): (usize, &[usize; 2])| {
-        let mut rest = combinations(&of[k + 1..], count - 1);
-        rest.iter_mut().for_each(|choice| choice.insert(0, *first));
-        rest
-    };
-    of.iter().enumerate().flat_map(with).collect()
 }
 
 #[cfg(test)]

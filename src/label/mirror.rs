@@ -3,11 +3,13 @@
 
 use super::chirality::Sides;
 use super::distances::{Distance, Distances};
-use super::tuning::chirality;
+use super::tuning::chirality::{self, RIGID, RIGID_SHARE, STILL_NEAR};
 use super::tuning::mirror::*;
+use super::tuning::template::STANDING;
 use super::tuning::whole_take::{CLEAR, NEAR};
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;
+use crate::numeric::statistics::median;
 use crate::pose::joints::mirrored;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -19,12 +21,15 @@ pub(crate) struct Mirror<'a> {
     /// The mirror image of each label, itself in the middle of the body; `None` of one whose image
     /// is not there.
     images: Vec<Option<usize>>,
+    /// Whether each is one of several whose names differ by a number at their end.
+    are_numbered: Vec<bool>,
 }
 
 impl<'a> Mirror<'a> {
     pub(crate) fn new(names: &[String], places: ArrayView2<'a, f64>) -> Mirror<'a> {
         Mirror {
             images: (0..names.len()).map(|l| image(names, l)).collect(),
+            are_numbered: are_numbered(names),
             places,
         }
     }
@@ -45,6 +50,7 @@ impl<'a> Mirror<'a> {
             let known = others
                 .filter_map(|other| Some((other, Distance::measure(self.places, [image, other])?)));
             let mut known: Vec<(usize, Distance)> = known.collect();
+            known.retain(|(_, distance)| distance.spread <= LOOSEST);
             known.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
             known.truncate(NEIGHBORS);
             let terms = known.iter().filter_map(|(other, distance)| {
@@ -89,13 +95,19 @@ struct WholeMirror<'m, 'a> {
     distances: &'m Distances,
     /// The most rigid neighbors of each track.
     rigid: Vec<Vec<(usize, Distance)>>,
+    /// Whether the body stands still, so that all its distances are rigid.
+    is_still: bool,
 }
 
 impl<'m, 'a> WholeMirror<'m, 'a> {
     fn new(mirror: &'m Mirror<'a>, distances: &'m Distances) -> WholeMirror<'m, 'a> {
         let tracks = 0..mirror.images.len();
+        let rigid: Vec<Vec<(usize, Distance)>> =
+            tracks.map(|track| distances.most_rigid(track)).collect();
+        let spreads = rigid.iter().flatten().map(|(_, d)| d.spread).collect();
         WholeMirror {
-            rigid: tracks.map(|track| distances.most_rigid(track)).collect(),
+            is_still: median(spreads).is_none_or(|spread| spread < STANDING),
+            rigid,
             mirror,
             distances,
         }
@@ -116,41 +128,55 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
     }
 
     /// How many volumes say that two labels lie the wrong way round; nothing of labels without
-    /// mirror images.
-    fn turned(&self, tracks: &[usize], pair: [usize; 2]) -> i32 {
-        self.votes(tracks, pair).unwrap_or(0)
-    }
-
-    fn votes(&self, tracks: &[usize], [a, b]: [usize; 2]) -> Option<i32> {
-        let images = &self.mirror.images;
-        let with_image = |label: usize| Some([label, images[label]?]);
-        let [a, b] = [with_image(a)?, with_image(b)?];
-        if a.iter().any(|l| b.contains(l)) || a[0] == a[1] || b[0] == b[1] {
-            return None;
-        }
-        let looseness = |[label, image]: &[usize; 2]| {
-            let all = [
-                [a[0], *label],
-                [b[0], *label],
-                [a[1], *image],
-                [b[1], *image],
-            ];
-            let all = all.map(|[one, other]| self.distances.between(tracks[one], tracks[other]));
-            all.iter()
-                .try_fold(0.0, |most: f64, d| Some(most.max(d.as_ref()?.looseness())))
+    /// mirror images, or that no body holds together.
+    fn turned(&self, tracks: &[usize], [a, b]: [usize; 2]) -> i32 {
+        let with_image = |label: usize| self.with_image(label);
+        let Some((a, b)) = with_image(a).zip(with_image(b)) else {
+            return 0;
         };
         let is_other = |both: &[usize; 2]| !both.iter().any(|l| a.contains(l) || b.contains(l));
-        let others = (0..images.len()).filter_map(with_image).filter(is_other);
-        let known = others.filter_map(|both| Some((looseness(&both)?, both)));
+        if a.iter().any(|l| b.contains(l)) || a[0] == a[1] || b[0] == b[1] {
+            return 0;
+        }
+        let between = |one: [usize; 2], other: [usize; 2]| {
+            let both = [0, 1].map(|k| self.distances.between(tracks[one[k]], tracks[other[k]]));
+            let [Some(own), Some(image)] = both else {
+                return None;
+            };
+            let is_rigid = |d: &Distance| d.spread <= RIGID + RIGID_SHARE * d.median;
+            (is_rigid(&own) && is_rigid(&image)).then_some([own, image])
+        };
+        let longest = |both: &[Distance]| both.iter().map(|d| d.median).fold(0.0, f64::max);
+        let Some(apart) = between(a, b) else { return 0 };
+        let near = if self.is_still {
+            STILL_NEAR * longest(&apart)
+        } else {
+            f64::INFINITY
+        };
+        let others = (0..self.mirror.images.len())
+            .filter_map(with_image)
+            .filter(is_other);
+        let known = others.filter_map(|both| {
+            let to_both = [between(a, both)?, between(b, both)?].concat();
+            let loosest = to_both.iter().map(Distance::looseness).fold(0.0, f64::max);
+            (longest(&to_both) <= near).then_some((loosest, both))
+        });
         let mut known: Vec<(f64, [usize; 2])> = known.collect();
         known.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let near = known.into_iter().take(chirality::NEIGHBORS);
-        let neighbors: Vec<[usize; 2]> = near.map(|(_, both)| both.map(|l| tracks[l])).collect();
+        let nearest = known.into_iter().take(chirality::NEIGHBORS);
+        let neighbors: Vec<[usize; 2]> = nearest.map(|(_, both)| both.map(|l| tracks[l])).collect();
         let sides = Sides {
             places: self.mirror.places,
             neighbors: &neighbors,
         };
-        Some(sides.turned([a, b].map(|both| both.map(|l| tracks[l]))))
+        sides.turned([a, b].map(|both| both.map(|l| tracks[l])))
+    }
+
+    /// A label and its mirror image, if it has one: those of a cluster are numbered on both sides
+    /// as it comes.
+    fn with_image(&self, label: usize) -> Option<[usize; 2]> {
+        let image = self.mirror.images[label]?;
+        (!self.mirror.are_numbered[label]).then_some([label, image])
     }
 
     /// How much nearer the distances of two labels come to those of their mirror images, χ².
@@ -160,7 +186,9 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         (0..images.len()).for_each(|l| label_of[tracks[l]] = l);
         let of_label = |label: usize, other: usize| {
             let is_usable = |l: &usize| !pair.contains(l);
-            let image = images[label].filter(is_usable)?;
+            let [_, image] = self
+                .with_image(label)
+                .filter(|[_, image]| is_usable(image))?;
             let term = |(track, distance): &(usize, Distance)| {
                 let near = Some(label_of[*track]).filter(is_usable)?;
                 let across = images[near].filter(|l| is_usable(l) && *l != image)?;
@@ -187,6 +215,20 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
 fn cost_of(own: &Distance, image: &Distance, uneven: f64) -> f64 {
     let variance = image.spread.powi(2) + uneven.powi(2) + (UNEVEN_SHARE * image.median).powi(2);
     ((own.median - image.median).powi(2) / variance).min(HIGHEST)
+}
+
+/// Whether each of some names is one of several that differ by a number at their end.
+fn are_numbered(names: &[String]) -> Vec<bool> {
+    let stem = |name: &String| {
+        name.trim_end_matches(|c: char| c.is_ascii_digit())
+            .to_string()
+    };
+    let stems: Vec<String> = names.iter().map(stem).collect();
+    let is_numbered = |k: usize| {
+        let has_number = |k: usize| stems[k].len() < names[k].len();
+        has_number(k) && (0..names.len()).any(|o| o != k && has_number(o) && stems[o] == stems[k])
+    };
+    (0..names.len()).map(is_numbered).collect()
 }
 
 /// The mirror image of a point by its name, which may have a subject's prefix.

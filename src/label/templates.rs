@@ -60,7 +60,7 @@ pub(crate) enum WholeTakeKind {
     Hand,
     /// Some labels are exchanged with each other.
     Exchanged,
-    /// The first two are exchanged, or the other two, their mirror images.
+    /// The first half of them are exchanged, or the others, their mirror images.
     EitherSide,
 }
 
@@ -244,9 +244,9 @@ impl Labeled {
     /// The labels that are exchanged by the body's mirror image: on this side or on the other.
     fn by_mirror(&self, mirror: &Mirror<'_>, distances: &Distances) -> Vec<WholeTake> {
         let images = mirror.images();
-        let one = |pair: [usize; 2]| {
-            let mut labels = pair.to_vec();
-            labels.extend(pair.map(|l| images[l]));
+        let one = |group: Vec<usize>| {
+            let others: Vec<usize> = group.iter().map(|l| images[*l]).collect();
+            let labels = [group, others].concat();
             WholeTake {
                 kind: WholeTakeKind::EitherSide,
                 points: labels.iter().map(|l| self.person.points[*l]).collect(),
@@ -255,7 +255,8 @@ impl Labeled {
                 is_put_back: false,
             }
         };
-        mirror.exchanged(distances).into_iter().map(one).collect()
+        let pairs = mirror.exchanged(distances);
+        groups(&pairs).into_iter().map(one).collect()
     }
 }
 
@@ -301,14 +302,15 @@ impl WholeTake {
                     _ => format!("{all} are exchanged in every frame: {like} have them otherwise"),
                 }
             }
-            WholeTakeKind::EitherSide => format!(
-                "{}/{} or {}/{} are exchanged in every frame, as the sides of the body differ: \
-                 give a labeled take with the option `like`",
-                name(0),
-                name(1),
-                name(2),
-                name(3)
-            ),
+            WholeTakeKind::EitherSide => {
+                let all: Vec<&str> = (0..self.points.len()).map(name).collect();
+                let [one, other] =
+                    [0, 1].map(|k| all[k * all.len() / 2..][..all.len() / 2].join("/"));
+                format!(
+                    "{one} or {other} are exchanged in every frame, as the sides of the body \
+                     differ: give a labeled take with the option `like`"
+                )
+            }
         }
     }
 

@@ -160,8 +160,10 @@ pub(crate) mod identities {
 /// The mirror image of a body. Swaps of 35 to 65% of a take, 40 on each of 8 takes: 263 decided
 /// right, 57 not, none wrong, the prototype's measurement.
 pub(crate) mod mirror {
-    /// The most rigid neighbors of the image that count.
+    /// The most rigid neighbors of the image that count, and the most that their distances spread,
+    /// cm: a head turns, so that those to the trunk say little.
     pub(crate) const NEIGHBORS: usize = 10;
+    pub(crate) const LOOSEST: f64 = 2.5;
     /// How uneven the sides of a body are: standard deviations, cm, and share of the distance.
     pub(crate) const UNEVEN: f64 = 1.5;
     pub(crate) const UNEVEN_SHARE: f64 = 0.05;
@@ -174,13 +176,18 @@ pub(crate) mod mirror {
     pub(crate) const WHOLE_UNEVEN: f64 = 2.0;
 }
 
-/// Which way round two labels lie. In twenty takes of eight marker sets all pairs 4 to 30 cm apart
-/// that most volumes say are turned were exchanged: in a foot of HC040, and by hand.
+/// Which way round two labels lie. In twenty takes of eight marker sets all pairs that most volumes
+/// say are turned were exchanged: in the foot of a patient, a wrist of another, and by hand.
 pub(crate) mod chirality {
-    /// The most rigid neighbors that span volumes.
+    /// The most rigid neighbors that span volumes; their distances spread no more than this, cm,
+    /// and this share of them. In a body that stands still they are no farther than so many times
+    /// what the two labels are apart.
     pub(crate) const NEIGHBORS: usize = 8;
+    pub(crate) const RIGID: f64 = 0.8;
+    pub(crate) const RIGID_SHARE: f64 = 0.03;
+    pub(crate) const STILL_NEAR: f64 = 2.5;
     /// Volumes that have one sign on each side, at least, and the share of them that agree.
-    pub(crate) const FEWEST: usize = 6;
+    pub(crate) const FEWEST: i32 = 6;
     pub(crate) const MOST: f64 = 0.9;
     /// Frames that are looked at, at most, and at least.
     pub(crate) const MOST_FRAMES: usize = 60;
