@@ -180,14 +180,17 @@ impl LabeledTake<'_> {
         };
         if let Some(state) = clearest(&among, &like) {
             // Nor does one take against most frames or the sides of the body.
-            let is_doubtful = by_mirror().map_or(shorter < LONG, |other| other != state);
+            let is_doubtful = by_mirror().map_or(shorter <= OPEN, |other| other != state);
             return (state == longest.state || !is_doubtful).then_some((state, SideBy::Template));
         }
         if shorter < LONG {
             return Some((longest.state, SideBy::Length));
         }
         match by_mirror() {
-            Some(state) => Some((state, SideBy::Mirror)),
+            Some(state) if state == longest.state || shorter > OPEN => {
+                Some((state, SideBy::Mirror))
+            }
+            Some(_) => None,
             None if shorter > OPEN => None,
             None => Some((longest.state, SideBy::Length)),
         }

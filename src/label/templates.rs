@@ -255,8 +255,17 @@ impl Labeled {
                 is_put_back: false,
             }
         };
-        let pairs = mirror.exchanged(distances);
-        groups(&pairs).into_iter().map(one).collect()
+        // On one side; the other side's are theirs.
+        let pairs = mirror.exchanged(distances).into_iter();
+        let both: Vec<[usize; 2]> = pairs.flat_map(|p| [p, p.map(|l| images[l])]).collect();
+        let mut out: Vec<Vec<usize>> = Vec::new();
+        for group in groups(&both) {
+            let is_other = |of: &Vec<usize>| group.iter().any(|l| of.contains(&images[*l]));
+            if !out.iter().any(is_other) {
+                out.push(group);
+            }
+        }
+        out.into_iter().map(one).collect()
     }
 }
 
