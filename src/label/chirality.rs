@@ -62,7 +62,7 @@ mod tests {
     use super::*;
     use ndarray::Array2;
 
-    /// Six points of a foot, then those of the other one, which are set a little elsewhere.
+    /// Eight points of a foot, then those of the other one, which are set a little elsewhere.
     fn feet() -> Array2<f64> {
         let foot = [
             [0.0, 3.0, 0.0],
@@ -71,11 +71,13 @@ mod tests {
             [3.5, 7.0, 5.0],
             [-0.5, 4.0, 17.0],
             [8.0, 18.0, 6.0],
+            [-4.0, 10.0, 9.0],
+            [2.0, 14.0, -2.0],
         ];
-        Array2::from_shape_fn((60, 36), |(t, c)| {
-            let [x, y, z] = foot[c / 3 % 6];
+        Array2::from_shape_fn((60, 48), |(t, c)| {
+            let [x, y, z] = foot[c / 3 % 8];
             let uneven = (c as f64 * 7.7).sin();
-            let [side, uneven] = if c < 18 { [-1.0, 0.0] } else { [1.0, uneven] };
+            let [side, uneven] = if c < 24 { [-1.0, 0.0] } else { [1.0, uneven] };
             let turn = 0.02 * t as f64 * side;
             let at = [
                 side * x,
@@ -89,16 +91,16 @@ mod tests {
     #[test]
     fn labels_the_wrong_way_round_show_beside_the_other_side() {
         let xyz = feet();
-        let with_image = |label: usize| [label, label + 6];
-        let neighbors = [0, 3, 4, 5].map(with_image);
+        let with_image = |label: usize| [label, label + 8];
+        let neighbors = [0, 3, 4, 5, 6, 7].map(with_image);
         let is = |pair: [[usize; 2]; 2], neighbors: &[[usize; 2]]| {
             let places = xyz.view();
             Sides { places, neighbors }.turned(pair).signum()
         };
         assert_eq!(is([1, 2].map(with_image), &neighbors), -1);
         // Exchanged on one side, and on both.
-        assert_eq!(is([[1, 8], [2, 7]], &neighbors), 1);
-        assert_eq!(is([[2, 8], [1, 7]], &neighbors), -1);
+        assert_eq!(is([[1, 10], [2, 9]], &neighbors), 1);
+        assert_eq!(is([[2, 10], [1, 9]], &neighbors), -1);
         assert_eq!(is([1, 2].map(with_image), &neighbors[..2]), 0);
     }
 }

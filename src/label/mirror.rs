@@ -201,12 +201,10 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
             Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
         };
         let [a, b] = pair;
-        // Each fits better: else one of them is set elsewhere on the other side.
-        let better = [of_label(a, b), of_label(b, a)].into_iter().flatten();
-        let better: Vec<f64> = better.collect();
-        match better.iter().any(|gain| *gain <= 0.0) {
-            true => 0.0,
-            false => better.iter().sum(),
+        // Each fits better: else one of them is set elsewhere on the other side, or is not there.
+        match [of_label(a, b), of_label(b, a)] {
+            [Some(a), Some(b)] if a > 0.0 && b > 0.0 => a + b,
+            _ => 0.0,
         }
     }
 }

@@ -416,6 +416,46 @@ mod tests {
         }
     }
 
+    /// A person that stands still, with other arms.
+    fn still(from: f64) -> Poses {
+        let mut poses = person(1.0, from);
+        let first = poses.xyz.row(0).to_owned();
+        poses
+            .xyz
+            .rows_mut()
+            .into_iter()
+            .for_each(|mut row| row.assign(&first));
+        poses
+    }
+
+    #[test]
+    fn one_that_stands_still_says_little_of_one_that_moves() {
+        let [walk, stand] = [person(1.0, 9.0), still(0.3)];
+        for (like, take) in [(&stand, &walk), (&walk, &stand), (&stand, &still(1.1))] {
+            let like = templates(std::slice::from_ref(like), true);
+            assert_eq!(check(&like, take), (vec![], 0));
+        }
+        let like = templates(&[stand], true);
+        let found = check(&like, &exchanged(walk, [4, 5]));
+        assert_eq!(found, (vec![(WholeTakeKind::Exchanged, vec![4, 5])], 0));
+    }
+
+    #[test]
+    fn one_take_alone_is_not_sure() {
+        let take = || exchanged(person(1.0, 9.0), [12, 13]);
+        let is_sure = |like: &[Poses], take: &Poses| {
+            let (found, _) = templates(like, true).check(take, &(0..240));
+            found.iter().map(|w| w.is_sure).collect::<Vec<bool>>()
+        };
+        let [first, second] = [0.0, 3.0].map(|from| person(1.0, from));
+        assert_eq!(is_sure(std::slice::from_ref(&first), &take()), [false]);
+        assert_eq!(is_sure(&[first, second], &take()), [true]);
+        // It is the labeled take that is wrong, as the sides of the body say.
+        let right = person(1.0, 9.0);
+        let wrong = exchanged(person(1.0, 0.0), [1, 2]);
+        assert_eq!(is_sure(&[wrong], &right), [false]);
+    }
+
     #[test]
     fn left_and_right_altogether_are_one_finding() {
         let mut take = person(1.0, 9.0);
