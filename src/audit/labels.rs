@@ -158,11 +158,13 @@ impl Labels<'_> {
 
     fn unsure(&self, unsure: &Unsure) -> Finding {
         let frames: Vec<String> = unsure.frames.iter().map(|f| self.frames(f)).collect();
-        let what = format!(
-            "{} changed places in {}, or in all others: nothing says which",
-            self.names(&unsure.labels),
-            frames.join(", ")
-        );
+        let (names, frames) = (self.names(&unsure.labels), frames.join(", "));
+        let what = match unsure.is_part {
+            true => format!("{names} changed places, perhaps in {frames} too: nothing says it"),
+            false => {
+                format!("{names} changed places in {frames}, or in all others: nothing says which")
+            }
+        };
         self.finding(
             FindingKind::Swap,
             &unsure.labels,

@@ -9,6 +9,7 @@
 //! that is itself wrong costs at most 3.5 nats. It is judged for whole pieces, never for a frame.
 
 use super::distances::{Distance, Distances, log_likelihood};
+use super::tuning::distances::FEWEST_FRAMES;
 use super::tuning::evidence::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::quantile;
@@ -41,6 +42,27 @@ impl Evidence {
         evidence.own =
             parallel::map_chunks(labels, 1, |range| evidence.typical(places, range.start));
         evidence
+    }
+
+    /// Learns those of some labels to all others.
+    pub(crate) fn of(places: ArrayView2<'_, f64>, labels: &[usize]) -> Evidence {
+        let count = places.ncols() / 3;
+        let mut neighbors = vec![Vec::new(); count];
+        for label in labels {
+            let others = (0..count).filter(|other| !labels.contains(other));
+            let known = others.filter_map(|other| {
+                let distance = Distance::measure(places, [*label, other])?;
+                (distance.frames >= FEWEST_FRAMES).then_some((other, distance))
+            });
+            let mut known: Vec<(usize, Distance)> = known.collect();
+            known.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
+            known.truncate(NEIGHBORS + SPARE);
+            neighbors[*label] = known;
+        }
+        Evidence {
+            neighbors,
+            own: Vec::new(),
+        }
     }
 
     fn typical(&self, places: ArrayView2<'_, f64>, label: usize) -> [f64; 2] {

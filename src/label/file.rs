@@ -255,11 +255,17 @@ fn line(change: &Change, names: &[String]) -> String {
 fn unsure_line(unsure: &Unsure, names: &[String]) -> String {
     let all: Vec<&str> = unsure.labels.iter().map(|l| names[*l].as_str()).collect();
     let frames: Vec<String> = unsure.frames.iter().map(frames).collect();
-    format!(
-        "{} changed places in {}, or in all others: nothing says which, so nothing moves",
-        all.join(" and "),
-        frames.join(", ")
-    )
+    let (all, frames) = (all.join(" and "), frames.join(", "));
+    match unsure.is_part {
+        true => format!(
+            "{all} changed places, perhaps in {frames} too: the distances do not say, so nothing \
+             moves there"
+        ),
+        false => format!(
+            "{all} changed places in {frames}, or in all others: nothing says which, so nothing \
+             moves"
+        ),
+    }
 }
 
 /// Frames in words, counted from 0.

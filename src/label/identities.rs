@@ -2,16 +2,17 @@
 //!
 //! Links between pieces of different labels count only where they close: a goes on in b and b in a,
 //! or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
-//! Such an exchange lasts until another of the same labels. One that has no other end may end, or
-//! begin, in a gap of all its labels nearby: which of these ends there are, the distances decide,
-//! and where they do not, the fewest exchanged frames.
+//! Such an exchange lasts until another of the same labels, or until the tracks of all of them end
+//! or jump and the distances to others say that they changed places again. Where the distances
+//! leave it open, it is not known; neither is it where they say so though no track ends.
 
 use super::evidence::{Evidence, independent_frames};
 use super::links::Link;
 use super::pieces::Piece;
 use super::tuning::identities::*;
 use crate::pose::point_at;
-use ndarray::ArrayView2;
+use glam::DVec3;
+use ndarray::{Array2, ArrayView2};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -108,36 +109,37 @@ fn ring(
     None
 }
 
-/// Where two or more labels stand under each other's names: the point of `labels[k]` is in the
-/// track of `to[k]` meanwhile.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Exchanged {
-    pub labels: Vec<usize>,
-    pub to: Vec<usize>,
-    pub frames: Range<usize>,
-}
-
 /// All that is known of a set of labels that change places.
 pub(crate) struct Course<'a> {
-    pub evidence: &'a Evidence,
     /// The tracks as they are named (frames, 3 L), cm.
     pub places: ArrayView2<'a, f64>,
+    pub pieces: &'a [Piece],
     /// Frames a second.
     pub rate: f64,
 }
 
-/// A way through the take: the nats for it, the exchanged frames, and the state of each interval.
-#[derive(Debug, Clone)]
-struct Way {
-    nats: f64,
-    frames: usize,
-    states: Vec<usize>,
+/// Where each of some points is throughout a take. A state says in which track, by its place among
+/// the labels; the points are those of the tracks in one stretch, whose state is the first.
+pub(crate) struct Followed {
+    pub states: Vec<Vec<usize>>,
+    /// The frames of the take, in order, and the state in them; `None` where nothing says it.
+    pub stretches: Vec<(Range<usize>, Option<usize>)>,
+}
+
+/// Stretches between exchanges that are seen: once one state is known, all are.
+struct Chain {
+    /// Frames, and where the points of its beginning are then.
+    stretches: Vec<(Range<usize>, Vec<usize>)>,
+    /// Whether it begins where no track ends, so that no change is to be seen.
+    goes_on: bool,
 }
 
 impl Course<'_> {
-    /// The stretches in which the labels of some exchanges, all of the same labels and in order,
-    /// stand under each other's names.
-    pub(crate) fn stretches(&self, exchanges: &[&Exchange]) -> Vec<Exchanged> {
+    /// Follows the points of some labels through their exchanges, in order and all of the same
+    /// labels, and through what may be others: where the tracks of all of them end or jump. Which
+    /// of these are exchanges, the distances to other labels decide: those of the longest chain at
+    /// first, then of all that is known.
+    pub(crate) fn follow(&self, exchanges: &[&Exchange]) -> Followed {
         let labels = &exchanges[0].labels;
         let place = |label: &usize| labels.iter().position(|l| l == label).unwrap_or(0);
         let steps: Vec<Vec<usize>> = exchanges
@@ -145,123 +147,278 @@ impl Course<'_> {
             .map(|e| e.to.iter().map(place).collect())
             .collect();
         let states = closure(labels.len(), &steps);
-        // Intervals end where an exchange is, or may be.
-        let mut bounds: Vec<(usize, Option<usize>)> = exchanges
+        let all = steps
             .iter()
-            .enumerate()
-            .map(|(n, e)| (e.frame, Some(n)))
-            .collect();
-        bounds.extend(
-            self.gaps_near(labels, exchanges)
-                .into_iter()
-                .map(|t| (t, None)),
-        );
-        bounds.sort_unstable();
-        let mut ways: Vec<Vec<Way>> = vec![
-            vec![Way {
-                nats: 0.0,
-                frames: 0,
-                states: vec![]
-            }];
-            states.len()
-        ];
-        let mut start = 0;
-        for k in 0..=bounds.len() {
-            let end = bounds.get(k).map_or(self.places.nrows(), |b| b.0);
-            let gains = self.gains(labels, &states, start..end);
-            for (s, ways) in ways.iter_mut().enumerate() {
-                for way in ways {
-                    way.nats += gains[s];
-                    way.frames += if s == 0 { 0 } else { end - start };
-                    way.states.push(s);
-                }
-            }
-            if let Some((_, step)) = bounds.get(k) {
-                let follows = |from: usize, to: usize| match step {
-                    Some(n) => states[to] == after(&states[from], &steps[*n]),
-                    None => true,
-                };
-                ways = (0..states.len())
-                    .map(|to| {
-                        let from = (0..states.len()).filter(|from| follows(*from, to));
-                        best(from.flat_map(|from| ways[from].iter().cloned()).collect())
-                    })
-                    .collect();
-            }
-            start = end;
+            .fold(states[0].clone(), |state, step| after(&state, step));
+        let is_closed = all == states[0];
+        let chains = self.chains(labels, exchanges, &steps, !is_closed);
+        // The longest between places where a track ends.
+        let first = longest(&chains, |frames| self.seen(labels, frames));
+        let mut known = vec![None; chains.len()];
+        let mut state = Some(0);
+        for c in first.clone() {
+            known[c] = state;
+            state = state.and_then(|s| state_after(&states, s, &chains[c]));
         }
-        let chosen = chosen(ways.into_iter().flatten().collect());
-        let mut out: Vec<Exchanged> = Vec::new();
-        let mut start = 0;
-        for (k, s) in chosen.states.iter().enumerate() {
-            let end = bounds.get(k).map_or(self.places.nrows(), |b| b.0);
-            let to: Vec<usize> = states[*s].iter().map(|p| labels[*p]).collect();
-            match out
-                .last_mut()
-                .filter(|last| last.frames.end == start && last.to == to)
-            {
-                Some(last) => last.frames.end = end,
-                None if *s > 0 && end > start => out.push(Exchanged {
-                    labels: labels.clone(),
-                    to,
-                    frames: start..end,
-                }),
-                None => {}
+        if first.len() < chains.len() {
+            for _ in 0..ROUNDS {
+                let places = self.undone(labels, &states, &stretches(&chains, &known, &states));
+                let evidence = Evidence::of(places.view(), labels);
+                let gains: Vec<Vec<f64>> = (chains.iter())
+                    .map(|chain| self.gains(&evidence, labels, &states, chain))
+                    .collect();
+                known = likeliest(&chains, &gains, &states, first.start, is_closed);
             }
-            start = end;
+        }
+        Followed {
+            stretches: stretches(&chains, &known, &states),
+            states,
+        }
+    }
+
+    /// The chains of a take; `everywhere`: others may begin where no track ends, too.
+    fn chains(
+        &self,
+        labels: &[usize],
+        exchanges: &[&Exchange],
+        steps: &[Vec<usize>],
+        everywhere: bool,
+    ) -> Vec<Chain> {
+        let frames = self.places.nrows();
+        let mut bounds: Vec<(usize, Option<usize>, bool)> = Vec::new();
+        bounds.extend((exchanges.iter().enumerate()).map(|(n, e)| (e.frame, Some(n), false)));
+        let ends = self.ends(labels).into_iter().map(|t| (t, None, false));
+        bounds.extend(ends.filter(|(t, ..)| exchanges.iter().all(|e| e.frame != *t)));
+        let every = ((EVERY * self.rate) as usize).max(1);
+        let is_apart = |t: &usize| bounds.iter().all(|(bound, ..)| bound.abs_diff(*t) >= every);
+        if everywhere {
+            let more: Vec<usize> = (every..frames).step_by(every).filter(is_apart).collect();
+            bounds.extend(more.into_iter().map(|t| (t, None, true)));
+        }
+        bounds.sort_unstable();
+        let same: Vec<usize> = (0..labels.len()).collect();
+        let mut out = vec![Chain {
+            stretches: vec![(0..frames, same.clone())],
+            goes_on: false,
+        }];
+        for (t, step, goes_on) in bounds {
+            let Some(chain) = out.last_mut() else { break };
+            let Some((last, state)) = chain.stretches.last_mut() else {
+                break;
+            };
+            last.end = t.min(frames);
+            match step {
+                Some(n) => {
+                    let state = after(state, &steps[n]);
+                    chain.stretches.push((t.min(frames)..frames, state));
+                }
+                None => out.push(Chain {
+                    stretches: vec![(t..frames, same.clone())],
+                    goes_on,
+                }),
+            }
         }
         out
     }
 
-    /// The first frames after gaps of all of some labels that are near an exchange of theirs.
-    fn gaps_near(&self, labels: &[usize], exchanges: &[&Exchange]) -> Vec<usize> {
-        let reach = (REACH * self.rate) as usize;
-        let is_gap = |t: usize| {
-            labels
-                .iter()
-                .all(|l| !point_at(self.places, t, *l).is_finite())
+    /// The frames from which the tracks of all of some labels are seen again, or after which they
+    /// jump.
+    fn ends(&self, labels: &[usize]) -> Vec<usize> {
+        let of = |label: usize| -> Vec<[usize; 2]> {
+            let own: Vec<&Piece> = self.pieces.iter().filter(|p| p.track == label).collect();
+            let ends = own.windows(2).map(|w| [w[0].frames.end, w[1].frames.start]);
+            ends.collect()
         };
-        let mut out = Vec::new();
-        for exchange in exchanges {
-            let first = exchange.frame.saturating_sub(reach).max(1);
-            let last = (exchange.frame + reach).min(self.places.nrows());
-            out.extend((first..last).filter(|t| is_gap(t - 1) && !is_gap(*t)));
+        let mut common = of(labels[0]);
+        for label in &labels[1..] {
+            let own = of(*label);
+            let both = |a: &[usize; 2]| {
+                let [start, end] = *a;
+                let meets = own.iter().map(move |b| [start.max(b[0]), end.min(b[1])]);
+                meets.filter(|both| both[0] <= both[1]).collect::<Vec<_>>()
+            };
+            common = common.iter().flat_map(both).collect();
         }
+        let mut out: Vec<usize> = common.into_iter().map(|[_, end]| end).collect();
         out.sort_unstable();
         out.dedup();
-        // An exchange that is known to be behind the gap is that end.
-        out.retain(|t| exchanges.iter().all(|e| e.frame != *t));
         out
     }
 
-    /// The nats for each state in some frames.
-    fn gains(&self, labels: &[usize], states: &[Vec<usize>], frames: Range<usize>) -> Vec<f64> {
+    /// In how many frames any of some labels is seen.
+    fn seen(&self, labels: &[usize], frames: &Range<usize>) -> usize {
         let is_seen = |t: &usize| {
-            labels
-                .iter()
-                .all(|l| point_at(self.places, *t, *l).is_finite())
+            let mut all = labels.iter();
+            all.any(|l| point_at(self.places, *t, *l).is_finite())
         };
-        let seen: Vec<usize> = frames.clone().filter(is_seen).collect();
-        let weight = independent_frames(seen.len(), self.rate);
-        let step = seen.len().div_ceil(MOST_FRAMES).max(1);
-        let sampled: Vec<usize> = seen.into_iter().step_by(step).collect();
-        let of = |state: &Vec<usize>| {
-            let at = |t: usize| {
-                let each = labels.iter().zip(state).map(|(label, s)| {
-                    let place = point_at(self.places, t, labels[*s]);
-                    self.evidence.at(*label, place, t, self.places, labels)
-                });
-                each.sum::<Option<f64>>()
-            };
-            let known: Vec<f64> = sampled.iter().filter_map(|t| at(*t)).collect();
-            known.iter().sum::<f64>() / known.len().max(1) as f64
-        };
-        let named = of(&states[0]);
-        states
-            .iter()
-            .map(|state| weight * (of(state) - named))
-            .collect()
+        frames.clone().filter(is_seen).count()
     }
+
+    /// The places of the labels, those of some only where it is known where they are.
+    fn undone(
+        &self,
+        labels: &[usize],
+        states: &[Vec<usize>],
+        stretches: &[(Range<usize>, Option<usize>)],
+    ) -> Array2<f64> {
+        let mut out = self.places.to_owned();
+        for (frames, state) in stretches {
+            for (t, (k, label)) in (frames.clone()).flat_map(|t| {
+                let labels = labels.iter().enumerate();
+                labels.map(move |label| (t, label))
+            }) {
+                let place = state.map_or(DVec3::NAN, |s| {
+                    point_at(self.places, t, labels[states[s][k]])
+                });
+                (0..3).for_each(|c| out[[t, 3 * label + c]] = place[c]);
+            }
+        }
+        out
+    }
+
+    /// The nats for each state at the beginning of a chain.
+    fn gains(
+        &self,
+        evidence: &Evidence,
+        labels: &[usize],
+        states: &[Vec<usize>],
+        chain: &Chain,
+    ) -> Vec<f64> {
+        let mut out = vec![0.0; states.len()];
+        for (frames, state) in &chain.stretches {
+            let each = self.nats(evidence, labels, frames.clone());
+            for (gain, first) in out.iter_mut().zip(states) {
+                let state = after(first, state);
+                *gain += state
+                    .iter()
+                    .enumerate()
+                    .map(|(k, s)| each[[k, *s]])
+                    .sum::<f64>();
+            }
+        }
+        out
+    }
+
+    /// The nats for each of some points in the track of each of their labels, in some frames.
+    fn nats(&self, evidence: &Evidence, labels: &[usize], frames: Range<usize>) -> Array2<f64> {
+        let count = labels.len();
+        let seen = self.seen(labels, &frames);
+        let step = frames.len().div_ceil(MOST_FRAMES).max(1);
+        let (mut sum, mut known) = (Array2::zeros((count, count)), 0);
+        for t in frames.step_by(step) {
+            let places: Vec<DVec3> = (labels.iter())
+                .map(|l| point_at(self.places, t, *l))
+                .collect();
+            let at = |(k, s): (usize, usize)| match places[s].is_finite() {
+                true => evidence.at(labels[k], places[s], t, self.places, labels),
+                false => Some(0.0),
+            };
+            let all = (0..count * count).map(|n| at((n / count, n % count)));
+            let Some(all) = all.collect::<Option<Vec<f64>>>() else {
+                continue;
+            };
+            if places.iter().any(|place| place.is_finite()) {
+                sum.iter_mut().zip(all).for_each(|(sum, nats)| *sum += nats);
+                known += 1;
+            }
+        }
+        sum * (independent_frames(seen, self.rate) / f64::from(known.max(1)))
+    }
+}
+
+/// The chains that are longest together, no track ending between them.
+fn longest(chains: &[Chain], seen: impl Fn(&Range<usize>) -> usize) -> Range<usize> {
+    let is_start = |c: &usize| !chains[*c].goes_on;
+    let starts: Vec<usize> = (0..chains.len()).filter(is_start).collect();
+    let ends = starts.iter().skip(1).copied().chain([chains.len()]);
+    let all = starts.iter().zip(ends).map(|(start, end)| *start..end);
+    let frames = |of: &Range<usize>| -> usize {
+        let all = chains[of.clone()].iter().flat_map(|c| &c.stretches);
+        all.map(|(frames, _)| seen(frames)).sum()
+    };
+    // Of equals the first.
+    let all: Vec<Range<usize>> = all.collect();
+    all.into_iter().rev().max_by_key(frames).unwrap_or(0..0)
+}
+
+/// The state at the beginning of each chain, where it is far likelier than any other; that of the
+/// chain `first` is the first one. None is known where they change though no track ends.
+fn likeliest(
+    chains: &[Chain],
+    gains: &[Vec<f64>],
+    states: &[Vec<usize>],
+    first: usize,
+    is_closed: bool,
+) -> Vec<Option<usize>> {
+    let count = states.len();
+    let ends = |c: usize, s: usize| state_after(states, s, &chains[c]);
+    let change = |c: usize, from: usize, to: usize| match ends(c - 1, from) == Some(to) {
+        true => 0.0,
+        false if chains[c].goes_on => -2.0 * CLEAR,
+        false if is_closed => -CLEAR,
+        false => 0.0,
+    };
+    let own = |c: usize, s: usize| match c == first && s > 0 {
+        true => f64::NEG_INFINITY,
+        false => gains[c][s],
+    };
+    let most = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::NEG_INFINITY, f64::max);
+    // The best way to each state, and on from it.
+    let mut to: Vec<Vec<f64>> = vec![(0..count).map(|s| own(0, s)).collect()];
+    for c in 1..chains.len() {
+        let of =
+            |s| own(c, s) + most(&mut (0..count).map(|from| to[c - 1][from] + change(c, from, s)));
+        to.push((0..count).map(of).collect());
+    }
+    let mut on: Vec<Vec<f64>> = vec![vec![0.0; count]; chains.len()];
+    for c in (1..chains.len()).rev() {
+        let of = |s| most(&mut (0..count).map(|to| on[c][to] + own(c, to) + change(c, s, to)));
+        on[c - 1] = (0..count).map(of).collect();
+    }
+    let best = |c: usize| {
+        let all = (0..count).map(|s| (to[c][s] + on[c][s], s));
+        let mut all: Vec<(f64, usize)> = all.collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let clear = all.get(1).is_none_or(|second| all[0].0 - second.0 >= CLEAR);
+        (all[0].1, clear)
+    };
+    let all: Vec<(usize, bool)> = (0..chains.len()).map(best).collect();
+    let is_broken = |c: usize| chains[c].goes_on && ends(c - 1, all[c - 1].0) != Some(all[c].0);
+    let is_broken = (1..chains.len()).any(is_broken);
+    let known = all
+        .into_iter()
+        .map(|(s, is_clear)| (is_clear && !is_broken).then_some(s));
+    known.collect()
+}
+
+/// The stretches of chains and their states, by those at their beginnings.
+fn stretches(
+    chains: &[Chain],
+    known: &[Option<usize>],
+    states: &[Vec<usize>],
+) -> Vec<(Range<usize>, Option<usize>)> {
+    let mut out: Vec<(Range<usize>, Option<usize>)> = Vec::new();
+    for (chain, first) in chains.iter().zip(known) {
+        for (frames, state) in &chain.stretches {
+            let state = first.and_then(|first| {
+                let state = after(&states[first], state);
+                states.iter().position(|s| *s == state)
+            });
+            match out.last_mut().filter(|last| last.1 == state) {
+                Some(last) => last.0.end = frames.end,
+                None => out.push((frames.clone(), state)),
+            }
+        }
+    }
+    out.retain(|(frames, _)| !frames.is_empty());
+    out
+}
+
+/// The state at the end of a chain by that at its beginning.
+fn state_after(states: &[Vec<usize>], first: usize, chain: &Chain) -> Option<usize> {
+    let (_, last) = chain.stretches.last()?;
+    let state = after(&states[first], last);
+    states.iter().position(|s| *s == state)
 }
 
 /// Where points are after one more exchange, each number a place among the labels.
@@ -283,29 +440,4 @@ fn closure(labels: usize, steps: &[Vec<usize>]) -> Vec<Vec<usize>> {
         k += 1;
     }
     states
-}
-
-/// The ways that no other has both more nats and fewer exchanged frames than.
-fn best(mut ways: Vec<Way>) -> Vec<Way> {
-    ways.sort_by(|a, b| a.frames.cmp(&b.frames).then(b.nats.total_cmp(&a.nats)));
-    let mut most = f64::NEG_INFINITY;
-    ways.retain(|way| {
-        let is_more = way.nats > most;
-        most = most.max(way.nats);
-        is_more
-    });
-    ways.truncate(MOST_WAYS);
-    ways
-}
-
-/// The way with the fewest exchanged frames among those that are nearly as likely as any.
-fn chosen(ways: Vec<Way>) -> Way {
-    let most = ways.iter().fold(f64::NEG_INFINITY, |m, w| m.max(w.nats));
-    let likely = ways.into_iter().filter(|w| w.nats >= most - CLEAR);
-    let fewest = likely.min_by(|a, b| a.frames.cmp(&b.frames).then(b.nats.total_cmp(&a.nats)));
-    fewest.unwrap_or(Way {
-        nats: 0.0,
-        frames: 0,
-        states: vec![],
-    })
 }

@@ -2,7 +2,8 @@
 //!
 //! The ends of two pieces, each a line through its last or first frames, are carried on to the
 //! middle between them. They may differ by the acceleration of a body, `σ² = s² + 2 (A (Δ/2)²)² +
-//! 2 (v h)²` (Δ the time between them, h half of it in frames), or stand where they stood. A link
+//! 2 (v h)²` (Δ the time between them, h half of it in frames), or stand where they stood, if one
+//! of them hardly moves. A link
 //! holds where it is far cheaper than every other of both ends. Pieces that follow each other
 //! without a gap are linked before others: a point's own return some frames later is cheap too.
 
@@ -64,8 +65,14 @@ pub(crate) fn link_cost(from: &End, to: &End, gap: usize, rate: f64) -> f64 {
         + 2.0 * (ACCELERATION * (time / 2.0).powi(2)).powi(2)
         + 2.0 * (VELOCITY_NOISE * half).powi(2);
     let carried = (from.at + half * from.velocity).distance_squared(to.at + half * to.velocity);
-    let still = from.at.distance_squared(to.at);
-    (carried / variance).min(still / (variance + (STILL * time).powi(2)))
+    // What stood still on both sides may have moved meanwhile; what moves goes on.
+    let still = variance + (STILL * time).powi(2);
+    let speed = from
+        .velocity
+        .length_squared()
+        .min(to.velocity.length_squared());
+    let moved = (from.at.distance_squared(to.at) + speed * ((gap + 1) as f64).powi(2)) / still;
+    (carried / variance).min(moved)
 }
 
 /// The links between pieces that hold, and the ends of all.

@@ -1,6 +1,7 @@
 //! Which track is which point: what the distances within a body say of the labels of a take.
 
 pub(crate) mod changes;
+mod chirality;
 pub(crate) mod distances;
 mod evidence;
 pub(crate) mod exchanges;

@@ -121,6 +121,13 @@ impl<'a> Paths<'a> {
         }
     }
 
+    /// Leaves the paths of some labels where they are.
+    pub(crate) fn keep(&mut self, labels: &[usize]) {
+        let is_kept = |path: &&mut Path| path.label.is_some_and(|label| labels.contains(&label));
+        let kept = self.paths.iter_mut().filter(is_kept);
+        kept.for_each(|path| path.stands = true);
+    }
+
     /// Whether no path but some holds a label in the frames of another.
     fn is_free(&self, path: usize, label: usize, but: &[usize]) -> bool {
         let is_open = |t: usize| {

@@ -126,7 +126,8 @@ impl Relabeling {
     }
 
     /// Adds what is wrong in every frame of a take once these changes are made. Labels that are
-    /// exchanged in takes of the same people are put right, unless one `is_kept` in a take.
+    /// exchanged in takes of the same people are put right where that is sure, unless one `is_kept`
+    /// in a take.
     fn check_whole_takes(
         &mut self,
         poses: &Poses,
@@ -149,7 +150,7 @@ impl Relabeling {
                     WholeTakeKind::EitherSide => false,
                 };
                 let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
-                if like.are_same_person() && is_pair && is_free {
+                if like.are_same_person() && is_pair && is_free && whole.is_sure {
                     exchange_in_take(&mut self.changes, &whole.points, &take);
                     whole.is_put_back = true;
                 }
@@ -252,6 +253,7 @@ impl Relabeling {
         self.unsure.extend(found.unsure.iter().map(|u| Unsure {
             labels: u.labels.iter().map(|l| order[*l]).collect(),
             frames: u.frames.iter().map(shifted).collect(),
+            is_part: u.is_part,
         }));
         taken
     }

@@ -11,12 +11,12 @@
 
 use super::changes::{Change, ChangeKind};
 use super::evidence::{Evidence, independent_frames};
-use super::identities::{Exchanged, exchanges};
+use super::identities::exchanges;
 use super::labeled_take::LabeledTake;
 use super::links::Links;
 use super::paths::Paths;
 use super::pieces::{Piece, pieces};
-use super::sides::{SideBy, Sides, Unsure};
+use super::sides::{Exchanged, SideBy, Sides, Unsure};
 use super::tuning::repair::{FEWEST_FRAMES, LEAST_RATE, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
 use crate::pose::point_at;
@@ -52,7 +52,7 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
     let sides = match found.is_empty() {
         true => Sides::default(),
-        false => take.sides(&found, named),
+        false => take.sides(&found, named, &pieces),
     };
     let identity = |piece: &Piece| match piece.track < take.labels {
         true => Some(point_in(piece.track, piece.frames.start, &sides.exchanged)),
@@ -61,6 +61,8 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     let identities: Vec<Option<usize>> = pieces.iter().map(identity).collect();
     let mut paths = Paths::new(take, pieces, ends, identities);
     paths.join(&links);
+    let unsure: Vec<usize> = sides.unsure.iter().flat_map(|u| u.labels.clone()).collect();
+    paths.keep(&unsure);
     for round in 0..ROUNDS {
         if !paths.round(round) {
             break;
@@ -268,12 +270,60 @@ mod tests {
             let all: Vec<_> = changes.iter().map(of).collect();
             assert_eq!(all, [(ChangeKind::Swap, frames, vec![2, 4])]);
         }
-        // Mirror images of each other say nothing.
+        // Mirror images of each other say nothing; not even where another piece is like the rest.
         let mut xyz = body();
         swap(&mut xyz, 300..700, [4, 10]);
         let (changes, unsure) = found(&xyz);
         assert_eq!(changes, []);
         assert_eq!(unsure.len(), 1);
         assert_eq!(unsure[0].labels, [4, 10]);
+    }
+
+    fn lose(xyz: &mut Array2<f64>, frames: Range<usize>, points: &[usize]) {
+        for (t, p) in frames.flat_map(|t| points.iter().map(move |p| (t, *p))) {
+            set(xyz, t, p, DVec3::NAN);
+        }
+    }
+
+    #[test]
+    fn an_exchange_ends_in_a_gap_where_the_distances_say_so() {
+        for (labels, gap) in [(vec![1, 2], 600..630), (vec![1, 2, 3], 270..300)] {
+            let mut right = body();
+            lose(&mut right, gap, &labels);
+            assert_eq!(found(&right), (vec![], vec![]));
+            let mut xyz = right.clone();
+            for pair in labels.windows(2) {
+                swap(&mut xyz, 300..600, [pair[0], pair[1]]);
+            }
+            let (changes, unsure) = found(&xyz);
+            assert_eq!(unsure, []);
+            let all: Vec<_> = changes
+                .iter()
+                .map(|c| (c.frames.clone(), c.tracks.len()))
+                .collect();
+            assert_eq!(all, [(300..600, labels.len())]);
+            changes
+                .iter()
+                .for_each(|c| PointMove::make_all(&c.moves, &mut xyz));
+            let is_same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
+            assert!(xyz.iter().zip(&right).all(is_same));
+        }
+    }
+
+    #[test]
+    fn an_exchange_whose_end_nobody_sees_moves_nothing() {
+        // From one frame to the next it ends while the labels are at one place.
+        let mut xyz = body();
+        for (t, k) in (560..640).flat_map(|t| [0, 1].map(|k| (t, k))) {
+            let share = (1.0 - (t as f64 - 600.0).abs() / 40.0).clamp(0.0, 1.0);
+            let [own, other] = [k, 1 - k].map(|k| point_at(body().view(), t, 1 + k));
+            set(&mut xyz, t, 1 + k, own.lerp(other, 0.5 * share));
+        }
+        assert_eq!(found(&xyz).1, []);
+        swap(&mut xyz, 250..600, [1, 2]);
+        let (changes, unsure) = found(&xyz);
+        assert_eq!(changes, []);
+        assert_eq!(unsure.len(), 1);
+        assert_eq!(unsure[0].labels, [1, 2]);
     }
 }

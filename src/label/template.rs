@@ -8,6 +8,10 @@
 //! with the median μ and the spread s of a distance in the take, μ′ and s′ in the template, and the
 //! ratio c of their sizes, 1 for the same person. Spreads count as well: else a loose distance fits
 //! any. Another person's postures differ, so that only the most rigid neighbors count there.
+//!
+//! A body that stands still keeps all its distances, so that its spreads are worth nothing: where
+//! one of both moves far less, a distance is as loose as it is in the other; where both stand, their
+//! postures differ by a share of it.
 
 use super::distances::{Distance, Distances};
 use super::handedness::Hand;
@@ -97,9 +101,10 @@ impl Template {
         let tracks: Vec<usize> = (0..both.len()).map(of).collect();
         let own = |a: usize, b: usize| take.distances.between(tracks[a], tracks[b]);
         let there = |a: usize, b: usize| self.distances.between(both[a][1], both[b][1]);
-        let size = self.size((0..both.len()).flat_map(|a| {
+        let pairs = (0..both.len()).flat_map(|a| {
             (a + 1..both.len()).filter_map(move |b| Some([own(a, b)?, there(a, b)?]))
-        }));
+        });
+        let beside = self.beside(pairs.collect());
         let weights = self.weights(&both.iter().map(|both| both[1]).collect::<Vec<_>>());
         let gain = |tracks: &[usize], [a, b]: [usize; 2]| {
             if own(tracks[a], tracks[b]).is_none_or(|d| d.median > NEAR[1]) {
@@ -111,7 +116,7 @@ impl Template {
                 let better = |label: usize, of_label: &Distance, of_other: &Distance| {
                     let weight = Some(weights[label][j]).filter(|w| *w > 0.0)?;
                     let there = there(label, j)?;
-                    let cost = |own: &Distance| self.cost_of(own, &there, size);
+                    let cost = |own: &Distance| beside.cost_of(own, &there);
                     Some(weight * (cost(of_label) - cost(of_other)))
                 };
                 let both = [better(a, &of_a, &of_b), better(b, &of_b, &of_a)];
@@ -153,16 +158,17 @@ impl Template {
         // Every so many of them.
         let step = steady.len().div_ceil(MOST_STEADY).max(1);
         steady = steady.into_iter().step_by(step).collect();
-        let size = self.size(steady.iter().filter_map(|[a, b]| {
+        let pairs = steady.iter().filter_map(|[a, b]| {
             let own = whole(here(*a)?, here(*b)?)?;
             Some([own, self.distances.between(*a, *b)?])
-        }));
+        });
+        let beside = self.beside(pairs.collect());
         let of_label = |label: &usize| {
             let all = there(*label).map_or_else(Vec::new, |l| self.distances.most_rigid(l));
             let seen = all.into_iter().filter_map(|(other, distance)| {
                 let other = here(other).filter(|o| !labels.contains(o))?;
                 let own = Distance::within(places, [*label, other], frames)?;
-                Some(self.cost_of(&own, &distance, size))
+                Some(beside.cost_of(&own, &distance))
             });
             seen.take(NEIGHBORS).collect::<Vec<f64>>()
         };
@@ -188,28 +194,69 @@ impl Template {
         weights
     }
 
-    /// z of a distance in a take and in the template.
-    fn cost_of(&self, own: &Distance, there: &Distance, size: f64) -> f64 {
-        let [fixed, share] = self.unlike;
-        let want = size * there.median;
-        let (spread, want_spread) = (own.spread, size * there.spread);
-        let off = (own.median - want).powi(2) + (spread - want_spread).powi(2);
-        let variance = spread.min(want_spread).powi(2) + fixed.powi(2) + (share * want).powi(2);
-        (off / variance).min(HIGHEST)
-    }
-
-    /// How many times as large the body is as that of the template, by distances in both.
-    fn size(&self, pairs: impl Iterator<Item = [Distance; 2]>) -> f64 {
-        if self.is_same_person {
-            return 1.0;
+    /// How the template and a take compare, some of whose distances these are, each with its own in
+    /// the template.
+    fn beside(&self, pairs: Vec<[Distance; 2]>) -> Beside {
+        let middle = |k: usize| median(pairs.iter().map(|both| both[k].spread).collect());
+        let [own, there] = [0, 1].map(|k| middle(k).unwrap_or(0.0));
+        let spreads = match (
+            own.max(there) < STANDING,
+            own < STILLER * there,
+            there < STILLER * own,
+        ) {
+            (true, ..) => Spreads::None,
+            (_, true, _) => Spreads::Theirs,
+            (.., true) => Spreads::Own,
+            _ => Spreads::Both,
+        };
+        let steady = pairs.iter().filter(|both| both.iter().all(is_steady));
+        let ratios = steady.map(|[own, there]| own.median / there.median);
+        Beside {
+            size: match self.is_same_person {
+                true => 1.0,
+                false => median(ratios.collect()).unwrap_or(1.0),
+            },
+            unlike: self.unlike,
+            spreads,
         }
-        let steady = pairs.filter(|both| both.iter().all(is_steady));
-        median(
-            steady
-                .map(|[own, there]| own.median / there.median)
-                .collect(),
-        )
-        .unwrap_or(1.0)
+    }
+}
+
+/// How a take and a template compare.
+struct Beside {
+    /// How many times as large the body is as that of the template, by distances in both.
+    size: f64,
+    unlike: [f64; 2],
+    spreads: Spreads,
+}
+
+/// Whose spreads tell how loose a distance is.
+#[derive(Clone, Copy)]
+enum Spreads {
+    Both,
+    /// The template stands still.
+    Own,
+    /// The take does.
+    Theirs,
+    /// Both do.
+    None,
+}
+
+impl Beside {
+    /// z of a distance in a take and in the template.
+    fn cost_of(&self, own: &Distance, there: &Distance) -> f64 {
+        let [fixed, share] = self.unlike;
+        let want = self.size * there.median;
+        let (spread, want_spread) = (own.spread, self.size * there.spread);
+        let (loose, differs) = match self.spreads {
+            Spreads::Both => (spread.min(want_spread), spread - want_spread),
+            Spreads::Own => (spread, 0.0),
+            Spreads::Theirs => (want_spread, 0.0),
+            Spreads::None => (POSTURE * want, 0.0),
+        };
+        let off = (own.median - want).powi(2) + differs.powi(2);
+        let variance = loose.powi(2) + fixed.powi(2) + (share * want).powi(2);
+        (off / variance).min(HIGHEST)
     }
 }
 

@@ -48,6 +48,8 @@ pub(crate) struct WholeTake {
     pub points: Vec<usize>,
     /// The labeled takes that say it.
     pub like: Vec<String>,
+    /// Whether more than one take says it: two of them, or one and the sides of the body.
+    pub is_sure: bool,
     /// Whether changes put it right.
     pub is_put_back: bool,
 }
@@ -59,7 +61,7 @@ pub(crate) enum WholeTakeKind {
     Hand,
     /// Some labels are exchanged with each other.
     Exchanged,
-    /// The first two are exchanged, or the other two, their mirror images.
+    /// The first half of them are exchanged, or the others, their mirror images.
     EitherSide,
 }
 
@@ -143,7 +145,7 @@ impl Templates {
                 places: person.places.view(),
                 distances: &distances,
             };
-            let (own, said) = self.compare(&person.person, labels, &mirror.images());
+            let (own, said) = self.compare(&person.person, labels, &mirror);
             found.extend(own);
             notes.extend(said);
         }
@@ -180,8 +182,9 @@ impl Templates {
         &self,
         person: &Person,
         labels: Labels<'_>,
-        mirrored: &[usize],
+        mirror: &Mirror<'_>,
     ) -> (Vec<WholeTake>, Vec<String>) {
+        let mirrored = &mirror.images();
         let templates = self.of(&person.name);
         let mut said: BTreeMap<(WholeTakeKind, Vec<usize>), Vec<usize>> = BTreeMap::new();
         let mut known = Vec::new();
@@ -216,8 +219,13 @@ impl Templates {
             };
             let mut like: Vec<String> = by.iter().map(|n| templates[*n].take.clone()).collect();
             like.dedup();
+            let by_mirror = match group[..] {
+                [a, b] => mirror.says(labels.distances, [a, b]),
+                _ => None,
+            };
             let one = WholeTake {
                 kind,
+                is_sure: by_mirror.unwrap_or(by.len() > 1),
                 is_put_back: false,
                 points: sided.iter().map(|l| person.points[*l]).collect(),
                 like,
@@ -238,17 +246,28 @@ impl Labeled {
     /// The labels that are exchanged by the body's mirror image: on this side or on the other.
     fn by_mirror(&self, mirror: &Mirror<'_>, distances: &Distances) -> Vec<WholeTake> {
         let images = mirror.images();
-        let one = |pair: [usize; 2]| {
-            let mut labels = pair.to_vec();
-            labels.extend(pair.map(|l| images[l]));
+        let one = |group: Vec<usize>| {
+            let others: Vec<usize> = group.iter().map(|l| images[*l]).collect();
+            let labels = [group, others].concat();
             WholeTake {
                 kind: WholeTakeKind::EitherSide,
                 points: labels.iter().map(|l| self.person.points[*l]).collect(),
                 like: Vec::new(),
+                is_sure: false,
                 is_put_back: false,
             }
         };
-        mirror.exchanged(distances).into_iter().map(one).collect()
+        // On one side; the other side's are theirs.
+        let pairs = mirror.exchanged(distances).into_iter();
+        let both: Vec<[usize; 2]> = pairs.flat_map(|p| [p, p.map(|l| images[l])]).collect();
+        let mut out: Vec<Vec<usize>> = Vec::new();
+        for group in groups(&both) {
+            let is_other = |of: &Vec<usize>| group.iter().any(|l| of.contains(&images[*l]));
+            if !out.iter().any(is_other) {
+                out.push(group);
+            }
+        }
+        out.into_iter().map(one).collect()
     }
 }
 
@@ -294,14 +313,15 @@ impl WholeTake {
                     _ => format!("{all} are exchanged in every frame: {like} have them otherwise"),
                 }
             }
-            WholeTakeKind::EitherSide => format!(
-                "{}/{} or {}/{} are exchanged in every frame, as the sides of the body differ: \
-                 give a labeled take with the option `like`",
-                name(0),
-                name(1),
-                name(2),
-                name(3)
-            ),
+            WholeTakeKind::EitherSide => {
+                let all: Vec<&str> = (0..self.points.len()).map(name).collect();
+                let [one, other] =
+                    [0, 1].map(|k| all[k * all.len() / 2..][..all.len() / 2].join("/"));
+                format!(
+                    "{one} or {other} are exchanged in every frame, as the sides of the body \
+                     differ: give a labeled take with the option `like`"
+                )
+            }
         }
     }
 
@@ -396,6 +416,46 @@ mod tests {
                 assert_eq!(found, (vec![want], 0));
             }
         }
+    }
+
+    /// A person that stands still, with other arms.
+    fn still(from: f64) -> Poses {
+        let mut poses = person(1.0, from);
+        let first = poses.xyz.row(0).to_owned();
+        poses
+            .xyz
+            .rows_mut()
+            .into_iter()
+            .for_each(|mut row| row.assign(&first));
+        poses
+    }
+
+    #[test]
+    fn one_that_stands_still_says_little_of_one_that_moves() {
+        let [walk, stand] = [person(1.0, 9.0), still(0.3)];
+        for (like, take) in [(&stand, &walk), (&walk, &stand), (&stand, &still(1.1))] {
+            let like = templates(std::slice::from_ref(like), true);
+            assert_eq!(check(&like, take), (vec![], 0));
+        }
+        let like = templates(&[stand], true);
+        let found = check(&like, &exchanged(walk, [4, 5]));
+        assert_eq!(found, (vec![(WholeTakeKind::Exchanged, vec![4, 5])], 0));
+    }
+
+    #[test]
+    fn one_take_alone_is_not_sure() {
+        let take = || exchanged(person(1.0, 9.0), [12, 13]);
+        let is_sure = |like: &[Poses], take: &Poses| {
+            let (found, _) = templates(like, true).check(take, &(0..240));
+            found.iter().map(|w| w.is_sure).collect::<Vec<bool>>()
+        };
+        let [first, second] = [0.0, 3.0].map(|from| person(1.0, from));
+        assert_eq!(is_sure(std::slice::from_ref(&first), &take()), [false]);
+        assert_eq!(is_sure(&[first, second], &take()), [true]);
+        // It is the labeled take that is wrong, as the sides of the body say.
+        let right = person(1.0, 9.0);
+        let wrong = exchanged(person(1.0, 0.0), [1, 2]);
+        assert_eq!(is_sure(&[wrong], &right), [false]);
     }
 
     #[test]

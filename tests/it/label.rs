@@ -277,6 +277,37 @@ fn a_labeled_take_of_the_person_puts_back_what_no_frame_shows() {
 }
 
 #[test]
+fn one_labeled_take_against_another_only_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // The sides of the body say nothing of labels in its middle.
+    for (name, exchanged, from) in [
+        ("first", [0, 0], 0.7),
+        ("second", [0, 0], 1.9),
+        ("wrong", [8, 9], 0.0),
+    ] {
+        fs::write(at(&format!("{name}.csv")), body(exchanged, from)).unwrap();
+    }
+    let label = |like: &[&str], take: &str, code: i32| {
+        let out = at("out.csv");
+        let mut run = command("label");
+        let files: Vec<_> = like.iter().map(|name| at(name)).collect();
+        files.iter().for_each(|file| {
+            run.args(["--like", text(file)]);
+        });
+        run.args(["--same-person", "--overwrite", "-o", text(&out)]);
+        run.arg(at(take)).assert().code(code);
+        fs::read_to_string(&out).unwrap()
+    };
+    let wrong = fs::read_to_string(at("wrong.csv")).unwrap();
+    assert_eq!(label(&["first.csv"], "wrong.csv", 3), wrong);
+    assert_ne!(label(&["first.csv", "second.csv"], "wrong.csv", 0), wrong);
+    // Nor does a wrong one change a take that is right.
+    let right = fs::read_to_string(at("first.csv")).unwrap();
+    assert_eq!(label(&["wrong.csv"], "first.csv", 3), right);
+}
+
+#[test]
 fn one_of_two_people_is_taken_out() {
     let folder = tempfile::tempdir().unwrap();
     let both = folder.path().join("both.csv");
