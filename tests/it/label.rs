@@ -289,13 +289,13 @@ fn one_labeled_take_against_another_only_tells() {
         fs::write(at(&format!("{name}.csv")), body(exchanged, from)).unwrap();
     }
     let label = |like: &[&str], take: &str, code: i32| {
-        let out = at("out.csv");
+        let out = at(&format!("{}-{take}", like.len()));
         let mut run = command("label");
         let files: Vec<_> = like.iter().map(|name| at(name)).collect();
         files.iter().for_each(|file| {
             run.args(["--like", text(file)]);
         });
-        run.args(["--same-person", "--overwrite", "-o", text(&out)]);
+        run.args(["--same-person", "-o", text(&out)]);
         run.arg(at(take)).assert().code(code);
         fs::read_to_string(&out).unwrap()
     };
