@@ -72,6 +72,7 @@ pub struct Args {
         long,
         value_enum,
         value_name = "AXIS",
+        allow_hyphen_values = true,
         requires = "shapes",
         help_heading = "Input"
     )]
