@@ -5,6 +5,7 @@ use super::rest::{RestPose, hips, middle, top};
 use super::segments::BodyJoints;
 use super::tuning::rest::FRAMES;
 use crate::io::Bvh;
+use crate::numeric::statistics::range;
 use crate::pose::orientation::{Figure, Standing};
 use crate::pose::{NameMap, UpAxis};
 use glam::{DMat3, DVec3};
@@ -29,6 +30,7 @@ pub fn up_axis(source: &Bvh, map: Option<&NameMap>) -> Option<UpAxis> {
             hands: (body.arms.as_ref()).map_or(DVec3::NAN, |arms| {
                 limbs([0, 1].map(|side: usize| arms[side].joints[2]))
             }),
+            heights: range(pose.places.iter().map(|place| place.y)).into(),
         }
     };
     let is_whole = |t: &usize| source.motion.row(*t).iter().all(|v| v.is_finite());
