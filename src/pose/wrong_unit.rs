@@ -91,7 +91,7 @@ impl WrongSize {
     /// What is wrong, and what to do, for numbers that were read in a `unit`.
     pub(crate) fn sentence(&self, unit: LengthUnit) -> String {
         let of = match self.is_of_names {
-            true => "from head to feet",
+            true => "from foot to head",
             false => "in all",
         };
         let own = unit.centimeters() * self.factor;
@@ -277,7 +277,7 @@ mod tests {
         };
         let text = of(165_000.0, 0.001, LengthUnit::M);
         assert!(
-            text.starts_with("the body measures 1650 m from head to feet, 1000 times too large")
+            text.starts_with("the body measures 1650 m from foot to head, 1000 times too large")
         );
         assert!(
             text.ends_with("millimeters, not meters; give the option `units mm`"),

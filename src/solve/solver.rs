@@ -14,6 +14,7 @@ use crate::label::unlabeled::is_unlabeled;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::{Error, Result};
 use ndarray::{Array2, s};
+use std::ops::Range;
 
 /// How a take is solved.
 #[derive(Default)]
@@ -113,15 +114,7 @@ pub fn solve(
     };
     let unseen = by_markers.unseen(&solved);
     let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
-    for (j, (_, bone)) in ends.iter().enumerate() {
-        for run in &unseen[*bone] {
-            joints
-                .slice_mut(s![run.clone(), 3 * j..3 * j + 3])
-                .fill(f64::NAN);
-            sd.iter_mut()
-                .for_each(|sd| sd.slice_mut(s![run.clone(), j]).fill(f64::NAN));
-        }
-    }
+    empty(&mut joints, &mut sd, &ends, &unseen);
     let never = |bone: &usize| unseen[*bone].iter().any(|run| run.len() == poses.frames());
     for bone in (0..unseen.len()).filter(never) {
         let dofs = s![.., fitted.skeleton.dofs_of(bone)];
@@ -164,6 +157,24 @@ pub fn solve(
         unsettled: sequence.unconverged,
         values: sequence.values,
     })
+}
+
+/// Empties joints, which are at the `ends` of bones, and their deviations where these are unseen.
+fn empty(
+    joints: &mut Array2<f64>,
+    sd: &mut Option<Array2<f64>>,
+    ends: &[(String, usize)],
+    unseen: &[Vec<Range<usize>>],
+) {
+    for (j, (_, bone)) in ends.iter().enumerate() {
+        for run in &unseen[*bone] {
+            let own = s![run.clone(), 3 * j..3 * j + 3];
+            joints.slice_mut(own).fill(f64::NAN);
+            if let Some(sd) = sd {
+                sd.slice_mut(s![run.clone(), j]).fill(f64::NAN);
+            }
+        }
+    }
 }
 
 /// Why the labels of a take are no body that can be solved: a good part of the set's markers has no
@@ -398,6 +409,27 @@ pub(super) mod tests {
             );
             assert!(told.len() <= 3, "{pair:?} {told:?}");
         }
+    }
+
+    #[test]
+    fn labels_beside_as_many_nameless_tracks_are_doubtful() {
+        let (mut poses, _) = person(10);
+        let set = MarkerSet::find("cmu41").unwrap();
+        assert_eq!(doubt(&poses, set), None);
+        // A few ghosts are none of a body; half of the body's tracks are.
+        for p in 0..poses.points.len() {
+            if p % 10 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert_eq!(doubt(&poses, set), None);
+        for p in 0..poses.points.len() {
+            if p % 2 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert!(doubt(&poses, set).unwrap().contains("several people"));
+        assert!(solve(&poses, &SolveSettings::default(), &mut |_| ()).is_err());
     }
 
     #[test]

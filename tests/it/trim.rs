@@ -51,6 +51,21 @@ fn frames_and_points_are_chosen_and_renamed() {
 }
 
 #[test]
+fn an_axis_may_point_down() {
+    for flags in [&["--up=-y"][..], &["--up", "-y"]] {
+        // What goes back in the file's own axes is what it was.
+        assert_eq!(run("trim", flags, &table()), run("trim", &[], &table()));
+        let up = run("trim", &[flags, &["--out-up", "y"]].concat(), &table());
+        assert!(up.contains("w,0.01,1,0,0,-1,-5,-5\n"), "{up}");
+    }
+    let failed = command("trim").args(["--up", "-w"]).write_stdin(table());
+    failed
+        .output()
+        .map(|done| assert_eq!(done.status.code(), Some(2)))
+        .unwrap();
+}
+
+#[test]
 fn a_filter_leaves_even_movement_and_stills_trembling() {
     let out = Numbers::read(&run("trim", &["--butterworth", "6Hz"], &table()));
     for (t, row) in out.rows.iter().enumerate() {
