@@ -22,8 +22,8 @@ const FRAMES: usize = 400;
 const SHARE: f64 = 0.9;
 const ALONG: f64 = 0.8;
 /// What lies has its lowest point on the floor, and rolls only so far: the quantiles, and both in
-/// lengths of what is seen of the body. (Takes of CMU: whoever stands has the lowest point within 0.06, but for
-/// jumps; sideways it is farther in nearly all, of boxing too.)
+/// lengths of what is seen of the body. (Takes of CMU: whoever stands has the lowest point within
+/// 0.06, but for jumps; sideways it is farther in nearly all, of boxing too.)
 const QUANTILES: [f64; 2] = [0.05, 0.95];
 const FLOOR: f64 = 0.08;
 const FARTHER: f64 = 1.2;

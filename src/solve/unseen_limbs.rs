@@ -106,48 +106,50 @@ impl SeenBones<'_> {
         unseen: &[Vec<Range<usize>>],
     ) -> Vec<UnseenLimb> {
         let frames = self.xyz.nrows();
-        // By frames and limb, the bone nearest to the trunk and the joints.
-        let mut all: BTreeMap<(usize, usize, &str, &str), (usize, Vec<String>)> = BTreeMap::new();
+        // By limb and frames, the bone nearest to the trunk and the joints.
+        let mut all: BTreeMap<([usize; 2], String), (usize, Vec<String>)> = BTreeMap::new();
         for (joint, bone) in joints {
             for run in &unseen[*bone] {
-                let (side, limb) = limb_of(&self.bones[*bone].name);
-                let of = all
-                    .entry((run.start, run.end, limb, side))
-                    .or_insert((*bone, Vec::new()));
-                of.0 = of.0.min(*bone);
-                of.1.push(joint.clone());
+                let key = (
+                    [run.start, run.end],
+                    limb_of(&self.bones[*bone].name).concat(),
+                );
+                let (first, joints) = all.entry(key).or_insert((*bone, Vec::new()));
+                *first = (*first).min(*bone);
+                joints.push(joint.clone());
             }
         }
-        let limb =
-            |((start, end, limb, side), (bone, joints)): ((_, _, &str, &str), (usize, _))| {
-                let part = part_from(&self.bones[bone].name).unwrap_or(limb);
-                let is_all = (start, end) == (0, frames);
-                UnseenLimb {
-                    limb: format!("{side}{part}"),
-                    joints,
-                    frames: (!is_all).then_some([start, end]),
-                    seconds: (self.rate.filter(|_| !is_all))
-                        .map(|rate| [start, end].map(|t: usize| t as f64 / rate)),
-                }
-            };
+        let limb = |((run, _), (bone, joints)): (([usize; 2], String), (usize, Vec<String>))| {
+            let [side, limb] = limb_of(&self.bones[bone].name);
+            let frames = (run != [0, frames]).then_some(run);
+            UnseenLimb {
+                limb: [side, part_from(&self.bones[bone].name).unwrap_or(limb)].concat(),
+                joints,
+                frames,
+                seconds: (self.rate.zip(frames))
+                    .map(|(rate, frames)| frames.map(|t| t as f64 / rate)),
+            }
+        };
         all.into_iter().map(limb).collect()
     }
 }
 
 /// The side of a bone, and the limb that it is of.
-fn limb_of(bone: &str) -> (&'static str, &'static str) {
-    let paired = |side: &'static str, own: &str| match own {
-        "hipjoint" | "femur" | "tibia" | "foot" | "toes" => Some((side, "leg")),
-        "clavicle" | "humerus" | "radius" | "wrist" | "hand" => Some((side, "arm")),
+fn limb_of(bone: &str) -> [&'static str; 2] {
+    let limb_of_side = |own: &str| match own {
+        "hipjoint" | "femur" | "tibia" | "foot" | "toes" => Some("leg"),
+        "clavicle" | "humerus" | "radius" | "wrist" | "hand" => Some("arm"),
         _ => None,
     };
-    let of_side = |letter: char, side| paired(side, bone.strip_prefix(letter)?);
-    let of_middle = if bone.ends_with("neck") || bone == "head" {
-        "head"
-    } else {
-        "trunk"
-    };
-    (of_side('l', "left ").or(of_side('r', "right "))).unwrap_or(("", of_middle))
+    for (letter, side) in [('l', "left "), ('r', "right ")] {
+        if let Some(limb) = bone.strip_prefix(letter).and_then(limb_of_side) {
+            return [side, limb];
+        }
+    }
+    match bone.ends_with("neck") || bone == "head" {
+        true => ["", "head"],
+        false => ["", "trunk"],
+    }
 }
 
 /// The part of a limb that begins with a bone; `None`: all of it.
@@ -209,14 +211,14 @@ mod tests {
             of(&["root", "lfemur", "rtibia", "head", "lhumerus", "rradius"]),
             [
                 "left forearm and hand",
-                "right hand",
                 "left lower leg and foot",
+                "right hand",
                 "right foot"
             ]
         );
         assert_eq!(
             of(&["root", "ltoes", "rtoes"]),
-            ["left arm", "right arm", "head", "trunk"]
+            ["head", "left arm", "right arm", "trunk"]
         );
     }
 
