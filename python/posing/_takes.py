@@ -185,7 +185,7 @@ def read(
         The file; gzip and zstd are decompressed.
     units : {"cm", "m", "mm", "in", "asf"}, optional
         Unit of length of the file.
-    up : {"x", "y", "z"}, optional
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the file that points up.
     fps : float, optional
         Frames per second; needed for AMC files.
@@ -265,7 +265,7 @@ def write(
         Frames per second. Default: that of the take.
     units : {"cm", "m", "mm", "in", "asf"}, optional
         Unit of the file. Default: cm; mm for C3D and TRC.
-    up : {"x", "y", "z"}, optional
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the file that points up. Default: y; z for C3D.
     skeleton : str or path, optional
         ASF or BVH file to fit, for BVH and GLB. Default: measured from the take.
@@ -335,7 +335,7 @@ def complete(
         ``"mixamo"``, or a TOML file. Default: the map that fits best.
     units : {"cm", "m", "mm", "in", "asf"}, optional
         Unit of ``xyz``, in which the result is too. Default: cm.
-    up : {"x", "y", "z"}, optional
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of ``xyz`` that points up, also in the result. Default: y.
     **options
         Further flags of ``posing complete``.
@@ -444,7 +444,7 @@ def audit(
         Frames per second of an array, or of files that do not say it.
     units : {"cm", "m", "mm", "in", "asf"}, optional
         Unit of the array, or of files that do not say it.
-    up : {"x", "y", "z"}, optional
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up in the array, or in files that do not say it.
     like : path or list of paths, optional
         Labeled takes to compare the labels with.

@@ -286,6 +286,7 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Rate => "rate",
         FindingKind::Unit => "unit",
         FindingKind::UpAxis => "up axis",
+        FindingKind::Mirrored => "mirrored",
         FindingKind::Stray => "stray point",
         FindingKind::LongGap => "long gap",
         FindingKind::Missing => "missing",

@@ -11,6 +11,7 @@ mod held_rotations;
 mod labels;
 mod motion;
 mod nearby;
+mod orientation;
 mod other_speeds;
 mod page;
 mod rotations;
@@ -83,8 +84,10 @@ pub enum FindingKind {
     Rate,
     /// The body is smaller or larger than people are.
     Unit,
-    /// The body is longest along another axis than y.
+    /// The body stands along another axis than y, or is longest along it.
     UpAxis,
+    /// The body is a mirror image.
+    Mirrored,
     /// A point stands far off all others.
     Stray,
     /// A gap is long.
@@ -226,7 +229,9 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     let mut findings = Vec::new();
     findings.extend(times(take, limits));
     findings.extend(body::wrong_unit(size, limits));
-    findings.extend(body::wrong_axis(size, limits));
+    let by_names = orientation::findings(take);
+    findings
+        .extend(by_names.unwrap_or_else(|| body::wrong_axis(size, limits).into_iter().collect()));
     findings.extend(body::stray(take, &apart));
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));

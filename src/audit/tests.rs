@@ -56,6 +56,58 @@ fn a_wrong_unit_or_axis_or_rate_is_found() {
     assert!(kinds.contains(&FindingKind::Rate), "{kinds:?}");
 }
 
+/// CMU's rest pose that walks, knees bent and hands down.
+fn person() -> Poses {
+    use crate::pose::joints::{CMU_REST, cmu_names};
+    let mut poses = walk();
+    poses.points = cmu_names();
+    poses.xyz = Array2::from_shape_fn((FRAMES, 69), |(t, c)| {
+        let (p, time) = (c / 3, t as f64 / 120.0);
+        let [x, y, z] = CMU_REST[p];
+        let hand = [17, 18, 21, 22].contains(&p);
+        let knee = [2, 6].contains(&p);
+        match c % 3 {
+            0 => {
+                if hand {
+                    0.3 * x
+                } else {
+                    x
+                }
+            }
+            1 => 92.0 + if hand { y - 45.0 } else { y },
+            _ => z + 120.0 * time + if knee { 8.0 } else { 0.0 },
+        }
+    });
+    poses
+}
+
+#[test]
+fn a_body_upside_down_on_its_side_or_mirrored_is_found() {
+    let turned = |turn: fn([f64; 3]) -> [f64; 3]| {
+        let mut poses = person();
+        for mut row in poses.xyz.rows_mut() {
+            for mut at in row.exact_chunks_mut(3) {
+                let to = turn([at[0], at[1], at[2]]);
+                (0..3).for_each(|c| at[c] = to[c]);
+            }
+        }
+        found(&poses)
+    };
+    assert_eq!(turned(|at| at), []);
+    assert_eq!(
+        turned(|[x, y, z]| [x, -y, -z]),
+        only(FindingKind::UpAxis, &[])
+    );
+    assert_eq!(
+        turned(|[x, y, z]| [x, -z, y]),
+        only(FindingKind::UpAxis, &[])
+    );
+    assert_eq!(
+        turned(|[x, y, z]| [-x, y, z]),
+        only(FindingKind::Mirrored, &[])
+    );
+}
+
 #[test]
 fn gaps_and_zeros_are_found() {
     let mut poses = walk();

@@ -14,16 +14,20 @@ use super::rotations::CleanedFile;
 use super::skeleton::{self, SkeletonSettings};
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, TakeAudit, audit_motion};
+use crate::error::with_options;
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skeleton_of};
 use crate::io::motion_folder::name_of;
 use crate::io::output::{TemporaryFile, write_file};
 use crate::io::{Input, Model, MotionFile, MotionFormat, NewTake};
 use crate::label::LabelSettings;
-use crate::pose::{LengthUnit, NameMap, PointNaming, Poses, Segment, Units, UpAxis, joints};
+use crate::pose::{
+    LengthUnit, NameMap, PointNaming, Poses, Segment, Units, UpAxis, check_unit, joints,
+};
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::gap_lines;
 use crate::restore::{Clean, Restoration, Restorer};
+use crate::solve::{MarkerSet, doubt};
 use crate::{Error, Place, Result};
 use serde_json::json;
 use std::path::Path;
@@ -197,6 +201,9 @@ impl CleanSettings {
                         per second)";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
+        if !self.force && !keeps_rotations(&file, to) {
+            check_unit(file.poses(), file.units(), &file.table.name)?;
+        }
         let before = audit_motion(&file, &self.limits);
         let (mut file, labels) = relabeled(self.labels.as_ref(), file, &capture.read)?;
         if self.held_is_missing {
@@ -231,6 +238,7 @@ impl CleanSettings {
         summary.notes.extend(notes);
         summary.notes.extend(labels.notes());
         summary.findings.extend(labels.findings());
+        summary.findings.extend(self.doubt(&file));
         if to == Some(OutputFormat::Npy) && file.format != MotionFormat::Npy {
             summary.notes.extend(file.table.columns.lost_in_array());
         }
@@ -272,6 +280,12 @@ impl CleanSettings {
         Ok(summary)
     }
 
+    /// Why the labels of a file may be of several people.
+    fn doubt(&self, file: &MotionFile) -> Option<String> {
+        let set = MarkerSet::of(&file.poses().points).filter(|_| file.motion().is_none())?;
+        doubt(file.poses(), set).map(|what| with_options(&format!("labels: {what}")))
+    }
+
     /// The skeleton beside the result, if it is asked for; why there is none is a finding.
     fn solved(
         &self,
@@ -288,13 +302,13 @@ impl CleanSettings {
             Ok(solved) => {
                 let findings = solved["findings"].as_array().into_iter().flatten();
                 let findings = findings.filter_map(|f| f.as_str());
-                summary
-                    .findings
-                    .extend(findings.map(|f| format!("skeleton: {f}")));
+                let findings = findings.map(|f| format!("skeleton: {f}"));
+                // Whole limbs come first.
+                summary.findings.splice(0..0, findings);
                 Some(solved)
             }
             Err(e) => {
-                summary.findings.push(format!("skeleton: none: {e}"));
+                summary.findings.insert(0, format!("skeleton: none: {e}"));
                 Some(json!({"none": e.to_string()}))
             }
         }

@@ -62,7 +62,13 @@ pub struct InputArgs {
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
     pub units: Option<LengthUnit>,
     /// Axis of the input that points up [default: y; of AMASS' markers z]
-    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        help_heading = "Input"
+    )]
     pub up: Option<UpAxis>,
 }
 
@@ -173,6 +179,7 @@ pub struct MeshUnitArgs {
         long,
         value_enum,
         value_name = "AXIS",
+        allow_hyphen_values = true,
         default_value = "y",
         help_heading = "Input"
     )]
@@ -196,7 +203,13 @@ pub struct BvhUnitArgs {
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     /// Axis that points up in the BVH files written, and in a BVH skeleton
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        default_value = "y"
+    )]
     up: UpAxis,
 }
 
@@ -219,7 +232,13 @@ pub struct BvhSkeletonArgs {
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     pub units: LengthUnit,
     /// Axis that points up in a BVH skeleton
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        default_value = "y"
+    )]
     pub up: UpAxis,
 }
 
@@ -236,7 +255,13 @@ pub struct OutputArgs {
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
     pub out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
-    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Output")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        help_heading = "Output"
+    )]
     pub out_up: Option<UpAxis>,
 }
 

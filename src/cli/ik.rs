@@ -7,6 +7,7 @@ use super::messages;
 use super::name_maps::name_map;
 use super::progress::Progress;
 use crate::audit::count;
+use crate::error::with_options;
 use crate::ik::correspondence::Correspondence;
 use crate::ik::sequence::SequenceFit;
 use crate::ik::{
@@ -15,8 +16,9 @@ use crate::ik::{
 use crate::io::bvh::BvhTemplate;
 use crate::io::{Model, SkeletonFile};
 use crate::pose::bone_points::bone_ends_of_starts;
+use crate::pose::orientation::BodyPoints;
 use crate::pose::rotation::Axis;
-use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Skeleton, joints};
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Skeleton, UpAxis, joints};
 use crate::prior::rotations::RotationPrior;
 use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
@@ -103,6 +105,26 @@ enum SkeletonKind {
 }
 
 impl JointArgs {
+    /// Whether the body of a table stands along y, as it has to; said where it surely does not.
+    ///
+    /// # Errors
+    /// Those of [`name_map`].
+    pub fn check_axis(&self, poses: &Poses, table: &str) -> Result<Outcome> {
+        let map = self
+            .map
+            .as_ref()
+            .map(|map| name_map(map, &joints::cmu_names()));
+        let map = map.transpose()?;
+        let body = BodyPoints::of_joints(&poses.points, poses.xyz.view(), map.as_ref());
+        let standing = body.standing(poses.xyz.view());
+        let Some(wrong) = standing.filter(|s| s.axis != UpAxis::Y && s.is_sure) else {
+            return Ok(Outcome::Done);
+        };
+        let what = with_options(&wrong.sentence());
+        messages::info(&format!("{table}: {what} of the command that read it"));
+        Ok(Outcome::Findings)
+    }
+
     /// The skeleton for a take: the one that is given, else measured from the table; its points are
     /// then named as the joints. `sd` are the points' deviations (frames, points; cm); `order` is
     /// that of the rotation channels of a new skeleton.

@@ -19,7 +19,7 @@ pub struct MarkerUnitArgs {
     #[arg(long, value_enum, value_name = "UNIT")]
     pub units: Option<LengthUnit>,
     /// Axis of the file that points up [default: what the file says]
-    #[arg(long, value_enum, value_name = "AXIS")]
+    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
     pub up: Option<UpAxis>,
 }
 

@@ -46,11 +46,12 @@ pub struct TakeReadArgs {
         value_parser = parse_scoped_units
     )]
     units: Vec<Scoped<LengthUnit>>,
-    /// Axis that points up in files that do not say it (BVH files and tables: y): x, y or z; for a
-    /// format or a folder as for --fps
+    /// Axis that points up in files that do not say it (BVH files and tables: y): x, y or z, or
+    /// -x, -y or -z where that axis points down; for a format or a folder as for --fps
     #[arg(
         long,
         value_name = "[FORMAT|FOLDER=]AXIS",
+        allow_hyphen_values = true,
         value_delimiter = ',',
         value_parser = parse_scoped_up
     )]
@@ -116,7 +117,7 @@ fn parse_scoped_units(text: &str) -> std::result::Result<Scoped<LengthUnit>, Str
 }
 
 fn parse_scoped_up(text: &str) -> std::result::Result<Scoped<UpAxis>, String> {
-    let expected = |_| "expected x, y or z".to_string();
+    let expected = |_| "expected x, y, z, -x, -y or -z".to_string();
     parse_scoped(text, |text| UpAxis::from_str(text, true).map_err(expected))
 }
 
@@ -131,7 +132,10 @@ mod tests {
             (scoped.scope, scoped.value),
             (Scope::Format("c3d".into()), UpAxis::Z)
         );
-        for bad in ["w", "c3d=w", "c4d=z", "=z", "c3d="] {
+        for (text, up) in [("-y", UpAxis::MinusY), ("trc=-z", UpAxis::MinusZ)] {
+            assert_eq!(parse_scoped_up(text).unwrap().value, up);
+        }
+        for bad in ["w", "--y", "c3d=w", "c4d=z", "=z", "c3d="] {
             assert!(parse_scoped_up(bad).is_err(), "{bad}");
         }
     }

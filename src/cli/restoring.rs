@@ -13,7 +13,7 @@ use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
 use crate::label::unlabeled::left_alone;
 use crate::pose::computed::{computed_note, computed_points};
-use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, check_unit, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::RestorationReport;
@@ -367,6 +367,7 @@ impl RestoringArgs {
 
     /// Fails where the body is of no person's size.
     fn check_body(&self, table: &Table, naming: &PointNaming) -> Result<()> {
+        check_unit(&table.poses, self.input.table_units(), &table.name)?;
         let remedy = "give the table's unit with --units (m, mm, in, asf)";
         let names = naming.model_names(&table.poses.points);
         check_body_size(&table.poses, &names, &table.name, remedy)

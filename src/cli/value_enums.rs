@@ -41,6 +41,9 @@ value_enum!(UpAxis {
     X "x": "X is up";
     Y "y": "Y is up, as in pose tables";
     Z "z": "Z is up";
+    MinusX "-x": "X points down";
+    MinusY "-y": "Y points down, as in images";
+    MinusZ "-z": "Z points down";
 });
 
 value_enum!(OutputFormat {

@@ -36,11 +36,14 @@ impl NewTake {
     /// # Errors
     /// As `NewC3d::bytes`.
     pub fn c3d(&self) -> Result<Vec<u8>> {
-        let up = format!("+{}", self.units.up.name().to_uppercase());
-        let right = if self.units.up == UpAxis::X {
-            "+Y"
-        } else {
-            "+X"
+        let name = self.units.up.name().to_uppercase();
+        let up = match name.starts_with('-') {
+            true => name,
+            false => format!("+{name}"),
+        };
+        let right = match self.units.up {
+            UpAxis::X | UpAxis::MinusX => "+Y",
+            _ => "+X",
         };
         NewC3d {
             points: &self.poses.points,

@@ -4,12 +4,14 @@ pub(crate) mod body;
 pub(crate) mod bone_points;
 pub(crate) mod computed;
 pub(crate) mod foot_contacts;
+pub(crate) mod head_and_feet;
 pub(crate) mod joint_angles;
 pub mod joints;
 pub mod kinematics;
 pub(crate) mod name_map;
 pub(crate) mod observation;
 pub mod one_take;
+pub(crate) mod orientation;
 pub(crate) mod placement;
 pub(crate) mod poses;
 pub(crate) mod repeated_frames;
@@ -24,6 +26,7 @@ pub(crate) mod transform;
 pub(crate) mod trimming;
 pub(crate) mod two_bone;
 pub mod units;
+pub(crate) mod wrong_unit;
 pub(crate) mod zeros;
 
 pub use body::Body;
@@ -43,6 +46,7 @@ pub use smpl_joints::smpl_names;
 pub use status::{FillMethod, Status};
 pub use transform::PoseTransform;
 pub use units::{LengthUnit, Units, UpAxis};
+pub use wrong_unit::check_unit;
 
 /// Centimeters in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
 ///

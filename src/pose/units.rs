@@ -2,7 +2,7 @@
 
 use super::ASF_UNIT_CM;
 use crate::Result;
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
 /// A unit of length.
@@ -78,16 +78,26 @@ pub enum UpAxis {
     Y,
     /// Z is up
     Z,
+    /// X points down
+    MinusX,
+    /// Y points down, as in images
+    MinusY,
+    /// Z points down
+    MinusZ,
 }
 
 names!(UpAxis {
     X = "x",
     Y = "y",
     Z = "z",
+    MinusX = "-x",
+    MinusY = "-y",
+    MinusZ = "-z",
 });
 
 impl UpAxis {
-    /// The axis of a word in a file, such as `+Z`; an axis that points down is none.
+    /// The axis of a word in a file, such as `+Z`. One that points down is none: programs write
+    /// `-Z` where z is up.
     pub(crate) fn of_word(word: &str) -> Option<UpAxis> {
         Some(match word.trim().to_ascii_lowercase().as_str() {
             "+x" | "x" => UpAxis::X,
@@ -95,6 +105,17 @@ impl UpAxis {
             "+z" | "z" => UpAxis::Z,
             _ => return None,
         })
+    }
+
+    /// The direction that is up, in the file's axes.
+    pub(crate) fn direction(self) -> DVec3 {
+        DVec3::from_array(self.turn_from_y([0.0, 1.0, 0.0]))
+    }
+
+    /// The axis that is up along a direction.
+    pub(crate) fn along(direction: DVec3) -> Option<UpAxis> {
+        let is_near = |up: &UpAxis| up.direction().dot(direction.normalize_or_zero()) > 0.9;
+        UpAxis::ALL.into_iter().find(is_near)
     }
 
     /// The rotation that carries the file's axes to y up.
@@ -110,6 +131,9 @@ impl UpAxis {
             UpAxis::X => [-p[1], p[0], p[2]],
             UpAxis::Y => p,
             UpAxis::Z => [p[0], p[2], -p[1]],
+            UpAxis::MinusX => [p[1], -p[0], p[2]],
+            UpAxis::MinusY => [p[0], -p[1], -p[2]],
+            UpAxis::MinusZ => [p[0], -p[2], p[1]],
         }
     }
 
@@ -119,6 +143,9 @@ impl UpAxis {
             UpAxis::X => [p[1], -p[0], p[2]],
             UpAxis::Y => p,
             UpAxis::Z => [p[0], -p[2], p[1]],
+            UpAxis::MinusX => [-p[1], p[0], p[2]],
+            UpAxis::MinusY => [p[0], -p[1], -p[2]],
+            UpAxis::MinusZ => [p[0], p[2], -p[1]],
         }
     }
 }
@@ -199,14 +226,19 @@ mod tests {
 
     #[test]
     fn up_axes_turn_to_y() {
-        for up in [UpAxis::X, UpAxis::Y, UpAxis::Z] {
+        for up in UpAxis::ALL {
             let unit = match up {
                 UpAxis::X => [1.0, 0.0, 0.0],
                 UpAxis::Y => [0.0, 1.0, 0.0],
                 UpAxis::Z => [0.0, 0.0, 1.0],
+                UpAxis::MinusX => [-1.0, 0.0, 0.0],
+                UpAxis::MinusY => [0.0, -1.0, 0.0],
+                UpAxis::MinusZ => [0.0, 0.0, -1.0],
             };
             assert_eq!(up.to_y(unit)[1], 1.0);
             assert_eq!(up.turn_from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
+            assert_eq!(up.direction().to_array(), unit);
+            assert_eq!(UpAxis::along(2.0 * up.direction()), Some(up));
             // Right-handed stays right-handed: e1 x e2 = e3.
             let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
                 .map(|e| glam::DVec3::from_array(up.to_y(e)));

@@ -6,6 +6,7 @@
 //! fitted with the poses of some frames, then every frame by itself.
 
 mod body;
+mod body_points;
 mod calibration;
 mod deviations;
 mod fitted;
@@ -18,9 +19,13 @@ mod person;
 mod solved_take;
 mod solver;
 mod tuning;
+mod unseen_limbs;
 
+pub(crate) use body_points::body_points;
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
 pub use naming::BodyModel;
 pub use solved_take::{SolvedTake, UsedMarker};
+pub(crate) use solver::doubt;
 pub use solver::{SolveSettings, solve};
+pub use unseen_limbs::UnseenLimb;

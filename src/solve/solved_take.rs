@@ -1,8 +1,10 @@
 //! A take of markers, solved: its joints, its skeleton and what is to be told of it.
 
 use super::tuning::{FAR, ODD_PLACE};
+use super::unseen_limbs::UnseenLimb;
 use crate::Result;
 use crate::io::{Asf, Bvh};
+use crate::label::unlabeled::{is_computed, is_unlabeled};
 use crate::pose::Poses;
 use crate::pose::rotation::Axis;
 use glam::DMat3;
@@ -30,6 +32,8 @@ pub struct SolvedTake {
     pub of_static: Vec<String>,
     /// The points of the take that were not used.
     pub left_out: Vec<String>,
+    /// The limbs that no marker shows.
+    pub unseen: Vec<UnseenLimb>,
     /// Frames without joints.
     pub unsolved: usize,
     /// Frames whose pose was not settled after many steps.
@@ -77,6 +81,21 @@ impl UsedMarker {
 const MOST: usize = 3;
 /// Points that a line names.
 const NAMED: usize = 5;
+/// Where one in so many labels is none of the set's markers, or more are, it may be another set.
+const MANY_UNKNOWN: usize = 3;
+
+/// Says which points are none of the set's markers.
+fn not_of_set(points: &[String]) -> String {
+    let shown = points[..points.len().min(NAMED)].join(", ");
+    let more = match points.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    format!(
+        "{} points are none of its markers and not used: {shown}{more}",
+        points.len()
+    )
+}
 
 impl SolvedTake {
     /// Which markers were used, a line each.
@@ -90,21 +109,18 @@ impl SolvedTake {
             let names = self.of_static.join(", ");
             lines.push(format!("of the static take alone: {names}"));
         }
-        if !self.left_out.is_empty() {
-            let shown = self.left_out.iter().take(NAMED).map(String::as_str);
-            let shown: Vec<&str> = shown.collect();
-            let more = if self.left_out.len() > NAMED {
-                ", …"
-            } else {
-                ""
-            };
-            lines.push(format!(
-                "{} points are none of its markers: {}{more}",
-                self.left_out.len(),
-                shown.join(", ")
-            ));
+        if !self.left_out.is_empty() && self.unknown().is_none() {
+            lines.push(not_of_set(&self.left_out));
         }
         lines
+    }
+
+    /// The labels that the set does not know, where they are a good part of all.
+    fn unknown(&self) -> Option<Vec<String>> {
+        let is_label = |name: &&String| !is_unlabeled(name) && !is_computed(name, &self.left_out);
+        let unknown: Vec<String> = self.left_out.iter().filter(is_label).cloned().collect();
+        let all = self.used.len() + unknown.len();
+        (MANY_UNKNOWN * unknown.len() >= all && !unknown.is_empty()).then_some(unknown)
     }
 
     /// What programs want to know of it: the set, the markers and how they fit, the lengths of the
@@ -117,6 +133,7 @@ impl SolvedTake {
             "markers": self.used,
             "of_static": self.of_static,
             "left_out": self.left_out,
+            "unseen_limbs": self.unseen,
             "bones": lengths.collect::<serde_json::Map<_, _>>(),
             "frames": self.joints.frames(),
             "unsolved": self.unsolved,
@@ -137,6 +154,8 @@ impl SolvedTake {
             )],
             false => suspects.iter().map(|m| m.finding()).collect(),
         };
+        lines.extend(self.unknown().map(|unknown| not_of_set(&unknown)));
+        lines.extend(self.unseen.iter().map(UnseenLimb::sentence));
         match self.unsolved {
             0 => {}
             n if n == self.joints.frames() => {

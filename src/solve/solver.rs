@@ -7,12 +7,15 @@ use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{Calibrated, calibrated};
 use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
+use super::unseen_limbs::SeenBones;
 use crate::io::Asf;
 use crate::label::people::named_people;
+use crate::label::unlabeled::is_unlabeled;
 use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, Skeleton, point_at};
 use crate::{Error, Result};
 use ndarray::{Array2, s};
+use std::ops::Range;
 
 /// How a take is solved.
 #[derive(Default)]
@@ -32,7 +35,8 @@ pub struct SolveSettings<'a> {
 /// Solves a take of labeled markers, y up.
 ///
 /// # Errors
-/// [`Error::Usage`]: fewer than eight markers are known, or the skeleton has not CMU's bones.
+/// [`Error::Unfit`]: fewer than eight markers are known, or most of a body's tracks have no label.
+/// [`Error::Usage`]: the skeleton has not CMU's bones, or the names tell several people.
 pub fn solve(
     poses: &Poses,
     settings: &SolveSettings<'_>,
@@ -61,6 +65,9 @@ pub fn solve(
     if in_take < FEWEST_MARKERS {
         return Err(too_few(set, in_take));
     }
+    if let Some(doubt) = doubt(poses, set) {
+        return Err(Error::unfit(doubt));
+    }
     let named: Vec<NamedMarker> = known
         .into_iter()
         .filter(|(_, seen)| seen.contains(&true))
@@ -87,7 +94,7 @@ pub fn solve(
         xyz,
         rate: poses.rate(),
     };
-    let sequence = fitted.sequence(watch)?;
+    let mut sequence = fitted.sequence(watch)?;
     let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count() / 3 >= 3;
     let solved: Vec<bool> = (0..poses.frames()).map(seen).collect();
     let (names, bones) = fitted.named_bones(settings.joints)?;
@@ -95,10 +102,25 @@ pub fn solve(
     for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
         joints.row_mut(t).fill(f64::NAN);
     }
-    let sd = match settings.deviations {
+    let mut sd = match settings.deviations {
         true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
         false => None,
     };
+    let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
+    let by_markers = SeenBones {
+        bones: body.template.bones(),
+        marked: &markers,
+        xyz,
+        rate: poses.rate(),
+    };
+    let unseen = by_markers.unseen(&solved);
+    let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
+    empty(&mut joints, &mut sd, &ends, &unseen);
+    let never = |bone: &usize| unseen[*bone].iter().any(|run| run.len() == poses.frames());
+    for bone in (0..unseen.len()).filter(never) {
+        let dofs = s![.., fitted.skeleton.dofs_of(bone)];
+        sequence.values.slice_mut(dofs).fill(0.0);
+    }
     let of_take = |(m, _): &(usize, &NamedMarker)| sequence.by_target[*m].1 > 0;
     let name_of = |m: usize| all.points[named[m].point].clone();
     let used = named.iter().enumerate().filter(of_take).map(|(m, _)| {
@@ -131,9 +153,57 @@ pub fn solve(
         used: used.collect(),
         of_static: of_static.collect(),
         left_out: left_out.map(|p| poses.points[p].clone()).collect(),
+        unseen: by_markers.limbs(&ends, &unseen),
         unsolved: solved.iter().filter(|s| !**s).count(),
         unsettled: sequence.unconverged,
         values: sequence.values,
+    })
+}
+
+/// Empties joints, which are at the `ends` of bones, and their deviations where these are unseen.
+fn empty(
+    joints: &mut Array2<f64>,
+    sd: &mut Option<Array2<f64>>,
+    ends: &[(String, usize)],
+    unseen: &[Vec<Range<usize>>],
+) {
+    for (j, (_, bone)) in ends.iter().enumerate() {
+        for run in &unseen[*bone] {
+            let own = s![run.clone(), 3 * j..3 * j + 3];
+            joints.slice_mut(own).fill(f64::NAN);
+            if let Some(sd) = sd {
+                sd.slice_mut(s![run.clone(), j]).fill(f64::NAN);
+            }
+        }
+    }
+}
+
+/// Why the labels of a take are no body that can be solved: a good part of the set's markers has no
+/// track, and as many tracks have no label. Then labels may be of several people.
+pub(crate) fn doubt(poses: &Poses, set: &MarkerSet) -> Option<String> {
+    let all = set.all().0.len();
+    let of_points = |points: &[usize]| {
+        let of_point = |&p: &usize| {
+            let is_seen = |t: &usize| point_at(poses.xyz.view(), *t, p).is_finite();
+            (0..poses.frames()).filter(is_seen).count()
+        };
+        points.iter().map(of_point).collect::<Vec<usize>>()
+    };
+    let known: Vec<usize> = set.markers(&poses.points).iter().map(|m| m.point).collect();
+    let loose: Vec<usize> = (0..poses.points.len())
+        .filter(|p| is_unlabeled(&poses.points[*p]))
+        .collect();
+    let (known, loose) = (of_points(&known), of_points(&loose));
+    let named = known.iter().filter(|seen| **seen > 0).count();
+    let are_few = (FEWEST_MARKERS as f64..SHARE_NAMED * all as f64).contains(&(named as f64));
+    let are_many = loose.iter().sum::<usize>() >= known.iter().sum::<usize>();
+    (are_few && are_many).then(|| {
+        format!(
+            "{named} of the {all} markers of the set {} have a track, and as many tracks have no \
+             label: their names may be of several people; label them, or leave out what is not of \
+             the person (the command `trim`, the option `points`)",
+            set.name
+        )
     })
 }
 
@@ -175,9 +245,9 @@ impl AllMarkers {
 
 /// The error of a take that has so few markers of a set.
 pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
-    Error::usage(format!(
-        "the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; give a set that \
-         knows them: a file of lines such as LKNE = \"KNL\"",
+    Error::unfit(format!(
+        "too few markers: the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; \
+         give a set that knows them: a file of lines such as LKNE = \"KNL\"",
         set.name
     ))
 }
@@ -341,6 +411,27 @@ pub(super) mod tests {
             );
             assert!(told.len() <= 3, "{pair:?} {told:?}");
         }
+    }
+
+    #[test]
+    fn labels_beside_as_many_nameless_tracks_are_doubtful() {
+        let (mut poses, _) = person(10);
+        let set = MarkerSet::find("cmu41").unwrap();
+        assert_eq!(doubt(&poses, set), None);
+        // A few ghosts are none of a body; half of the body's tracks are.
+        for p in 0..poses.points.len() {
+            if p % 10 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert_eq!(doubt(&poses, set), None);
+        for p in 0..poses.points.len() {
+            if p % 2 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert!(doubt(&poses, set).unwrap().contains("several people"));
+        assert!(solve(&poses, &SolveSettings::default(), &mut |_| ()).is_err());
     }
 
     #[test]

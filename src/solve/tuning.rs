@@ -30,6 +30,8 @@ pub(super) const PELVIS: f64 = 0.5;
 pub(super) const WIDTHS: [f64; 2] = [0.6, 1.5];
 /// Markers that tell a body, at least.
 pub(super) const FEWEST_MARKERS: usize = 8;
+/// Share of a set's markers that a body has, where other tracks have no label, at least.
+pub(super) const SHARE_NAMED: f64 = 0.67;
 /// Share of the deviations of bones in joints that are CMU's.
 pub(super) const CMU_BONES: f64 = 0.5;
 /// Anatomical joints: by how much poses are freer, collar bones move besides, degrees, and left and

@@ -44,7 +44,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ),
     (
         "audit",
-        &["pose", "numeric", "label", "restore", "io", "draw"],
+        &["pose", "numeric", "label", "restore", "io", "draw", "solve"],
     ),
     (
         "clean",

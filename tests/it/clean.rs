@@ -1064,3 +1064,46 @@ fn held_rotations_are_found_and_filled() {
     }
     assert!(after > 0.0 && after < 0.36 * before, "{after} {before}");
 }
+
+#[test]
+fn a_unit_that_is_wrong_stops_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // A body of 20 points, 170 cm tall, that walks; in meters.
+    let names = (0..20).map(|p| format!("p{p}.x,p{p}.y,p{p}.z"));
+    let mut table = format!("time,{}\n", names.collect::<Vec<_>>().join(","));
+    for t in 0..60 {
+        table += &format!("{}", f64::from(t) / 60.0);
+        for p in 0..20 {
+            let p = f64::from(p);
+            let (x, y, z) = (
+                0.12 * (2.0 * p).sin(),
+                0.02 + 0.085 * p,
+                0.01 * f64::from(t),
+            );
+            table += &format!(",{x:.5},{y:.5},{z:.5}");
+        }
+        table += "\n";
+    }
+    fs::write(path("m.csv"), &table).unwrap();
+    let clean = |flags: &[&str]| {
+        let done = command("clean")
+            .args([text(&path("m.csv")), "-o", text(&path("out.csv"))])
+            .args(flags)
+            .output()
+            .unwrap();
+        (done.status.code(), String::from_utf8(done.stderr).unwrap())
+    };
+    let (code, said) = clean(&[]);
+    assert!(
+        code == Some(1) && said.contains("100 times too small"),
+        "{code:?} {said}"
+    );
+    assert!(
+        said.contains("meters, not centimeters; give --units m"),
+        "{said}"
+    );
+    assert!(!path("out.csv").exists());
+    assert_eq!(clean(&["--units", "m"]).0, Some(0));
+    assert_eq!(fs::read_to_string(path("out.csv")).unwrap(), table);
+}

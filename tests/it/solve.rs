@@ -42,19 +42,35 @@ fn joints_skeleton_and_motion_are_one() {
         .output()
         .unwrap();
     let said = String::from_utf8(done.stderr).unwrap();
-    assert!(done.status.success(), "{said}");
+    assert_eq!(done.status.code(), Some(3), "{said}");
     assert!(said.contains("9 markers of the set cmu41"), "{said}");
     assert!(
-        said.contains("14 points are none of its markers: root"),
+        said.contains("14 points are none of its markers and not used: root")
+            && said.contains("and 9 more"),
         "{said}"
     );
+    // Nobody saw the head and the arms.
+    for limb in ["head", "left arm", "right arm", "left foot"] {
+        assert!(said.contains(&format!("{limb}: no marker")), "{said}");
+    }
     let out = fs::read_to_string(path("out.csv")).unwrap();
     let head = out.lines().next().unwrap();
     assert!(
         head.starts_with("take,time,root.x,root.y,root.z,root.sd,lhipjoint.x"),
         "{head}"
     );
-    let joints = run("solve", &["-q", text(&path("in.csv"))], "");
+    let head: Vec<&str> = head.split(',').collect();
+    let row: Vec<&str> = out.lines().nth(1).unwrap().split(',').collect();
+    let cell = |name: &str| row[head.iter().position(|n| *n == name).unwrap()];
+    assert_eq!(
+        [cell("head.x"), cell("lwrist.y"), cell("lradius.sd")],
+        [""; 3]
+    );
+    assert!(!cell("ltibia.x").is_empty() && !cell("ltibia.sd").is_empty());
+    let done = command("solve")
+        .args(["-q", text(&path("in.csv"))])
+        .output();
+    let joints = String::from_utf8(done.unwrap().stdout).unwrap();
     let some = CMU.join(",");
     let joints = Numbers::read(&run("trim", &["-q", "--points", &some], &joints));
     let by_amc = run(
@@ -105,7 +121,8 @@ fn what_cannot_be_solved_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.csv");
     fs::write(&path, table).unwrap();
-    let said = fails("solve", &[text(&path)], b"", 2);
+    let said = fails("solve", &[text(&path)], b"", 1);
+    assert!(said.contains("too few markers"), "{said}");
     assert!(said.contains("knows 1 of its points"), "{said}");
     let said = fails("solve", &["--set", "mine", text(&path)], b"", 2);
     assert!(said.contains("there is no marker set mine"), "{said}");
@@ -146,28 +163,26 @@ fn clean_writes_skeletons_beside_its_results() {
         (done.status.code(), said)
     };
     let (code, said) = clean(&["--solve"]);
-    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(code, Some(3), "{said}");
+    assert!(
+        said.contains("skeleton: left arm: no marker") || said.contains("more"),
+        "{said}"
+    );
     let bvh = fs::read(path("out/walk.csv.bvh")).unwrap();
     // What solve makes of the result.
     let (result, own) = (path("out/walk.csv"), path("own.bvh"));
-    run(
-        "solve",
-        &[
-            "-q",
-            text(&result),
-            "--bvh",
-            text(&own),
-            "-o",
-            text(&path("joints.csv")),
-        ],
-        "",
-    );
+    command("solve")
+        .args(["-q", text(&result), "--bvh", text(&own)])
+        .args(["-o", text(&path("joints.csv"))])
+        .assert()
+        .code(3);
     assert_eq!(bvh, fs::read(&own).unwrap());
     let record = fs::read_to_string(path("out/walk.csv.json")).unwrap();
     assert!(record.contains("\"set\": \"cmu41\""), "{record}");
+    assert!(record.contains("left arm: no marker"), "{record}");
     // It is there as long as it is asked for, and nobody's file is written over.
     fs::remove_file(path("out/walk.csv.bvh")).unwrap();
-    assert_eq!(clean(&["--solve"]).0, Some(0));
+    assert_eq!(clean(&["--solve"]).0, Some(3));
     assert_eq!(fs::read(path("out/walk.csv.bvh")).unwrap(), bvh);
     assert!(clean(&["--solve"]).1.contains("unchanged"));
     fs::write(path("out/walk.csv.bvh"), "mine").unwrap();
@@ -181,7 +196,7 @@ fn clean_writes_skeletons_beside_its_results() {
     fs::remove_file(path("out/walk.csv.bvh")).unwrap();
     let (code, said) = clean(&["--solve=opencap"]);
     assert!(
-        code == Some(3) && said.contains("skeleton: none: the set opencap knows"),
+        code == Some(3) && said.contains("skeleton: none: too few markers: the set opencap knows"),
         "{said}"
     );
 }

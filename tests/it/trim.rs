@@ -1,6 +1,6 @@
 //! trim: frames, points, rates and filters of tables.
 
-use crate::common::{Numbers, command, run};
+use crate::common::{Numbers, command, fails, run};
 
 /// A point that moves evenly and one that trembles, 100 frames a second.
 fn table() -> String {
@@ -48,6 +48,17 @@ fn frames_and_points_are_chosen_and_renamed() {
         let said = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
         assert!(said.contains(what), "{said}");
     }
+}
+
+#[test]
+fn an_axis_may_point_down() {
+    for flags in [&["--up=-y"][..], &["--up", "-y"]] {
+        // What goes back in the file's own axes is what it was.
+        assert_eq!(run("trim", flags, &table()), run("trim", &[], &table()));
+        let up = run("trim", &[flags, &["--out-up", "y"]].concat(), &table());
+        assert!(up.contains("w,0.01,1,-0,-0,-1,-5,-5\n"), "{up}");
+    }
+    assert!(fails("trim", &["--up", "-w"], table().as_bytes(), 2).contains("-w"));
 }
 
 #[test]

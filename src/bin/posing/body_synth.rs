@@ -58,7 +58,13 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
     units: Option<LengthUnit>,
     /// Axis of the pose table that points up [default: y; of AMASS' markers z]
-    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        help_heading = "Input"
+    )]
     up: Option<UpAxis>,
     /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
@@ -89,6 +95,7 @@ pub struct Args {
         long,
         value_enum,
         value_name = "AXIS",
+        allow_hyphen_values = true,
         default_value = "y",
         help_heading = "Output"
     )]

@@ -73,6 +73,7 @@ pub struct Args {
         long,
         value_enum,
         value_name = "AXIS",
+        allow_hyphen_values = true,
         requires = "shapes",
         help_heading = "Input"
     )]

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Axis of the file that points up [default: y]
-    #[arg(long, value_enum, value_name = "AXIS")]
+    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpAxis>,
     /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]

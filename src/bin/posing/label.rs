@@ -13,7 +13,7 @@ use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
 use posing::label::{LabelSettings, check_labels, label_from_nothing};
-use posing::pose::Segment;
+use posing::pose::{Segment, check_unit};
 use posing::solve::{BodyModel, MarkerSet};
 use posing::{Error, Result};
 use serde_json::{Value, json};
@@ -188,6 +188,7 @@ fn label(
 ) -> Result<(Outcome, Value)> {
     let rules = args.read.rules()?;
     let file = MotionFile::open_by(&job.input, &rules)?;
+    check_unit(file.poses(), file.units(), &file.table.name)?;
     let (file, report) = match model {
         Some(model) => label_from_nothing(&file, &rules, model, args.sure, settings)?,
         None => {

@@ -9,7 +9,7 @@ use posing::cli::name_maps::name_map;
 use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::ik::retarget::{Rest, Retargeted, Retargeter, cmu_map};
+use posing::ik::retarget::{Rest, Retargeted, Retargeter, cmu_map, up_axis};
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::motion_file::ReadOptions;
 use posing::io::rotation_take::RotationTake;
@@ -74,20 +74,21 @@ pub struct Args {
     /// Frames per second of files that do not say it, as AMC files
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// Axis that points up in BVH sources
+    /// Axis that points up in BVH sources [default: that along which the figure stands, else y]
     #[arg(
         long,
         value_enum,
         value_name = "AXIS",
-        default_value = "y",
+        allow_hyphen_values = true,
         help_heading = "Input"
     )]
-    up: UpAxis,
+    up: Option<UpAxis>,
     /// Axis that points up in the rig, and so in the results
     #[arg(
         long,
         value_enum,
         value_name = "AXIS",
+        allow_hyphen_values = true,
         default_value = "y",
         help_heading = "Output"
     )]
@@ -120,7 +121,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let jobs = batch(&inputs, output, &["bvh", "amc"], Some("bvh"))?;
     let options = ReadOptions {
         fps: args.fps,
-        up: Some(args.up),
+        up: args.up,
         asf: args.asf.clone(),
         keep_whole: args.keep_whole,
         ..ReadOptions::default()
@@ -154,7 +155,17 @@ impl Job<'_> {
         let take = RotationTake::read(&job.input, open(&job.input)?, &self.options)?;
         take.notes.iter().for_each(|note| messages::info(note));
         let name = job.input.display().to_string();
-        let time = (take.up, take.rate);
+        let own = match self.args.up {
+            Some(_) => None,
+            None => up_axis(&take.bvh, self.map.as_ref()).filter(|up| *up != take.up),
+        };
+        if let Some(up) = own {
+            let up = up.name();
+            messages::info(&format!(
+                "{name}: the figure stands along {up}, which is taken for up; --up says otherwise"
+            ));
+        }
+        let time = (own.unwrap_or(take.up), take.rate);
         let done = self
             .rig
             .retarget(&take.bvh, time, self.map.as_ref(), !self.args.no_feet);

@@ -73,7 +73,13 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
     out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
-    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Output")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        help_heading = "Output"
+    )]
     out_up: Option<UpAxis>,
     #[command(flatten)]
     common: CommonArgs,

@@ -138,6 +138,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     name_bone_ends(&mut poses, &name, args.force, is_bvh)?;
     report_time_jumps(&poses, &name, "a BVH");
+    let axis = args.joints_of.check_axis(&poses, &name)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let skeleton = args.joints_of.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a joint of the skeleton";
@@ -147,7 +148,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;
     args.json.write(&report)?;
-    Ok(report.outcome())
+    Ok(match axis {
+        Outcome::Findings => axis,
+        _ => report.outcome(),
+    })
 }
 
 /// The original with its missing values.

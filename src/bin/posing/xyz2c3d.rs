@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Axis of the file that points up [default: z, or what ORIGINAL says]
-    #[arg(long, value_enum, value_name = "AXIS")]
+    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpAxis>,
     #[command(flatten)]
     out: OneTakeArgs,

@@ -24,7 +24,13 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT", default_value = "mm")]
     units: LengthUnit,
     /// Axis of the file that points up
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        default_value = "y"
+    )]
     up: UpAxis,
     #[command(flatten)]
     out: OneTakeArgs,

@@ -16,9 +16,11 @@ mod segments;
 mod shape;
 mod transfer;
 mod tuning;
+mod up_axis;
 
 pub use rest::Rest;
 pub use segments::cmu_map;
+pub use up_axis::up_axis;
 
 use crate::io::Bvh;
 use crate::numeric::parallel::map_chunks;

@@ -26,7 +26,7 @@ pub(super) struct RestPose {
     pub pose: Pose,
     /// Which axis of the world points up along the trunk; `None`: the body leans, or this is no
     /// pose of a body.
-    up: Option<DVec3>,
+    pub up: Option<DVec3>,
     pub kind: Rest,
 }
 
@@ -82,11 +82,11 @@ fn trunk(body: &BodyJoints, pose: &Pose) -> DVec3 {
     (top - hips).normalize_or(DVec3::Y)
 }
 
-fn hips(body: &BodyJoints) -> [usize; 2] {
+pub(super) fn hips(body: &BodyJoints) -> [usize; 2] {
     [body.legs[0].joints[0], body.legs[1].joints[0]]
 }
 
-fn top(body: &BodyJoints, pose: &Pose) -> DVec3 {
+pub(super) fn top(body: &BodyJoints, pose: &Pose) -> DVec3 {
     match (&body.arms, body.head) {
         (Some(arms), _) => middle(pose, &[arms[0].joints[0], arms[1].joints[0]]),
         (None, Some(head)) => pose.places[head],
@@ -94,7 +94,7 @@ fn top(body: &BodyJoints, pose: &Pose) -> DVec3 {
     }
 }
 
-fn middle(pose: &Pose, [a, b]: &[usize; 2]) -> DVec3 {
+pub(super) fn middle(pose: &Pose, [a, b]: &[usize; 2]) -> DVec3 {
     (pose.places[*a] + pose.places[*b]) / 2.0
 }
 

@@ -399,6 +399,22 @@ fn a_rig_whose_z_axis_points_up_gets_the_same_motion() {
             .iter_mut()
             .for_each(|end| end.offset = turn * end.offset);
     }
+    // The axis of a motion is that along which its figure stands, also at rest.
+    assert_eq!(up_axis(&rig, None), Some(UpAxis::Y));
+    assert_eq!(up_axis(&turned, None), Some(UpAxis::Z));
+    // Who lies is not turned.
+    let prone = |_, j| {
+        [
+            0.0,
+            if j == 0 {
+                std::f64::consts::FRAC_PI_2
+            } else {
+                0.0
+            },
+            0.0,
+        ]
+    };
+    assert_eq!(up_axis(&body(20, same, none, prone), None), None);
     let there = carried(&rig, &source, false).bvh;
     let by_z = Retargeter::new(turned, UpAxis::Z, None).unwrap();
     let by_z = by_z

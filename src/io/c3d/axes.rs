@@ -2,7 +2,7 @@
 //! understood, what the points tell.
 
 use super::parameters::Parameters;
-use crate::pose::NameMap;
+use crate::pose::head_and_feet::head_and_feet;
 use ndarray::ArrayView2;
 
 /// Frames that are looked at, evenly spread over the take.
@@ -80,12 +80,7 @@ fn axis_of_points(
     points: &[String],
     xyz: ArrayView2<'_, f64>,
 ) -> Option<(&'static str, bool, f64)> {
-    let named = NameMap::fitting(points).map(|map| map.model_names(points));
-    let is = |test: fn(&str) -> bool| -> Vec<usize> {
-        let is_one = |p: &usize| test(&points[*p]) || named.as_ref().is_some_and(|n| test(&n[*p]));
-        (0..points.len()).filter(is_one).collect()
-    };
-    let (heads, feet) = (is(is_head), is(is_foot));
+    let [heads, feet] = head_and_feet(points);
     // By axis, the frames with heads below and above.
     let (mut votes, mut all) = ([[0_usize; 2]; 3], 0_u32);
     // By axis, the sum of the share of the distance that is along it.
@@ -119,32 +114,6 @@ fn axis_of_points(
     Some((["x", "y", "z"][axis], above, share))
 }
 
-/// The name without what stands before its last colon, letters alone, in lower case.
-fn letters(name: &str) -> String {
-    let own = name.rsplit(':').next().unwrap_or_default();
-    let letters = own.chars().filter(char::is_ascii_alphabetic);
-    letters.collect::<String>().to_ascii_lowercase()
-}
-
-/// Whether a point is called as one of the head.
-fn is_head(name: &str) -> bool {
-    let name = letters(name);
-    // Heads of bones are none.
-    let bones = ["fib", "fem", "met", "mt", "hum", "rad", "uln"];
-    let is_short = name.ends_with("hd") && name.len() <= 4;
-    (name.contains("head") || is_short) && !bones.iter().any(|bone| name.contains(bone))
-}
-
-/// Whether a point is called as one of a foot.
-fn is_foot(name: &str) -> bool {
-    let name = letters(name);
-    let parts = ["heel", "toe", "ankle", "foot"];
-    let is_short = ["hee", "ank", "cal", "mt"]
-        .iter()
-        .any(|end| name.ends_with(end));
-    parts.iter().any(|part| name.contains(part)) || is_short && name.len() <= 4
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,8 +144,6 @@ mod tests {
         let down = up.map(|v| -v);
         assert_eq!(up_of(&names, &[down, down].concat()), Some(("z", false)));
         assert_eq!(up_of(&["LELB", "LHEE"], &[0., 0., 9., 0., 0., 0.]), None);
-        assert!(is_foot("L.Heel") && is_foot("RANK") && !is_foot("LSHANK") && !is_foot("RFRANK"));
-        assert!(is_head("HeadL") && is_head("rbhd") && !is_head("L_FibHead") && !is_head("RMT5"));
     }
 
     #[test]

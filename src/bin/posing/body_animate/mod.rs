@@ -70,7 +70,13 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "UNIT")]
     scan_units: Option<LengthUnit>,
     /// Axis of the scan that points up
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        default_value = "y"
+    )]
     scan_up: UpAxis,
     /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
