@@ -87,7 +87,7 @@ fn a_sound_take_stays_and_a_wrong_marker_is_found() {
             "{said}"
         );
         assert_eq!(result == table, !has_gap && !has_spike, "{said}");
-        assert_eq!(cells(&result, "M3").contains(&",,".to_string()), false);
+        assert!(!cells(&result, "M3").contains(&",,".to_string()));
         let is_moved = cells(&result, "M1") != cells(&table, "M1");
         assert_eq!(is_moved, has_spike, "{said}");
         let record = fs::read(format!("{}.json", to.display())).unwrap();
