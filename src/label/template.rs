@@ -10,8 +10,8 @@
 //! any. Another person's postures differ, so that only the most rigid neighbors count there.
 //!
 //! A body that stands still keeps all its distances, so that its spreads are worth nothing: where
-//! one of both moves far less, a distance is as loose as it is in the other; where both stand, their
-//! postures differ by a share of it.
+//! one of both moves far less, a distance is some times as loose as it is in the other, as nobody
+//! walks as he stands; where both stand, their postures differ by a share of it.
 
 use super::distances::{Distance, Distances};
 use super::handedness::Hand;
@@ -250,8 +250,8 @@ impl Beside {
         let (spread, want_spread) = (own.spread, self.size * there.spread);
         let (loose, differs) = match self.spreads {
             Spreads::Both => (spread.min(want_spread), spread - want_spread),
-            Spreads::Own => (spread, 0.0),
-            Spreads::Theirs => (want_spread, 0.0),
+            Spreads::Own => (STANDS_OFF * spread, 0.0),
+            Spreads::Theirs => (STANDS_OFF * want_spread, 0.0),
             Spreads::None => (POSTURE * want, 0.0),
         };
         let off = (own.median - want).powi(2) + differs.powi(2);

@@ -190,7 +190,7 @@ pub(crate) mod chirality {
     pub(crate) const FEWEST: i32 = 6;
     pub(crate) const MOST: f64 = 0.9;
     /// Frames that are looked at, at most, and at least.
-    pub(crate) const MOST_FRAMES: usize = 60;
+    pub(crate) const MOST_FRAMES: usize = 30;
     pub(crate) const FEWEST_FRAMES: usize = 10;
     /// Share of the frames in which a volume has one sign.
     pub(crate) const ONE_SIGN: f64 = 0.95;
@@ -282,6 +282,9 @@ pub(crate) mod template {
     /// share of those of the other says nothing by them.
     pub(crate) const STANDING: f64 = 0.3;
     pub(crate) const STILLER: f64 = 0.1;
+    /// By how many spreads of a body that moves a distance differs in one that stands. With one
+    /// spread, a shoulder and an elbow seemed exchanged beside a static take with raised arms.
+    pub(crate) const STANDS_OFF: f64 = 3.0;
     /// By which share of it a distance differs between two bodies that stand still.
     pub(crate) const POSTURE: f64 = 0.1;
     /// Highest cost of a distance.
