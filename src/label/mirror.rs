@@ -121,7 +121,7 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
             return 0.0;
         }
         match self.turned(tracks, pair) {
-            votes @ 1.. => CLEAR + f64::from(votes),
+            votes @ 1.. => CLEAR + f64::from(votes) + self.nearer(tracks, pair),
             0 => self.nearer(tracks, pair),
             _ => 0.0,
         }
@@ -201,10 +201,13 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
             Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
         };
         let [a, b] = pair;
+        let all = [a, b].map(|label| self.with_image(label));
         // Each fits better: else one of them is set elsewhere on the other side, or is not there.
-        match [of_label(a, b), of_label(b, a)] {
-            [Some(a), Some(b)] if a > 0.0 && b > 0.0 => a + b,
-            _ => 0.0,
+        let better = [of_label(a, b), of_label(b, a)].into_iter().flatten();
+        let better: Vec<f64> = better.collect();
+        match all.contains(&None) || better.iter().any(|gain| *gain <= 0.0) {
+            true => 0.0,
+            false => better.iter().sum(),
         }
     }
 }
