@@ -121,7 +121,7 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
             return 0.0;
         }
         match self.turned(tracks, pair) {
-            votes @ 1.. => CLEAR + f64::from(votes),
+            votes @ 1.. => self.nearer(tracks, pair).max(CLEAR) + f64::from(votes) / 10.0,
             0 => self.nearer(tracks, pair),
             _ => 0.0,
         }
@@ -201,10 +201,13 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
             Some(terms.take(WHOLE_NEIGHBORS).sum::<f64>())
         };
         let [a, b] = pair;
+        let all = [a, b].map(|label| self.with_image(label));
         // Each fits better: else one of them is set elsewhere on the other side, or is not there.
-        match [of_label(a, b), of_label(b, a)] {
-            [Some(a), Some(b)] if a > 0.0 && b > 0.0 => a + b,
-            _ => 0.0,
+        let better = [of_label(a, b), of_label(b, a)].into_iter().flatten();
+        let better: Vec<f64> = better.collect();
+        match all.contains(&None) || better.iter().any(|gain| *gain <= 0.0) {
+            true => 0.0,
+            false => better.iter().sum(),
         }
     }
 }
@@ -247,4 +250,23 @@ pub(super) fn image(names: &[String], point: usize) -> Option<usize> {
     };
     let other = format!("{other}{}", &own[1..]);
     of_person.iter().position(|n| *n == other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_a_cluster_have_no_mirror_images() {
+        let names = "LTHI1 LTHI2 RTHI1 RTHI2 LMT5 RMT5 LTOE T10";
+        let names: Vec<String> = names.split(' ').map(String::from).collect();
+        let xyz = ndarray::Array2::zeros((30, 24));
+        let mirror = Mirror::new(&names, xyz.view());
+        let distances = Distances::measure(xyz.view());
+        let whole = WholeMirror::new(&mirror, &distances);
+        let all: Vec<_> = (0..8).map(|label| whole.with_image(label)).collect();
+        let none = [None; 4];
+        assert_eq!(all[..4], none);
+        assert_eq!(all[4..], [Some([4, 5]), Some([5, 4]), None, Some([7, 7])]);
+    }
 }
