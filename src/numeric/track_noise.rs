@@ -14,9 +14,9 @@
 //!
 //! u_c is the variance of the noise of a coordinate. It is read where the other tracks are quiet,
 //! so that neither motion nor the track's own noise selects the frames (in all frames, where that
-//! is the same); a quartile, as spikes in a fifth of the frames spoil most differences. `common` tells whether that level is noise: white
-//! noise shows .01 to .05, motion alone .087 and more. Frames that repeat the one before have to be
-//! left out: they hold no measurement.
+//! is the same); a quartile, as spikes in a fifth of the frames spoil most differences. `common`
+//! tells whether that level is noise: white noise shows .01 to .05, motion alone .087 and more.
+//! Frames that repeat the one before have to be left out: they hold no measurement.
 //!
 //! Measured on 62 CMU takes of 120 frames a second, whole and low-passed, at 9 rates from 10 to 120
 //! (of 2,232 readings of motion alone none is noise); noise of .2 cm or half a degree is found in
@@ -66,35 +66,40 @@ pub(crate) struct TrackNoise {
     /// The variance of a coordinate of each track's noise, cm² or radians², if it is noise; `None`
     /// for one that is too short, or never moves.
     pub variance: Vec<Option<f64>>,
+    /// What the variance of each is at most: that of all frames, with any motion in it.
+    pub most: Vec<Option<f64>>,
     powers: Vec<Power>,
 }
 
 impl TrackNoise {
     /// Measures tracks of as many frames each.
     pub(crate) fn of(tracks: &[Track]) -> TrackNoise {
-        let mut variance = vec![None; tracks.len()];
+        let mut most = vec![None; tracks.len()];
         let mut powers = Vec::new();
         for (c, track) in tracks.iter().enumerate() {
             let power = Power::of(c, track);
+            most[c] = power.level(&power.power).filter(|_| power.is_any());
             // A value that rarely changes tells of no other track.
-            if power.is_resting() {
-                variance[c] = power.level(&power.power).filter(|_| power.is_any());
-            } else {
+            if !power.is_resting() {
                 powers.push(power);
             }
         }
         let sums = Sums::of(&powers);
-        let both: Vec<[Option<f64>; 2]> = (powers.iter())
-            .map(|power| [power.level(&power.power), power.level(&power.quiet(&sums))])
-            .collect();
-        let shares = both
+        let quiet = |power: &Power| Some((power.track, power.level(&power.quiet(&sums))?));
+        let quiet: Vec<(usize, f64)> = powers.iter().filter_map(quiet).collect();
+        let shares = quiet
             .iter()
-            .filter_map(|[all, quiet]| Some((*quiet)? / (*all)?));
+            .filter_map(|(c, quiet)| Some(quiet / most[*c]?));
         let is_all_noise = median(shares.collect()).is_some_and(|share| share >= ALL_NOISE);
-        for (power, [all, quiet]) in powers.iter().zip(both) {
-            variance[power.track] = if is_all_noise { all } else { quiet };
+        let mut variance = most.clone();
+        for (c, quiet) in quiet.into_iter().filter(|_| !is_all_noise) {
+            variance[c] = Some(quiet);
         }
-        TrackNoise { variance, powers }
+        TrackNoise {
+            variance,
+            most,
+            powers,
+        }
     }
 
     /// The median of the tracks' variances; 0 for none.
@@ -274,7 +279,7 @@ mod tests {
                 // A burst of 6 Hz every two seconds.
                 let burst = (-(((s % 2.0) - 1.0) / 0.25).powi(2)).exp();
                 let at = |i: f64| {
-                    20.0 * (0.8 * s + i).sin() + 10.0 * burst * (38.0 * s + i + f64::from(c)).sin()
+                    20.0 * (0.8 * s + i).sin() + 2.0 * burst * (38.0 * s + i + f64::from(c)).sin()
                 };
                 rows.push([
                     at(0.0) + sd * draw(),
@@ -309,13 +314,15 @@ mod tests {
     fn spikes_and_missing_frames_do_not_count() {
         let (frames, rate) = (1200, 60.0);
         let mut some = tracks(frames, rate, 0.3);
+        let is_drawn = |c: usize, t: usize, every: usize| (7919 * t + 104_729 * c) % every == 0;
         for (c, track) in some.iter_mut().enumerate() {
-            (c..frames)
-                .step_by(17)
-                .for_each(|t| track.rows[t] = [f64::NAN; 4]);
-            (c + 5..frames)
-                .step_by(23)
-                .for_each(|t| track.rows[t][0] += 30.0);
+            for t in 0..frames {
+                if is_drawn(c, t, 17) {
+                    track.rows[t] = [f64::NAN; 4];
+                } else if is_drawn(c, t, 23) {
+                    track.rows[t][0] += 30.0;
+                }
+            }
         }
         let noise = TrackNoise::of(&some);
         let sd = noise.typical().sqrt();

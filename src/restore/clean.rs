@@ -1,11 +1,13 @@
-//! Cleaning: what a take needs and no more. One whose points tremble by noise is denoised; any other
-//! keeps what was measured, also where noise cannot be told from motion; outliers are replaced, gaps filled.
+//! Cleaning: what a take needs and no more. One whose points tremble by noise is denoised; any
+//! other keeps what was measured, also where noise cannot be told from motion; outliers are
+//! replaced, gaps filled.
 
 use super::complete::Complete;
 use super::denoise::Denoise;
 use super::gap::{Gap, empty_gaps, find_gaps};
 use super::noise_estimation::point_noise;
 use super::take::{Method, PointMapping, Take, TakeResult};
+use super::tuning::noise_estimation::NOISE_LIMIT;
 use ndarray::ArrayView2;
 
 /// How to clean.
@@ -26,7 +28,7 @@ pub struct Clean {
 impl Default for Clean {
     fn default() -> Self {
         Clean {
-            noise_limit: 0.1,
+            noise_limit: NOISE_LIMIT,
             outliers: true,
             max_gap: None,
             max_sd: 5.0,

@@ -8,14 +8,16 @@
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::bone_lengths;
-use super::clean::Clean;
 use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation::{self, point_noise, typical_noise};
 use super::outliers::{LIKELY, Outliers, find_outliers, spikes_by_time, without};
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
-use super::tuning::{denoise::*, noise_estimation::NEARLY_CLEAN};
+use super::tuning::{
+    denoise::*,
+    noise_estimation::{NEARLY_CLEAN, NOISE_LIMIT},
+};
 use crate::label::exchanges::{Exchange, exchanges};
 use crate::pose::{Status, point_at};
 use ndarray::{Array2, ArrayView2};
@@ -93,7 +95,7 @@ impl Method for Denoise {
         if self.noise.is_none() {
             let measured = point_noise(take.xyz, take.runs);
             let level = measured.typical().sqrt();
-            let is_doubtful = level > Clean::default().noise_limit && !measured.is_noise(take.rate);
+            let is_doubtful = level > NOISE_LIMIT && !measured.is_noise(take.rate);
             out.doubtful_noise = is_doubtful.then_some(level);
         }
         out.exchanged = exchanged.iter().map(|e| e.frames.len()).sum();

@@ -102,6 +102,8 @@ pub(crate) mod noise_estimation {
     /// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above,
     /// everything is noise unless the distances say otherwise.
     pub(crate) const NEARLY_CLEAN: f64 = 1.0;
+    /// Takes with less noise stay as they are measured: standard deviation of a coordinate, cm.
+    pub(crate) const NOISE_LIMIT: f64 = 0.1;
     /// Frames that the model measures the noise of where motion says nothing.
     pub(crate) const SAMPLED_FRAMES: usize = 20;
 }

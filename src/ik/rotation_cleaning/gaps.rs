@@ -10,8 +10,8 @@
 //! ```
 //!
 //! The weights are those of least squares over up to n gaps of the same track and length, or where
-//! none has room of half of it, and so on, times n / (n + 1); g is learned anew without each. Nothing
-//! to compare with: the straight way.
+//! none has room of half of it, and so on, times n / (n + 1); g is learned anew without each.
+//! Nothing to compare with: the straight way.
 
 use super::movement::{Movable, gaps, straight};
 use super::tuning::*;

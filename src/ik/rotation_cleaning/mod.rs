@@ -2,8 +2,8 @@
 //! model, names or positions.
 //!
 //! Pops are bridged, missing rotations filled, and where the joints tremble more than a limit, and
-//! by noise, all are smoothed, each as strongly as it bears. What does not change keeps its value to
-//! the last bit. Slow noise, correlated over more than some frames, cannot be told from motion.
+//! by noise, all are smoothed, each as strongly as it bears. What does not change keeps its value
+//! to the last bit. Slow noise, correlated over more than some frames, cannot be told from motion.
 //! Frames that repeat the one before follow it; rotations that were held stay.
 
 mod gaps;
@@ -397,7 +397,7 @@ mod tests {
     use ndarray::s;
     use rand_distr::{Distribution, Normal};
 
-    /// A root with a place, two ball joints and a hinge.
+    /// A root with a place, five ball joints and a hinge.
     fn joints() -> Vec<JointChannels> {
         let ball = |first: usize| {
             let axes = [Axis::Z, Axis::X, Axis::Y].into_iter();
@@ -418,6 +418,9 @@ mod tests {
             ),
             joint("arm", ball(6), Vec::new()),
             joint("elbow", vec![(9, Axis::X)], Vec::new()),
+            joint("chest", ball(10), Vec::new()),
+            joint("leg", ball(13), Vec::new()),
+            joint("foot", ball(16), Vec::new()),
         ]
     }
 
@@ -425,7 +428,7 @@ mod tests {
     fn motion(frames: usize, noise: f64) -> Array2<f64> {
         let mut random = parallel::rng(5, 0);
         let normal = Normal::new(0.0, noise.to_radians().max(1e-12)).unwrap();
-        Array2::from_shape_fn((frames, 10), |(t, c)| {
+        Array2::from_shape_fn((frames, 19), |(t, c)| {
             let way = (0.04 * t as f64 + 0.7 * c as f64).sin();
             match c {
                 0..3 => 20.0 * way + 5.0 * normal.sample(&mut random),
@@ -499,7 +502,7 @@ mod tests {
         for frames in [0, 1, 2, 5, 12] {
             for noise in [0.0, 3.0] {
                 let mut file = motion(frames, noise);
-                assert_eq!(cleaned(&file).motion.dim(), (frames, 10));
+                assert_eq!(cleaned(&file).motion.dim(), (frames, 19));
                 file.slice_mut(s![.., 6]).fill(f64::NAN);
                 let left = cleaned(&file).motion;
                 assert!(left.column(6).iter().all(|v| v.is_nan()));

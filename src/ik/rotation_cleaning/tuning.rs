@@ -24,9 +24,9 @@ pub(super) const LEAST_MEDIAN: f64 = 0.25 * DEGREE;
 pub(super) const POP_RETURN: f64 = 0.4;
 /// A pop that is out and back within this, seconds, is no motion; another one has to be this many
 /// times as large as every other step of its joint, of so many frames at least. Measured on 62 CMU
-/// takes at 7 rates: at 30 frames a second 9 false ones of 333 are left, and 36, 54 and 87% of those
-/// planted are found (10 to 20, 20 to 40, 40 to 90 degrees); with twice as large 26, and 47, 72 and
-/// 94%.
+/// takes at 7 rates: at 30 frames a second 9 false ones of 333 are left, and 36, 54 and 87% of
+/// those planted are found (10 to 20, 20 to 40, 40 to 90 degrees); with twice as large 26, and 47,
+/// 72 and 94%.
 pub(super) const POP_FAST: f64 = 0.031;
 pub(super) const POP_UNIQUE: f64 = 3.0;
 pub(super) const POP_FRAMES_OF_TAKE: usize = 40;

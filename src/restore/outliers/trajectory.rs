@@ -40,7 +40,7 @@ pub(crate) fn spikes_of_take(
 /// The spikes of each frame of a take; `noise` is the standard deviation of a coordinate, cm, if
 /// known.
 pub(crate) fn spikes_by_time(take: &Take<'_>, noise: Option<f64>) -> Vec<Vec<usize>> {
-    spikes(take, &noise_estimation::by_point(None, take, noise))
+    spikes(take, &noise_estimation::most_by_point(None, take, noise))
 }
 
 /// The spikes of each frame of a take in the order of a model's points, the frames without them,
@@ -51,7 +51,7 @@ pub(crate) fn spikes_in_rounds(
     noise: Option<f64>,
 ) -> (Vec<Vec<usize>>, Array2<f64>, f64) {
     let noise_of = |xyz: ArrayView2<'_, f64>| {
-        noise_estimation::by_point(Some((model, xyz)), &take.with_xyz(xyz), noise)
+        noise_estimation::most_by_point(Some((model, xyz)), &take.with_xyz(xyz), noise)
     };
     let mut all: Vec<Vec<usize>> = vec![Vec::new(); take.xyz.nrows()];
     let mut clean = take.xyz.to_owned();
