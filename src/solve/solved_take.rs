@@ -145,7 +145,8 @@ impl SolvedTake {
     /// What somebody should look at, a line each.
     pub fn findings(&self) -> Vec<String> {
         let suspects: Vec<&UsedMarker> = self.used.iter().filter(|m| m.is_suspect()).collect();
-        let mut lines: Vec<String> = match MOST * suspects.len() > self.used.len() {
+        let mut lines: Vec<String> = self.unseen.iter().map(UnseenLimb::sentence).collect();
+        let odd: Vec<String> = match MOST * suspects.len() > self.used.len() {
             true => vec![format!(
                 "{} of {} markers do not fit their names: are those of the pelvis right, and is \
                  the set?",
@@ -154,8 +155,8 @@ impl SolvedTake {
             )],
             false => suspects.iter().map(|m| m.finding()).collect(),
         };
+        lines.extend(odd);
         lines.extend(self.unknown().map(|unknown| not_of_set(&unknown)));
-        lines.extend(self.unseen.iter().map(UnseenLimb::sentence));
         match self.unsolved {
             0 => {}
             n if n == self.joints.frames() => {

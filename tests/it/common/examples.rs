@@ -51,7 +51,8 @@ posing body-synth -q -m body.npz --shape 0 -o scan.ply; posing body-synth -q -m 
 awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 "," $2 "," $3 "," $4 }' poses/0.obj > points.csv
 # The walk as files of markers.
 posing xyz2c3d -q -o gait.c3d walk.csv; cp gait.c3d old.c3d
-sed '1{s/lhipjoint/LFWT/g;s/rhipjoint/RFWT/g;s/lfemur/LKNE/g;s/rfemur/RKNE/g;s/ltibia/LANK/g;s/rtibia/RANK/g;s/lclavicle/LSHO/g;s/rclavicle/RSHO/g;s/lowerneck/C7/g}' \
+sed '1{s/lhipjoint/LFWT/g;s/rhipjoint/RFWT/g;s/lfemur/LKNE/g;s/rfemur/RKNE/g;s/ltibia/LANK/g;s/rtibia/RANK/g;s/lclavicle/LSHO/g;s/rclavicle/RSHO/g;s/lowerneck/C7/g
+  s/,head/,LBHD/g;s/lfoot/LMT5/g;s/rfoot/RMT5/g;s/lwrist/LFIN/g;s/rwrist/RFIN/g;s/lhumerus/LELB/g;s/rhumerus/RELB/g}' \
   walk.csv | posing xyz2c3d -q -o markers.c3d
 awk -F, -v OFS=, 'NR == 1 { for (i = 3; i <= NF; i++) { split($i, part, "."); $i = "*" int((i - 3) / 3) "." part[2] } } 1' \
   walk.csv | posing xyz2c3d -q -o raw.c3d
