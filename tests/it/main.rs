@@ -52,6 +52,7 @@ mod rotations;
 mod same_bytes;
 mod score;
 mod solve;
+mod sound;
 mod streams;
 mod takes;
 mod training;

@@ -1,0 +1,76 @@
+//! The sound twin of what is mended: takes in which nothing is wrong come out as the same bytes and
+//! without a finding, at any rate, also where frames are held. Each method that changes values adds
+//! what it must leave.
+
+use crate::common::{command, run, text};
+use std::fs;
+use std::path::Path;
+
+/// The walk of the test data at 120 frames a second divided by `step`, each frame `times` times.
+fn walk(step: usize, times: usize) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu/07");
+    let (asf, amc) = (folder.join("07.asf"), folder.join("07_01.amc"));
+    let asf_and_rate = ["-q", "--asf", text(&asf), "--fps", "120"];
+    let all = run("amc2xyz", &[&asf_and_rate[..], &[text(&amc)]].concat(), "");
+    let (head, rows) = all.split_once('\n').unwrap();
+    let shown = rows.lines().step_by(step).flat_map(|row| vec![row; times]);
+    let rate = 120.0 * times as f64 / step as f64;
+    let row = |(t, row): (usize, &str)| {
+        let (take, rest) = row.split_once(',').unwrap();
+        let (_, places) = rest.split_once(',').unwrap();
+        format!("{take},{},{places}\n", t as f64 / rate)
+    };
+    assert!(head.starts_with("take,time,"));
+    format!("{head}\n") + &shown.enumerate().map(row).collect::<String>()
+}
+
+/// What `command` makes of a sound file: its bytes, its exit code and what it says.
+fn of(name: &str, args: &[&str], file: &Path) -> (Vec<u8>, i32, String) {
+    let ending = file.extension().unwrap().to_str().unwrap();
+    let out = file.with_file_name(format!("{name}.{ending}"));
+    let done = command(name)
+        .args(args)
+        .args(["-o", text(&out), text(file)])
+        .output()
+        .unwrap();
+    let said = [done.stdout, done.stderr].concat();
+    let said = String::from_utf8_lossy(&said).into_owned();
+    (fs::read(&out).unwrap(), done.status.code().unwrap(), said)
+}
+
+#[test]
+fn sound_takes_stay_at_any_rate_and_held_frames_are_only_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for (step, times) in [
+        (1, 1),
+        (2, 1),
+        (4, 1),
+        (8, 1),
+        (12, 1),
+        (4, 2),
+        (8, 3),
+        (30, 6),
+    ] {
+        let table = walk(step, times);
+        let motion = run("xyz2bvh", &["-q"], &table);
+        let at = folder.path().join(format!("{step}-{times}"));
+        fs::create_dir(&at).unwrap();
+        for (name, bytes) in [("take.csv", table), ("take.bvh", motion)] {
+            let file = at.join(name);
+            fs::write(&file, &bytes).unwrap();
+            let (cleaned, code, said) = of("clean", &[], &file);
+            assert!(cleaned == bytes.as_bytes(), "{step} {times} {name}: {said}");
+            assert_eq!(code, if times > 1 { 3 } else { 0 }, "{said}");
+            assert_eq!(said.contains("held frames"), times > 1, "{said}");
+        }
+        let file = at.join("take.csv");
+        for name in ["label", "complete"] {
+            let (bytes, code, said) = of(name, &["-q"], &file);
+            assert!(
+                bytes == fs::read(&file).unwrap(),
+                "{name} {step} {times}: {said}"
+            );
+            assert_eq!(code, 0, "{name}: {said}");
+        }
+    }
+}
