@@ -314,7 +314,7 @@ mod tests {
     fn spikes_and_missing_frames_do_not_count() {
         let (frames, rate) = (1200, 60.0);
         let mut some = tracks(frames, rate, 0.3);
-        let is_drawn = |c: usize, t: usize, every: usize| (7919 * t + 104_729 * c) % every == 0;
+        let is_drawn = |c: usize, t: usize, every| (7919 * t + 104_729 * c).is_multiple_of(every);
         for (c, track) in some.iter_mut().enumerate() {
             for t in 0..frames {
                 if is_drawn(c, t, 17) {
