@@ -277,7 +277,7 @@ fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Ve
         kind: FindingKind::HeldFrames,
         points: Vec::new(),
         frames: None,
-        what: format!("{what}: they are left as they are, and tell nothing"),
+        what: format!("{what}: they stay, and only the others are judged"),
     }));
     findings
 }

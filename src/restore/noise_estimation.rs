@@ -96,11 +96,7 @@ pub(crate) fn by_point(
     take: &Take<'_>,
     given: Option<f64>,
 ) -> Vec<f64> {
-    if let Some(noise) = given {
-        return vec![noise; take.xyz.ncols() / 3];
-    }
-    let noise = point_noise(take.xyz, take.runs);
-    fill_from_model(model, noise.variance)
+    sd_by_point(model, take, given, |noise| noise.variance)
 }
 
 /// [`by_point`], with any motion that may be noise: what a path may deviate by.
@@ -109,18 +105,21 @@ pub(crate) fn most_by_point(
     take: &Take<'_>,
     given: Option<f64>,
 ) -> Vec<f64> {
+    sd_by_point(model, take, given, |noise| noise.most)
+}
+
+/// [`by_point`], by these variances of what was measured.
+fn sd_by_point(
+    model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
+    take: &Take<'_>,
+    given: Option<f64>,
+    variances: impl Fn(TrackNoise) -> Vec<Option<f64>>,
+) -> Vec<f64> {
     if let Some(noise) = given {
         return vec![noise; take.xyz.ncols() / 3];
     }
-    fill_from_model(model, point_noise(take.xyz, take.runs).most)
-}
-
-/// Standard deviations by variances; for those that are not known as [`by_point`] says.
-fn fill_from_model(
-    model: Option<(&PoseModel, ArrayView2<'_, f64>)>,
-    measured: Vec<Option<f64>>,
-) -> Vec<f64> {
-    let measured: Vec<Option<f64>> = measured.into_iter().map(|v| v.map(f64::sqrt)).collect();
+    let measured = variances(point_noise(take.xyz, take.runs)).into_iter();
+    let measured: Vec<Option<f64>> = measured.map(|v| v.map(f64::sqrt)).collect();
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if let Some((model, in_model)) = model.filter(|_| known.is_empty()) {
         let step = in_model.nrows().div_ceil(SAMPLED_FRAMES).max(1);

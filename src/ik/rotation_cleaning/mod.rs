@@ -115,7 +115,7 @@ pub fn clean_rotations(
     for ((t, c), value) in out.motion.indexed_iter_mut() {
         let k = repeated.shown[t];
         let is_same = kept[[k, c]].to_bits() == cleaned[[k, c]].to_bits();
-        if !is_same {
+        if !is_same || value.is_nan() {
             *value = cleaned[[k, c]];
         }
     }
@@ -230,8 +230,11 @@ fn bridge_pops(rotations: &mut [Track<DQuat>], rate: f64, wanted: bool) -> Vec<V
 fn counting(seen: &[bool], pops: &[Range<usize>], held: &[Range<usize>]) -> Vec<bool> {
     let mut out = seen.to_vec();
     pops.iter().for_each(|run| out[run.clone()].fill(false));
-    for held in held.iter().filter(|held| !held.is_empty()) {
-        out[held.start + 1..held.end].fill(false);
+    for held in held {
+        let after_first = out.get_mut(held.start + 1..held.end);
+        after_first
+            .into_iter()
+            .for_each(|frames| frames.fill(false));
     }
     out
 }
