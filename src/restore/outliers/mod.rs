@@ -21,6 +21,7 @@ use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::SmoothedTake;
 use crate::restore::gap::{Gap, fill_gaps, find_gaps};
 use crate::restore::noise_estimation::{rounded, variances};
+use crate::restore::rigid::RigidModel;
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
@@ -149,7 +150,8 @@ fn find_by_model<'m>(
     let take = &take.with_xyz(xyz.view());
     let (spikes, clean, typical) = spikes_in_rounds(mapping.model, take, noise);
     let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
-    let mut points = by_distances(&adapted, &take.with_xyz(clean.view()), typical);
+    let rigid = adapted.rigid.loosened(LENGTHS_VARY);
+    let mut points = by_distances(&adapted, &rigid, &take.with_xyz(clean.view()), typical);
     release_most(&mut points, clean.view());
     for (points, spikes) in points.iter_mut().zip(&spikes) {
         points.extend(spikes);
@@ -172,12 +174,17 @@ fn release_most(points: &mut [Vec<usize>], xyz: ArrayView2<'_, f64>) {
     }
 }
 
-/// The outliers of each frame by rigid distances and the prior; `noise` is that of most
+/// The outliers of each frame by the distances `rigid` and the prior; `noise` is that of most
 /// coordinates, cm.
-fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<Vec<usize>> {
+fn by_distances(
+    adapted: &AdaptedPrior<'_>,
+    rigid: &RigidModel,
+    take: &Take<'_>,
+    noise: f64,
+) -> Vec<Vec<usize>> {
     let xyz = take.xyz;
     let floors = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
-        let floor = |t: usize| adapted.rigid.noise_floor(&xyz.row(t).to_vec());
+        let floor = |t: usize| rigid.noise_floor(&xyz.row(t).to_vec());
         range.map(floor).collect::<Vec<_>>()
     })
     .concat();
@@ -190,12 +197,12 @@ fn by_distances(adapted: &AdaptedPrior<'_>, take: &Take<'_>, noise: f64) -> Vec<
         .enumerate())
     .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
     .collect();
-    let estimator = adapted.rigid_estimator();
+    let estimator = adapted.estimator().with_rigid_model(rigid);
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
             let y = xyz.row(t).to_vec();
-            let by_lengths = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
+            let by_lengths = rigid.outlier_probabilities(&y, &variances(&y, sd, &[]));
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
             // The prior is of another skeleton where the table has other points.
             let by_lengths_alone = adapted.mapping.has_others();

@@ -151,6 +151,14 @@ impl RigidModel {
         RigidModel::of(pairs.selected(&kept))
     }
 
+    /// The distances with a further standard deviation, cm.
+    pub(crate) fn loosened(&self, sd: f64) -> RigidModel {
+        let mut pairs = self.pairs.clone();
+        let each = pairs.pairs.iter_mut();
+        each.for_each(|pair| pair.sd = pair.sd.hypot(sd));
+        RigidModel::of(pairs)
+    }
+
     /// The distances of a person who has not been measured. The known bodies do not show how people
     /// differ: their bones were all scaled to the model's.
     pub(crate) fn for_unknown_body(&self) -> RigidModel {
