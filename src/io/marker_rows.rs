@@ -357,10 +357,10 @@ mod tests {
         let take = rows(&lines).unwrap().take("x", stated(&["a"]), true, false);
         let take = take.unwrap();
         assert_eq!((take.first_frame, take.xyz.dim()), (7, (3, 6)));
-        assert_eq!(take.points, ["a", "point3"]);
+        assert_eq!(take.points, ["a", "*3"]);
         assert_eq!(take.xyz[[1, 5]], 6.0);
         assert_eq!(take.xyz.iter().filter(|v| v.is_nan()).count(), 12);
-        let said = "names 1 of its 2 points; the others are point3 to point3";
+        let said = "names 1 of its 2 points; the others are *3 to *3";
         assert_eq!(take.notes, [said]);
     }
 

@@ -264,7 +264,7 @@ impl MarkerTake {
 }
 
 /// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is
-/// `point17` by its number. Control characters, which a terminal would obey, are dropped.
+/// none: `*17` by its number. Control characters, which a terminal would obey, are dropped.
 pub(crate) fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let mut taken = HashSet::new();
     // By label: the next number to try. A thousand equal labels must not try a thousand numbers
@@ -273,7 +273,7 @@ pub(crate) fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec
     let unique = |(i, label): (usize, &str)| {
         let label: String = label.chars().filter(|c| !c.is_control()).collect();
         let label = match label.trim() {
-            "" => format!("point{}", i + 1),
+            "" => format!("*{}", i + 1),
             label => label.to_string(),
         };
         let n = next.entry(label.clone()).or_insert(1);
@@ -298,9 +298,9 @@ mod tests {
     #[test]
     fn names_are_unique_and_never_empty() {
         let names = unique_names(["LASI", "LASI", "", " RASI ", "LASI", "LASI_2"]);
-        let wanted = ["LASI", "LASI_2", "point3", "RASI", "LASI_3", "LASI_2_2"];
+        let wanted = ["LASI", "LASI_2", "*3", "RASI", "LASI_3", "LASI_2_2"];
         assert_eq!(names, wanted);
-        assert_eq!(unique_names(["\u{1}", "A\u{1b}[2J"]), ["point1", "A[2J"]);
+        assert_eq!(unique_names(["\u{1}", "A\u{1b}[2J"]), ["*1", "A[2J"]);
     }
 
     #[test]

@@ -56,7 +56,7 @@ impl NpzTake {
                     "the names of its markers cannot be read: they are point1 and so on".into(),
                 );
                 let points = usize::try_from(points).unwrap_or(0).min(1 << 20);
-                Some(unique_names(vec![""; points]))
+                Some((1..=points).map(|n| format!("point{n}")).collect())
             }
             names => names,
         };

@@ -11,7 +11,7 @@ pub(crate) struct LabeledTake<'a> {
     pub names: &'a [String],
     /// How many are labels.
     pub labels: usize,
-    /// (frames, 3 N), cm; NaN is missing.
+    /// (frames, 3 N), cm, without frames that repeat the one before; NaN is missing.
     pub xyz: ArrayView2<'a, f64>,
     /// Ranges of consecutive frames.
     pub runs: &'a [Range<usize>],

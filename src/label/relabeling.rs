@@ -8,6 +8,7 @@ use super::sides::Unsure;
 use super::templates::{Templates, WholeTake, WholeTakeKind};
 use super::unlabeled::is_unlabeled;
 use crate::io::PointMove;
+use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, Segment, point_at};
 use ndarray::{ArrayView2, Axis, s};
@@ -66,18 +67,19 @@ pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Rel
     let all_runs = poses.runs();
     for frames in poses.takes() {
         let own = |r: &&Range<usize>| r.start >= frames.start && r.end <= frames.end;
-        let part = Part {
+        let runs = all_runs.iter().filter(own);
+        let runs: Vec<_> = runs
+            .map(|r| r.start - frames.start..r.end - frames.start)
+            .collect();
+        let measured = RepeatedFrames::of(poses.xyz.slice(s![frames.clone(), ..]));
+        out.add(&Part {
             poses,
-            runs: all_runs
-                .iter()
-                .filter(own)
-                .map(|r| r.start - frames.start..r.end - frames.start)
-                .collect(),
+            runs: measured.kept_runs(&runs),
+            rate: measured.rate(rate),
             frames,
-            rate,
+            measured,
             like: &settings.like,
-        };
-        out.add(&part);
+        });
     }
     let kept: Vec<(usize, Vec<usize>)> = (settings.keep.iter())
         .filter_map(|segment| {
@@ -111,10 +113,21 @@ pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Rel
 struct Part<'a> {
     poses: &'a Poses,
     frames: Range<usize>,
-    /// Ranges of consecutive frames, within it.
+    /// Those that do not repeat the one before: a track's next frame is the next of these.
+    measured: RepeatedFrames,
+    /// Ranges of consecutive measured frames, within them.
     runs: Vec<Range<usize>>,
+    /// Measured frames a second.
     rate: f64,
     like: &'a Templates,
+}
+
+impl Part<'_> {
+    /// The table's frames that show a range of measured ones.
+    fn frames_of(&self, measured: &Range<usize>) -> Range<usize> {
+        let frames = self.measured.frames(measured);
+        frames.start + self.frames.start..frames.end + self.frames.start
+    }
 }
 
 impl Relabeling {
@@ -165,7 +178,8 @@ impl Relabeling {
         let points = &take.poses.points;
         let all = 0..points.len();
         let loose: Vec<usize> = all.filter(|p| is_unlabeled(&points[*p])).collect();
-        let mut xyz = take.poses.xyz.slice(s![take.frames.clone(), ..]).to_owned();
+        let xyz = take.poses.xyz.slice(s![take.frames.clone(), ..]);
+        let mut xyz = take.measured.rows(xyz);
         let people = people_of_markers(points, xyz.view());
         self.notes.extend(parted_by_distances(points, &people));
         for person in people {
@@ -183,7 +197,7 @@ impl Relabeling {
     }
 
     /// Adds what is wrong with some labels; the pieces of `loose` tracks that are joined to them,
-    /// in frames of the take.
+    /// in measured frames of the take.
     fn add_person(
         &mut self,
         take: &Part<'_>,
@@ -215,8 +229,6 @@ impl Relabeling {
             );
             return Vec::new();
         };
-        let first = take.frames.start;
-        let shifted = |r: &Range<usize>| r.start + first..r.end + first;
         let mut taken = Vec::new();
         for change in changes(moves(&found.pieces), labels.len()) {
             let nats = found.nats(&change, &xyz, take.rate);
@@ -239,11 +251,11 @@ impl Relabeling {
             let moved = pieces.iter().map(|m| PointMove {
                 from: order[m.from],
                 to: m.to.map(|to| order[to]),
-                frames: shifted(&m.frames),
+                frames: take.frames_of(&m.frames),
             });
             self.changes.push(Change {
                 kind: change.kind,
-                frames: shifted(&change.frames),
+                frames: take.frames_of(&change.frames),
                 tracks: change.tracks.iter().map(|t| order[*t]).collect(),
                 moves: moved.collect(),
                 nats,
@@ -252,7 +264,7 @@ impl Relabeling {
         }
         self.unsure.extend(found.unsure.iter().map(|u| Unsure {
             labels: u.labels.iter().map(|l| order[*l]).collect(),
-            frames: u.frames.iter().map(shifted).collect(),
+            frames: u.frames.iter().map(|r| take.frames_of(r)).collect(),
             is_part: u.is_part,
         }));
         taken

@@ -17,10 +17,10 @@ use super::links::Links;
 use super::paths::Paths;
 use super::pieces::{Piece, pieces};
 use super::sides::{Exchanged, SideBy, Sides, Unsure};
-use super::tuning::repair::{FEWEST_FRAMES, LEAST_RATE, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
+use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
+use crate::numeric::track_noise::LEAST_RATE;
 use crate::pose::point_at;
-use crate::pose::repeated_frames::RepeatedFrames;
 use ndarray::Array2;
 
 /// What becomes of the tracks of a take.
@@ -39,7 +39,7 @@ pub(crate) struct Repair {
 /// Puts the labels of a take right; `None` where most pieces are too short to say anything, or so
 /// few frames a second were measured that no path leads from one to the next.
 pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
-    if RepeatedFrames::of(take.xyz).rate(take.rate) < LEAST_RATE {
+    if take.rate < LEAST_RATE {
         return None;
     }
     let pieces = pieces(take.xyz, take.runs, take.rate);

@@ -209,9 +209,6 @@ pub(crate) mod sides {
 
 /// Labels put right.
 pub(crate) mod repair {
-    /// Frames a second, at least, not counting repeats: key poses at 4 a second had labels taken
-    /// out that were right, none of four takes at 10.
-    pub(crate) const LEAST_RATE: f64 = 9.5;
     /// Where most pieces have fewer frames, labels are not checked.
     pub(crate) const FEWEST_FRAMES: usize = 5;
     /// Rounds over the paths, at most.

@@ -15,7 +15,7 @@
 //! u_c is the variance of the noise of a coordinate. It is read where the other tracks are quiet,
 //! so that neither motion nor the track's own noise selects the frames (in all frames, where that
 //! is the same); a quartile, as spikes in a fifth of the frames spoil most differences. `common`
-//! tells whether that level is noise: white noise shows .01 to .05, motion alone .087 and more.
+//! tells whether that level is noise: white noise shows .01 to .05, motion alone .06 and more.
 //! Frames that repeat the one before have to be left out: they hold no measurement.
 //!
 //! Measured on 62 CMU takes of 120 frames a second, whole and low-passed, at 9 rates from 10 to 120
@@ -36,14 +36,20 @@ const QUIET: f64 = 0.3;
 const ALL_NOISE: f64 = 0.9;
 /// Frames that a level is read from, at least.
 const LEAST_FOR_LEVEL: usize = 8;
-/// Noise shows at most this much power in common, squared nats: between .05, the largest that
-/// noise over the limits shows in most takes at 30 frames a second, and .087, the least of motion.
-const MOST_COMMON: f64 = 0.06;
+/// Noise shows at most this much power in common, squared nats: at 30 frames a second and one
+/// degree .03 in nine of ten takes, .05 in 98%; motion alone at least .072.
+const MOST_COMMON: f64 = 0.05;
 /// Seconds over which log power is compared with its mean: noise may grow as a person walks away.
 const SECONDS: f64 = 1.0;
-/// Differences and tracks by which noise is told from motion, at least.
-const LEAST_FRAMES: f64 = 36.0;
+/// Differences and tracks by which noise is told from motion, at least: of 762 readings of the
+/// rotations of motion alone at 10 to 30 frames a second, 6 of 31 to 46 differences show less power
+/// in common than the limit; the least of 60 and more is .067.
+const LEAST_FRAMES: f64 = 60.0;
 const LEAST_TRACKS: usize = 6;
+/// Frames a second, not counting repeats, below which motion changes from one to the next as faults
+/// do: takes of 4 to 8 show as little power in common as noise, and labels of key poses at 4 seem
+/// exchanged.
+pub(crate) const LEAST_RATE: f64 = 9.5;
 /// Log power further off its median counts as this, nats: a value that is held, and a spike.
 const LOWEST: f64 = -4.0;
 const HIGHEST: f64 = 6.0;
@@ -110,8 +116,8 @@ impl TrackNoise {
     /// Whether what the variances measure is noise, and no motion; `rate`: frames of the take a
     /// second.
     pub(crate) fn is_noise(&self, rate: f64) -> bool {
-        self.common(rate)
-            .is_some_and(|common| common <= MOST_COMMON)
+        let common = self.common(rate).filter(|_| rate >= LEAST_RATE);
+        common.is_some_and(|common| common <= MOST_COMMON)
     }
 
     /// The upper bound of the power that the tracks have in common, squared nats; `None` where too

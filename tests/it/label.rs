@@ -68,6 +68,33 @@ fn labels_are_put_back_digit_for_digit() {
 }
 
 #[test]
+fn labels_are_put_back_in_every_frame_that_repeats_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
+    let doubled = |is_wrong: bool| {
+        let table = table(is_wrong);
+        let mut lines = table.lines();
+        let head = lines.next().unwrap();
+        let rows = lines.flat_map(|row| [row; 2]).enumerate().map(|(t, row)| {
+            let places = row.split_once(',').unwrap().1;
+            format!("{:.3},{places}\n", t as f64 / 200.0)
+        });
+        format!("{head}\n{}", rows.collect::<String>())
+    };
+    fs::write(&from, doubled(true)).unwrap();
+    let done = command("label")
+        .args([text(&from), "-o", text(&to)])
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(
+        said.contains("a and b changed places in frames 200 to 279: put back"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(&to).unwrap(), doubled(false));
+}
+
+#[test]
 fn files_of_markers_keep_all_else() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

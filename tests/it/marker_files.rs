@@ -326,13 +326,13 @@ fn trc_files_become_tables() {
         .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
     assert!(
-        said.contains("names 2 of its 3 points; the others are point3 to point3"),
+        said.contains("names 2 of its 3 points; the others are *3 to *3"),
         "{said}"
     );
     assert!(said.contains("1 positions are exactly 0 0 0"), "{said}");
     let table = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
     let read = Numbers::read(&table);
-    assert_eq!(read.points, ["HEAD", "HAND", "point3"]);
+    assert_eq!(read.points, ["HEAD", "HAND", "*3"]);
     assert_eq!(read.time, [0.1, 0.11, 0.12]);
     let gap = f64::NAN;
     let rows = [

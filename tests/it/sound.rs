@@ -98,3 +98,48 @@ fn sound_takes_stay_at_any_rate_and_held_frames_are_only_told() {
         }
     }
 }
+
+#[test]
+fn bones_that_a_filter_shortens_stay_and_a_point_off_its_bone_is_found() {
+    // The left foot nears its tibia twice, by 3 mm for eight frames, and once by `far` for 16.
+    let table = |far: f64| {
+        let walk = walk(1, 1);
+        let (head, rows) = walk.split_once('\n').unwrap();
+        let names: Vec<&str> = head.split(',').collect();
+        let at = |name: &str| names.iter().position(|n| *n == name).unwrap();
+        let (foot, tibia) = (at("lfoot.x"), at("ltibia.x"));
+        let row = |(t, row): (usize, &str)| {
+            let mut cells: Vec<String> = row.split(',').map(str::to_string).collect();
+            let bump = |t: usize, frames: usize| {
+                let phase = std::f64::consts::PI * t as f64 / frames as f64;
+                phase.sin().powi(2)
+            };
+            let near = match t {
+                30..38 | 150..158 => 0.3 * bump(t % 30, 8),
+                70..86 => far * bump(t - 70, 16),
+                _ => 0.0,
+            };
+            let of = |from: usize| [0, 1, 2].map(|c| cells[from + c].parse::<f64>().unwrap());
+            let (from, to) = (of(foot), of(tibia));
+            let apart = [0, 1, 2].map(|c| to[c] - from[c]);
+            let length = apart.iter().map(|d| d * d).sum::<f64>().sqrt();
+            if near > 0.0 {
+                for c in 0..3 {
+                    cells[foot + c] = format!("{:.6}", from[c] + near / length * apart[c]);
+                }
+            }
+            cells.join(",") + "\n"
+        };
+        let rows: String = rows.lines().enumerate().map(row).collect();
+        format!("{head}\n{rows}")
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("take.csv");
+    for (far, is_sound) in [(0.0, true), (2.0, false)] {
+        fs::write(&file, table(far)).unwrap();
+        let (cleaned, code, said) = of("clean", &[], &file);
+        assert_eq!(cleaned == table(far).as_bytes(), is_sound, "{said}");
+        assert_eq!(code, 0, "{said}");
+        assert_eq!(said.contains("lfoot in frame"), !is_sound, "{said}");
+    }
+}

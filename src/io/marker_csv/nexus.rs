@@ -231,7 +231,7 @@ mod tests {
         assert_eq!((more.points, more.xyz[[0, 3]]), (plain.points.clone(), 4.0));
         // Names of markers are no quantities, and one without a name has a number.
         let named = section.replace("Ann:A", "Ann:L_ACC").replace("Bob:A", "");
-        assert_eq!(take(&named).unwrap().points, ["Ann:L_ACC", "point2"]);
+        assert_eq!(take(&named).unwrap().points, ["Ann:L_ACC", "*2"]);
         assert!(plain.notes.is_empty());
         let short = section.replace("1.5,2,3,,,", "1.5,2,3\n");
         let short = take(&short).unwrap();

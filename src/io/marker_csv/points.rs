@@ -405,7 +405,7 @@ mod tests {
         assert!(mixed.notes[0].contains("q, LAngle"), "{:?}", mixed.notes);
         assert!(mixed.notes[1].contains("without z: b"), "{:?}", mixed.notes);
         let unnamed = take(",A,,,,,\n,x,y,z,x,y,z\n0,1,2,3,4,5,6\n").unwrap();
-        assert_eq!(unnamed.points, ["A", "point2"]);
+        assert_eq!(unnamed.points, ["A", "*2"]);
     }
 
     #[test]
