@@ -71,7 +71,7 @@ pub(crate) fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Rel
         let runs: Vec<_> = runs
             .map(|r| r.start - frames.start..r.end - frames.start)
             .collect();
-        let measured = RepeatedFrames::of(poses.xyz.slice(s![frames.clone(), ..]));
+        let measured = RepeatedFrames::at_their_times(poses.xyz.slice(s![frames.clone(), ..]));
         out.add(&Part {
             poses,
             runs: measured.kept_runs(&runs),

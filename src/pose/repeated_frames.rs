@@ -1,5 +1,8 @@
-//! Frames that repeat the one before: a resampling doubled them, or an animator held them ("on
-//! twos"). They hold no measurement of their own.
+//! Frames that repeat the one before: a resampling doubled them, an animator held them ("on twos"),
+//! or they stand in place of frames that were dropped. They hold no measurement of their own.
+//!
+//! The others follow each other evenly, or, where frames were dropped, at their own times: whichever
+//! bends their paths less.
 
 use crate::numeric::statistics::{median, range};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -27,6 +30,8 @@ pub(crate) struct RepeatedFrames {
     pub kept: Vec<usize>,
     /// For each frame, which of `kept` it shows.
     pub shown: Vec<usize>,
+    /// Whether [`RepeatedFrames::rows`] are all frames, repeats missing, and not the kept ones.
+    keep_times: bool,
 }
 
 impl RepeatedFrames {
@@ -44,6 +49,7 @@ impl RepeatedFrames {
         let mut out = RepeatedFrames {
             kept: Vec::new(),
             shown: Vec::new(),
+            keep_times: false,
         };
         for (t, repeats) in repeats.into_iter().enumerate() {
             if !repeats {
@@ -54,32 +60,87 @@ impl RepeatedFrames {
         out
     }
 
+    /// [`RepeatedFrames::of`], whose kept frames stay at their own times where these bend the paths
+    /// less.
+    pub(crate) fn at_their_times(columns: ArrayView2<'_, f64>) -> RepeatedFrames {
+        let mut out = RepeatedFrames::of(columns);
+        let (mut evenly, mut at_times) = (0, 0);
+        for frames in out.kept.windows(3) {
+            let [a, b, c] = [frames[0], frames[1], frames[2]];
+            if 2 * b == a + c {
+                continue;
+            }
+            let off = |share: f64| {
+                let rows = [a, b, c].map(|t| columns.row(t));
+                let off = (0..columns.ncols())
+                    .map(|i| (rows[1][i] - rows[0][i] - share * (rows[2][i] - rows[0][i])).abs());
+                off.filter(|off| off.is_finite()).sum::<f64>()
+            };
+            let is_even = off(0.5) < off((b - a) as f64 / (c - a) as f64);
+            evenly += usize::from(is_even);
+            at_times += usize::from(!is_even);
+        }
+        out.keep_times = at_times > evenly;
+        out
+    }
+
     /// Whether any frame repeats.
     pub(crate) fn is_any(&self) -> bool {
         self.kept.len() < self.shown.len()
     }
 
-    /// The kept frames a second, of `rate` frames.
+    /// The rows a second ([`RepeatedFrames::rows`]), of `rate` frames.
     pub(crate) fn rate(&self, rate: f64) -> f64 {
-        rate * self.kept.len() as f64 / self.shown.len().max(1) as f64
+        match self.keep_times {
+            true => rate,
+            false => rate * self.kept.len() as f64 / self.shown.len().max(1) as f64,
+        }
     }
 
-    /// The rows of the kept frames.
+    /// The rows of the kept frames, evenly or at their times.
     pub(crate) fn rows(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
-        rows.select(Axis(0), &self.kept)
+        if !self.keep_times {
+            return rows.select(Axis(0), &self.kept);
+        }
+        let mut out = rows.to_owned();
+        for (t, mut row) in out.rows_mut().into_iter().enumerate() {
+            if self.kept[self.shown[t]] != t {
+                row.fill(f64::NAN);
+            }
+        }
+        out
     }
 
-    /// Ranges of consecutive frames as ranges of kept ones, without those of repeats alone.
+    /// For each frame, the row that it shows.
+    pub(crate) fn shown_rows(&self) -> Vec<usize> {
+        let row = |k: &usize| match self.keep_times {
+            true => self.kept[*k],
+            false => *k,
+        };
+        self.shown.iter().map(row).collect()
+    }
+
+    /// Ranges of consecutive frames as ranges of rows, without those of repeats alone.
     pub(crate) fn kept_runs(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
+        if self.keep_times {
+            return runs.to_vec();
+        }
         let at = |frame: usize| self.kept.partition_point(|kept| *kept < frame);
         let kept = runs.iter().map(|run| at(run.start)..at(run.end));
         kept.filter(|run| !run.is_empty()).collect()
     }
 
-    /// The frames that show a range of kept ones.
-    pub(crate) fn frames(&self, kept: &Range<usize>) -> Range<usize> {
-        let at = |k: usize| self.kept.get(k).copied().unwrap_or(self.shown.len());
-        at(kept.start)..at(kept.end)
+    /// The frames that show a range of rows.
+    pub(crate) fn frames(&self, rows: &Range<usize>) -> Range<usize> {
+        let first = |row: usize| match self.keep_times {
+            true => self.kept.partition_point(|kept| *kept < row),
+            false => row,
+        };
+        let at = |row: usize| {
+            let kept = self.kept.get(first(row));
+            kept.copied().unwrap_or(self.shown.len())
+        };
+        at(rows.start)..at(rows.end)
     }
 
     /// What to call them: every second, third .. frame, or how many.
@@ -166,6 +227,22 @@ mod tests {
         assert!(!found(&|t| t - usize::from(t > 50)).is_any());
         assert!(!RepeatedFrames::of(Array2::ones((30, 6)).view()).is_any());
         assert!(!RepeatedFrames::of(Array2::zeros((0, 6)).view()).is_any());
+    }
+
+    #[test]
+    fn frames_keep_their_times_where_some_were_dropped() {
+        let dropped = take((0..120).map(|t| t - usize::from(t % 12 == 5)));
+        let found = RepeatedFrames::at_their_times(dropped.view());
+        let rows = found.rows(dropped.view());
+        assert_eq!(rows.nrows(), 120);
+        assert!(rows[[5, 0]].is_nan() && rows.row(6) == dropped.row(6));
+        assert_eq!((found.rate(60.0), found.shown_rows()[5]), (60.0, 4));
+        assert_eq!(found.kept_runs(&[3..20]), [3..20]);
+        assert_eq!((found.frames(&(3..5)), found.frames(&(5..6))), (3..6, 6..6));
+        // Frames of a film follow each other evenly.
+        let pulldown = take((0..120).map(|t| t * 4 / 5));
+        let found = RepeatedFrames::at_their_times(pulldown.view());
+        assert_eq!(found.rows(pulldown.view()).nrows(), 96);
     }
 
     #[test]

@@ -334,7 +334,7 @@ impl Restored<'_> {
         take: &Take<'_>,
         whole: ArrayView2<'_, f64>,
     ) -> (TakeResult, usize) {
-        let repeated = RepeatedFrames::of(whole);
+        let repeated = RepeatedFrames::at_their_times(whole);
         if !repeated.is_any() {
             let runs = split_at_cuts(whole, take.runs, take.rate);
             let cuts = runs.len() - take.runs.len();

@@ -329,21 +329,21 @@ impl TakeResult {
         }
     }
 
-    /// The result for a take of which these are the frames that do not repeat the one before; where
-    /// a repeat has no value it gets that of the frame that it repeats. `captured` (frames, 3 J).
+    /// The result for a take of which these are the rows without repeats; where a repeat has no
+    /// value it gets that of the frame that it repeats. `captured` (frames, 3 J).
     pub(crate) fn repeated(
         self,
         repeated: &RepeatedFrames,
         captured: ArrayView2<'_, f64>,
     ) -> TakeResult {
-        let points = self.points();
+        let (points, rows) = (self.points(), repeated.shown_rows());
         let mut out = TakeResult {
-            xyz: self.xyz.select(Axis(0), &repeated.shown),
-            states: (repeated.shown.iter())
+            xyz: self.xyz.select(Axis(0), &rows),
+            states: (rows.iter())
                 .flat_map(|k| &self.states[k * points..(k + 1) * points])
                 .copied()
                 .collect(),
-            novelty: repeated.shown.iter().map(|k| self.novelty[*k]).collect(),
+            novelty: rows.iter().map(|k| self.novelty[*k]).collect(),
             vacated: Vec::new(),
             ..self
         };

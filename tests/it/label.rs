@@ -71,27 +71,31 @@ fn labels_are_put_back_digit_for_digit() {
 fn labels_are_put_back_in_every_frame_that_repeats_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let (from, to) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
-    let doubled = |is_wrong: bool| {
-        let table = table(is_wrong);
-        let mut lines = table.lines();
-        let head = lines.next().unwrap();
-        let rows = lines.flat_map(|row| [row; 2]).enumerate().map(|(t, row)| {
-            let places = row.split_once(',').unwrap().1;
-            format!("{:.3},{places}\n", t as f64 / 200.0)
-        });
-        format!("{head}\n{}", rows.collect::<String>())
-    };
-    fs::write(&from, doubled(true)).unwrap();
-    let done = command("label")
-        .args([text(&from), "-o", text(&to)])
-        .assert()
-        .success();
-    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-    assert!(
-        said.contains("a and b changed places in frames 200 to 279: put back"),
-        "{said}"
-    );
-    assert_eq!(fs::read_to_string(&to).unwrap(), doubled(false));
+    // Every frame twice, and one of twelve dropped, the one before in its place.
+    let doubled = |t: usize| t / 2;
+    let dropped = |t: usize| t - usize::from(t % 12 == 5);
+    let cases: [(&dyn Fn(usize) -> usize, usize, &str); 2] =
+        [(&doubled, 600, "200 to 279"), (&dropped, 300, "100 to 139")];
+    for (shown, frames, exchanged) in cases {
+        let held = |is_wrong: bool| {
+            let table = table(is_wrong);
+            let rows: Vec<&str> = table.lines().collect();
+            let row = |t: usize| {
+                let places = rows[1 + shown(t)].split_once(',').unwrap().1;
+                format!("{:.3},{places}\n", t as f64 / 100.0)
+            };
+            format!("{}\n{}", rows[0], (0..frames).map(row).collect::<String>())
+        };
+        fs::write(&from, held(true)).unwrap();
+        let done = command("label")
+            .args([text(&from), "-o", text(&to)])
+            .assert()
+            .success();
+        let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        let what = format!("a and b changed places in frames {exchanged}: put back");
+        assert!(said.contains(&what), "{said}");
+        assert_eq!(fs::read_to_string(&to).unwrap(), held(false));
+    }
 }
 
 #[test]

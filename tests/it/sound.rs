@@ -100,6 +100,31 @@ fn sound_takes_stay_at_any_rate_and_held_frames_are_only_told() {
 }
 
 #[test]
+fn frames_in_place_of_dropped_ones_are_only_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("take.csv");
+    for every in [20, 5] {
+        let walk = walk(1, 1);
+        let rows: Vec<&str> = walk.lines().collect();
+        let row = |t: usize| {
+            let places = |t: usize| rows[t].splitn(3, ',').nth(2).unwrap();
+            let at = |t: usize| rows[t].strip_suffix(places(t)).unwrap();
+            match t % every {
+                3 if t > 3 => format!("{}{}\n", at(t), places(t - 1)),
+                _ => format!("{}\n", rows[t]),
+            }
+        };
+        let table: String = (0..rows.len()).map(row).collect();
+        fs::write(&file, &table).unwrap();
+        let (cleaned, code, said) = of("clean", &[], &file);
+        assert!(cleaned == table.as_bytes() && code == 3, "{every}: {said}");
+        assert!(said.contains("held frames"), "{said}");
+        let (bytes, code, said) = of("label", &["-q"], &file);
+        assert!(bytes == table.as_bytes() && code == 0, "{said}");
+    }
+}
+
+#[test]
 fn bones_that_a_filter_shortens_stay_and_a_point_off_its_bone_is_found() {
     // The left foot nears its tibia twice, by 3 mm for eight frames, and once by `far` for 16.
     let table = |far: f64| {
