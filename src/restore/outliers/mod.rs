@@ -150,8 +150,9 @@ fn find_by_model<'m>(
     let take = &take.with_xyz(xyz.view());
     let (spikes, clean, typical) = spikes_in_rounds(mapping.model, take, noise);
     let adapted = AdaptedPrior::measured(mapping, clean.view(), typical);
-    let rigid = adapted.rigid.loosened(LENGTHS_VARY);
-    let mut points = by_distances(&adapted, &rigid, &take.with_xyz(clean.view()), typical);
+    let with_spikes = spikes.iter().filter(|points| !points.is_empty());
+    let has_many = with_spikes.count() as f64 > MANY * spikes.len() as f64;
+    let mut points = by_distances(&adapted, &take.with_xyz(clean.view()), typical, has_many);
     release_most(&mut points, clean.view());
     for (points, spikes) in points.iter_mut().zip(&spikes) {
         points.extend(spikes);
@@ -174,35 +175,38 @@ fn release_most(points: &mut [Vec<usize>], xyz: ArrayView2<'_, f64>) {
     }
 }
 
-/// The outliers of each frame by the distances `rigid` and the prior; `noise` is that of most
-/// coordinates, cm.
+/// The outliers of each frame by rigid distances and the prior; `noise` is that of most
+/// coordinates, cm, `has_many` whether the take had many outliers already.
 fn by_distances(
     adapted: &AdaptedPrior<'_>,
-    rigid: &RigidModel,
     take: &Take<'_>,
     noise: f64,
+    has_many: bool,
 ) -> Vec<Vec<usize>> {
     let xyz = take.xyz;
-    let floors = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
+    let floors = |rigid: &RigidModel| {
         let floor = |t: usize| rigid.noise_floor(&xyz.row(t).to_vec());
-        range.map(floor).collect::<Vec<_>>()
-    })
-    .concat();
-    let evidence: Vec<f64> = floors
-        .iter()
-        .map(|f| f.map_or(0.0, |f| f.outlier_evidence.max(0.0)))
+        parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
+            range.map(floor).collect::<Vec<_>>()
+        })
+        .concat()
+    };
+    let close = floors(&adapted.rigid);
+    let searched = match has_many {
+        true => close.clone(),
+        false => floors(&adapted.rigid.loosened(LENGTHS_VARY)),
+    };
+    let evidence = (searched.iter()).map(|f| f.map_or(0.0, |f| f.outlier_evidence.max(0.0)));
+    let searched = pooled_over_time(&evidence.collect::<Vec<_>>(), take.runs);
+    let searched: Vec<(usize, f64)> = (close.into_iter().enumerate())
+        .filter_map(|(t, floor)| Some((t, floor.filter(|_| searched[t])?.sd)))
         .collect();
-    let searched: Vec<(usize, f64)> = (pooled_over_time(&evidence, take.runs)
-        .into_iter()
-        .enumerate())
-    .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
-    .collect();
-    let estimator = adapted.estimator().with_rigid_model(rigid);
+    let estimator = adapted.rigid_estimator();
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
         let outliers = |&(t, floor): &(usize, f64)| {
             let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
             let y = xyz.row(t).to_vec();
-            let by_lengths = rigid.outlier_probabilities(&y, &variances(&y, sd, &[]));
+            let by_lengths = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
             // The prior is of another skeleton where the table has other points.
             let by_lengths_alone = adapted.mapping.has_others();
