@@ -149,7 +149,8 @@ impl RepeatedFrames {
             return None;
         }
         let frames = self.shown.len();
-        let lengths = self.kept.windows(2).map(|w| w[1] - w[0]);
+        let next = self.kept.iter().skip(1).chain([&frames]);
+        let lengths = self.kept.iter().zip(next).map(|(kept, next)| next - kept);
         let lengths: Vec<usize> = lengths.collect();
         let longest = lengths.iter().copied().max().unwrap_or(frames);
         let alike = lengths.iter().filter(|l| **l == longest).count();
@@ -220,6 +221,9 @@ mod tests {
             pulldown.describe().unwrap(),
             "24 of 120 frames repeat the one before"
         );
+        // A rest at the end.
+        let rest = found(&|t| t.min(100)).describe().unwrap();
+        assert_eq!(rest, "19 of 120 frames repeat the one before");
         // Numbers of whole centimeters.
         let coarse = take(0..400).mapv(|v| (0.02 * v).round());
         assert!(!RepeatedFrames::of(coarse.view()).is_any());

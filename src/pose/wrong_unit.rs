@@ -37,7 +37,7 @@ const FACTORS: [f64; 6] = [0.001, 0.01, 0.1, 10.0, 100.0, 1000.0];
 
 /// A length that no person has.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct WrongSize {
+struct WrongSize {
     /// The length, cm.
     length: f64,
     /// What it is multiplied by to be a person's.
@@ -46,15 +46,16 @@ pub(crate) struct WrongSize {
 }
 
 /// Fails where `poses` (cm) of a file or table `name` that was read in `units` are no person's, and
-/// are in another unit.
+/// are in another unit. A rig of a size of its own is none: no unit makes it a person's.
 ///
 /// # Errors
 /// [`Error::Data`]: the size, the factor and the unit that is right.
 pub fn check_unit(poses: &Poses, units: Units, name: &str) -> Result<()> {
     for take in poses.takes() {
         let xyz = poses.xyz.slice(ndarray::s![take, ..]);
-        if let Some(wrong) = WrongSize::find(&poses.points, xyz) {
-            return Err(Error::data(Place::file(name), wrong.sentence(units.unit)));
+        let wrong = WrongSize::find(&poses.points, xyz);
+        if let Some(what) = wrong.and_then(|wrong| wrong.sentence(units.unit)) {
+            return Err(Error::data(Place::file(name), what));
         }
     }
     Ok(())
@@ -62,7 +63,7 @@ pub fn check_unit(poses: &Poses, units: Units, name: &str) -> Result<()> {
 
 impl WrongSize {
     /// The size of `points` at `xyz` (frames, 3 P; cm), where it is surely wrong.
-    pub(crate) fn find(points: &[String], xyz: ArrayView2<'_, f64>) -> Option<WrongSize> {
+    fn find(points: &[String], xyz: ArrayView2<'_, f64>) -> Option<WrongSize> {
         let step = xyz.nrows().div_ceil(FRAMES).max(1);
         let frames: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
         let xyz = xyz.select(Axis(0), &frames);
@@ -88,32 +89,28 @@ impl WrongSize {
         })
     }
 
-    /// What is wrong, and what to do, for numbers that were read in a `unit`.
-    pub(crate) fn sentence(&self, unit: LengthUnit) -> String {
+    /// What is wrong, and what to do, for numbers that were read in a `unit`; `None` where they are
+    /// in no other.
+    fn sentence(&self, unit: LengthUnit) -> Option<String> {
         let of = match self.is_of_names {
             true => "from foot to head",
             false => "in all",
         };
         let own = unit.centimeters() * self.factor;
         let own =
-            (LengthUnit::ALL.into_iter()).find(|u| (u.centimeters() / own - 1.0).abs() < 1e-9);
+            (LengthUnit::ALL.into_iter()).find(|u| (u.centimeters() / own - 1.0).abs() < 1e-9)?;
         let (times, size) = match self.factor < 1.0 {
             true => (1.0 / self.factor, "large"),
             false => (self.factor, "small"),
         };
-        let remedy = match own {
-            Some(own) => format!(
-                "its numbers are {}, not {}; give the option `units {}`",
-                plural(own),
-                plural(unit),
-                own.name()
-            ),
-            None => "give the right unit with the option `units`".to_string(),
-        };
-        format!(
-            "the body measures {} {of}, {times:.0} times too {size} for a person: {remedy}",
-            with_unit(self.length)
-        )
+        Some(format!(
+            "the body measures {} {of}, {times:.0} times too {size} for a person: its numbers are \
+             {}, not {}; give the option `units {}`",
+            with_unit(self.length),
+            plural(own),
+            plural(unit),
+            own.name()
+        ))
     }
 }
 
@@ -275,7 +272,7 @@ mod tests {
             };
             wrong.sentence(unit)
         };
-        let text = of(165_000.0, 0.001, LengthUnit::M);
+        let text = of(165_000.0, 0.001, LengthUnit::M).unwrap();
         assert!(
             text.starts_with("the body measures 1650 m from foot to head, 1000 times too large")
         );
@@ -285,8 +282,10 @@ mod tests {
         );
         assert!(
             of(1.65, 100.0, LengthUnit::Cm)
+                .unwrap()
                 .contains("meters, not centimeters; give the option `units m`")
         );
-        assert!(of(1.65, 100.0, LengthUnit::Asf).contains("the right unit"));
+        // Nobody writes tenths of a meter: a rig of a size of its own.
+        assert_eq!(of(16.5, 10.0, LengthUnit::Cm), None);
     }
 }
