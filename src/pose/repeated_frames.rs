@@ -1,8 +1,8 @@
 //! Frames that repeat the one before: a resampling doubled them, an animator held them ("on twos"),
 //! or they stand in place of frames that were dropped. They hold no measurement of their own.
 //!
-//! The others follow each other evenly, or, where frames were dropped, at their own times: whichever
-//! bends their paths less.
+//! The others follow each other evenly, or, where frames were dropped, at their own times:
+//! whichever bends their paths less.
 
 use crate::numeric::statistics::{median, range};
 use ndarray::{Array2, ArrayView2, Axis};
