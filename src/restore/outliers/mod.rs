@@ -21,9 +21,9 @@ use crate::restore::adapted_prior::AdaptedPrior;
 use crate::restore::adaptive_smoothing::SmoothedTake;
 use crate::restore::gap::{Gap, fill_gaps, find_gaps};
 use crate::restore::noise_estimation::{rounded, variances};
-use crate::restore::rigid::RigidModel;
 use crate::restore::take::{FRAMES_PER_TASK, PointMapping, Take};
 use ndarray::{Array2, ArrayView2, Axis};
+use std::borrow::Cow;
 use std::ops::Range;
 use trajectory::spikes_in_rounds;
 pub(crate) use trajectory::{spikes_by_time, spikes_of_take, without};
@@ -184,28 +184,25 @@ fn by_distances(
     has_many: bool,
 ) -> Vec<Vec<usize>> {
     let xyz = take.xyz;
-    let floors = |rigid: &RigidModel| {
+    let rigid = match has_many {
+        true => Cow::Borrowed(&*adapted.rigid),
+        false => Cow::Owned(adapted.rigid.loosened(LENGTHS_VARY)),
+    };
+    let evidence = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
         let floor = |t: usize| rigid.noise_floor(&xyz.row(t).to_vec());
-        parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
-            range.map(floor).collect::<Vec<_>>()
-        })
-        .concat()
-    };
-    let close = floors(&adapted.rigid);
-    let searched = match has_many {
-        true => close.clone(),
-        false => floors(&adapted.rigid.loosened(LENGTHS_VARY)),
-    };
-    let evidence = (searched.iter()).map(|f| f.map_or(0.0, |f| f.outlier_evidence.max(0.0)));
-    let searched = pooled_over_time(&evidence.collect::<Vec<_>>(), take.runs);
-    let searched: Vec<(usize, f64)> = (close.into_iter().enumerate())
-        .filter_map(|(t, floor)| Some((t, floor.filter(|_| searched[t])?.sd)))
-        .collect();
+        let evidence = |t: usize| floor(t).map_or(0.0, |f| f.outlier_evidence.max(0.0));
+        range.map(evidence).collect::<Vec<_>>()
+    });
+    let is_searched = pooled_over_time(&evidence.concat(), take.runs);
+    let searched: Vec<usize> = (0..xyz.nrows()).filter(|t| is_searched[*t]).collect();
     let estimator = adapted.rigid_estimator();
     let found = parallel::map_chunks(searched.len(), FRAMES_PER_TASK, |range| {
-        let outliers = |&(t, floor): &(usize, f64)| {
-            let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
-            let y = xyz.row(t).to_vec();
+        let outliers = |t: &usize| {
+            let y = xyz.row(*t).to_vec();
+            let Some(floor) = adapted.rigid.noise_floor(&y) else {
+                return Vec::new();
+            };
+            let sd = rounded(floor.sd.min(noise.max(LEAST_NOISE)));
             let by_lengths = (adapted.rigid).outlier_probabilities(&y, &variances(&y, sd, &[]));
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
             // The prior is of another skeleton where the table has other points.
@@ -226,7 +223,7 @@ fn by_distances(
             .collect::<Vec<Vec<usize>>>()
     });
     let mut points = vec![Vec::new(); xyz.nrows()];
-    for ((t, _), found) in searched.iter().zip(found.into_iter().flatten()) {
+    for (t, found) in searched.iter().zip(found.into_iter().flatten()) {
         points[*t] = found;
     }
     points
