@@ -72,11 +72,11 @@ fn labels_are_put_back_in_every_frame_that_repeats_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let (from, to) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
     // Every frame twice, and one of twelve dropped, the one before in its place.
-    let doubled = |t: usize| t / 2;
-    let dropped = |t: usize| t - usize::from(t % 12 == 5);
-    let cases: [(&dyn Fn(usize) -> usize, usize, &str); 2] =
-        [(&doubled, 600, "200 to 279"), (&dropped, 300, "100 to 139")];
-    for (shown, frames, exchanged) in cases {
+    for (is_doubled, frames, exchanged) in [(true, 600, "200 to 279"), (false, 300, "100 to 139")] {
+        let shown = |t: usize| match is_doubled {
+            true => t / 2,
+            false => t - usize::from(t % 12 == 5),
+        };
         let held = |is_wrong: bool| {
             let table = table(is_wrong);
             let rows: Vec<&str> = table.lines().collect();
