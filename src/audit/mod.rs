@@ -250,7 +250,7 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
 
 /// What is wrong in how points move, by the frames that do not repeat the one before.
 fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Vec<Finding> {
-    let repeated = RepeatedFrames::at_their_times(take.xyz);
+    let repeated = RepeatedFrames::of(take.xyz);
     let xyz = repeated.rows(take.xyz);
     let kept = Take {
         points: take.points,

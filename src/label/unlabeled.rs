@@ -20,7 +20,7 @@ pub(crate) fn is_unlabeled(name: &str) -> bool {
     let own = own_name(name).to_lowercase();
     let is_number = |rest: &str| {
         let digits = rest.strip_prefix([' ', '_']).unwrap_or(rest);
-        digits.bytes().all(|b| b.is_ascii_digit())
+        digits.bytes().all(|b| b.is_ascii_digit() || b == b'_')
     };
     let mut rests = BEGINNINGS.iter().filter_map(|b| own.strip_prefix(b));
     let mut numbered = BEFORE_DIGITS.iter().filter_map(|b| own.strip_prefix(b));

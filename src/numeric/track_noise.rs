@@ -15,7 +15,7 @@
 //! u_c is the variance of the noise of a coordinate. It is read where the other tracks are quiet,
 //! so that neither motion nor the track's own noise selects the frames (in all frames, where that
 //! is the same); a quartile, as spikes in a fifth of the frames spoil most differences. `common`
-//! tells whether that level is noise: white noise shows .01 to .05, motion alone .06 and more.
+//! tells whether that level is noise: white noise shows .01 to .05, motion alone more.
 //! Frames that repeat the one before have to be left out: they hold no measurement.
 //!
 //! Measured on 62 CMU takes of 120 frames a second, whole and low-passed, at 9 rates from 10 to 120

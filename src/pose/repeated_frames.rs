@@ -61,7 +61,7 @@ impl RepeatedFrames {
     }
 
     /// [`RepeatedFrames::of`], whose kept frames stay at their own times where these bend the paths
-    /// less.
+    /// less and most of them stand side by side.
     pub(crate) fn at_their_times(columns: ArrayView2<'_, f64>) -> RepeatedFrames {
         let mut out = RepeatedFrames::of(columns);
         let (mut evenly, mut at_times) = (0, 0);
@@ -76,11 +76,13 @@ impl RepeatedFrames {
                     .map(|i| (rows[1][i] - rows[0][i] - share * (rows[2][i] - rows[0][i])).abs());
                 off.filter(|off| off.is_finite()).sum::<f64>()
             };
-            let is_even = off(0.5) < off((b - a) as f64 / (c - a) as f64);
-            evenly += usize::from(is_even);
-            at_times += usize::from(!is_even);
+            let (even, timed) = (off(0.5), off((b - a) as f64 / (c - a) as f64));
+            evenly += usize::from(even < timed);
+            at_times += usize::from(timed < even);
         }
-        out.keep_times = at_times > evenly;
+        let steps = out.kept.windows(2).map(|w| (w[1] - w[0]) as f64);
+        let are_side_by_side = median(steps.collect()) == Some(1.0);
+        out.keep_times = are_side_by_side && at_times > evenly;
         out
     }
 
@@ -244,6 +246,12 @@ mod tests {
         let runs = [3..20, 20..30];
         assert_eq!(found.kept_runs(&runs), runs);
         assert_eq!((found.frames(&(3..5)), found.frames(&(5..6))), (3..6, 6..6));
+        // A gap says nothing, and of doubled frames no two stand side by side.
+        let mut gap = take((0..120).map(|t| t / 2));
+        (30..50).for_each(|t| gap.row_mut(t).fill(f64::NAN));
+        assert!(!RepeatedFrames::at_their_times(gap.view()).keep_times);
+        let both = take((0..120).map(|t| t / 2 - usize::from(t / 2 % 12 == 5)));
+        assert!(!RepeatedFrames::at_their_times(both.view()).keep_times);
         // Frames of a film follow each other evenly.
         let pulldown = take((0..120).map(|t| t * 4 / 5));
         let found = RepeatedFrames::at_their_times(pulldown.view());

@@ -33,45 +33,46 @@ const MOST: usize = 200;
 /// The largest less the least distance of a point from the next, of their sum, in the median: at
 /// most of bodies.
 const RIGID: f64 = 0.15;
-const FACTORS: [f64; 6] = [0.001, 0.01, 0.1, 10.0, 100.0, 1000.0];
+/// What files of captures are in, whatever they say.
+const USUAL: [LengthUnit; 3] = [LengthUnit::Cm, LengthUnit::M, LengthUnit::Mm];
 
 /// A length that no person has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct WrongSize {
     /// The length, cm.
     length: f64,
-    /// What it is multiplied by to be a person's.
-    factor: f64,
+    /// The unit in which it is a person's.
+    own: LengthUnit,
     is_of_names: bool,
 }
 
 /// Fails where `poses` (cm) of a file or table `name` that was read in `units` are no person's, and
-/// are in another unit. A rig of a size of its own is none: no unit makes it a person's.
+/// are in another unit. A rig that is a person's in no usual unit passes.
 ///
 /// # Errors
 /// [`Error::Data`]: the size, the factor and the unit that is right.
 pub fn check_unit(poses: &Poses, units: Units, name: &str) -> Result<()> {
     for take in poses.takes() {
         let xyz = poses.xyz.slice(ndarray::s![take, ..]);
-        let wrong = WrongSize::find(&poses.points, xyz);
-        if let Some(what) = wrong.and_then(|wrong| wrong.sentence(units.unit)) {
-            return Err(Error::data(Place::file(name), what));
+        if let Some(wrong) = WrongSize::find(&poses.points, xyz, units.unit) {
+            return Err(Error::data(Place::file(name), wrong.sentence(units.unit)));
         }
     }
     Ok(())
 }
 
 impl WrongSize {
-    /// The size of `points` at `xyz` (frames, 3 P; cm), where it is surely wrong.
-    fn find(points: &[String], xyz: ArrayView2<'_, f64>) -> Option<WrongSize> {
+    /// The size of `points` at `xyz` (frames, 3 P; cm) that were read in a `unit`, where it is surely
+    /// wrong.
+    fn find(points: &[String], xyz: ArrayView2<'_, f64>, unit: LengthUnit) -> Option<WrongSize> {
         let step = xyz.nrows().div_ceil(FRAMES).max(1);
         let frames: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
         let xyz = xyz.select(Axis(0), &frames);
         if let Some(length) = reach(points, &xyz) {
-            let factor = (!POSSIBLE_REACH.contains(&length)).then(|| factor(length, &REACH))??;
+            let own = (!POSSIBLE_REACH.contains(&length)).then(|| own(length, unit, &REACH))??;
             return Some(WrongSize {
                 length,
-                factor,
+                own,
                 is_of_names: true,
             });
         }
@@ -84,39 +85,38 @@ impl WrongSize {
             apart < *POSSIBLE_APART.start() || apart > *POSSIBLE_APART.end() && looseness < RIGID;
         Some(WrongSize {
             length,
-            factor: is_one.then(|| factor(length, &EXTENT))??,
+            own: is_one.then(|| own(length, unit, &EXTENT))??,
             is_of_names: false,
         })
     }
 
-    /// What is wrong, and what to do, for numbers that were read in a `unit`; `None` where they are
-    /// in no other.
-    fn sentence(&self, unit: LengthUnit) -> Option<String> {
+    /// What is wrong, and what to do, for numbers that were read in a `unit`.
+    fn sentence(&self, unit: LengthUnit) -> String {
         let of = match self.is_of_names {
             true => "from foot to head",
             false => "in all",
         };
-        let own = unit.centimeters() * self.factor;
-        let own =
-            (LengthUnit::ALL.into_iter()).find(|u| (u.centimeters() / own - 1.0).abs() < 1e-9)?;
-        let (times, size) = match self.factor < 1.0 {
-            true => (1.0 / self.factor, "large"),
-            false => (self.factor, "small"),
+        let factor = self.own.centimeters() / unit.centimeters();
+        let (times, size) = match factor < 1.0 {
+            true => (1.0 / factor, "large"),
+            false => (factor, "small"),
         };
-        Some(format!(
+        format!(
             "the body measures {} {of}, {times:.0} times too {size} for a person: its numbers are \
              {}, not {}; give the option `units {}`",
             with_unit(self.length),
-            plural(own),
+            plural(self.own),
             plural(unit),
-            own.name()
-        ))
+            self.own.name()
+        )
     }
 }
 
-/// The power of ten that brings a length into a range.
-fn factor(length: f64, to: &RangeInclusive<f64>) -> Option<f64> {
-    FACTORS.into_iter().find(|f| to.contains(&(length * f)))
+/// The unit in which a length (cm) that was read in a `unit` is within a range.
+fn own(length: f64, unit: LengthUnit, range: &RangeInclusive<f64>) -> Option<LengthUnit> {
+    let is_in =
+        |own: &LengthUnit| range.contains(&(length * own.centimeters() / unit.centimeters()));
+    USUAL.into_iter().find(is_in)
 }
 
 /// Where a point is; NaN also at the origin, which stands for missing in many files.
@@ -211,38 +211,40 @@ mod tests {
         })
     }
 
-    fn factor_of(points: &[String], xyz: &Array2<f64>) -> Option<f64> {
-        WrongSize::find(points, xyz.view()).map(|w| w.factor)
+    fn own_unit(points: &[String], xyz: &Array2<f64>, unit: LengthUnit) -> Option<LengthUnit> {
+        WrongSize::find(points, xyz.view(), unit).map(|w| w.own)
     }
 
     #[test]
     fn a_body_of_another_unit_is_found_and_what_is_sound_is_not() {
+        use LengthUnit::*;
         let xyz = row(30, 40);
         let nameless: Vec<String> = (0..30).map(|p| format!("*{p}")).collect();
         let mut named = nameless.clone();
         (named[0], named[29]) = ("LTOE".into(), "LFHD".into());
         for points in [&nameless, &named] {
-            assert_eq!(factor_of(points, &xyz), None);
-            for times in [10.0, 100.0, 1000.0] {
-                let factor = factor_of(points, &(&xyz * times)).unwrap();
-                assert!((factor * times - 1.0).abs() < 1e-9, "{times} {factor}");
+            for unit in LengthUnit::ALL {
+                assert_eq!(own_unit(points, &xyz, unit), None);
             }
-            for times in [100.0, 1000.0] {
-                let factor = factor_of(points, &(&xyz / times)).unwrap();
-                assert!((factor / times - 1.0).abs() < 1e-9, "{times} {factor}");
+            // Numbers of a unit, read in another.
+            let read = [(Mm, Cm), (Mm, M), (Mm, In), (Cm, M), (M, Cm), (M, Mm)];
+            for (own, unit) in read {
+                let times = unit.centimeters() / own.centimeters();
+                assert_eq!(own_unit(points, &(&xyz * times), unit), Some(own));
             }
         }
-        // A tenth without names may be a hand or a face.
-        assert_eq!(factor_of(&nameless, &(&xyz * 0.1)), None);
-        assert_eq!(factor_of(&named, &(&xyz * 0.1)), Some(10.0));
+        // A tenth without names may be a hand or a face, and in centimeters a rig of its own size.
+        assert_eq!(own_unit(&nameless, &(&xyz * 0.1), Mm), None);
+        assert_eq!(own_unit(&named, &(&xyz * 0.1), Mm), Some(Cm));
+        assert_eq!(own_unit(&named, &(&xyz * 0.1), Cm), None);
         // A leg, and four people far from each other.
-        assert_eq!(factor_of(&nameless[..9], &row(9, 40)), None);
+        assert_eq!(own_unit(&nameless[..9], &row(9, 40), Cm), None);
         let mut four = row(40, 40);
         for mut row in four.rows_mut() {
             (0..120).for_each(|c| row[c] += 2000.0 * ((c / 30) * (c % 3)) as f64);
         }
         let names: Vec<String> = (0..40).map(|p| format!("*{p}")).collect();
-        assert_eq!(factor_of(&names, &four), None);
+        assert_eq!(own_unit(&names, &four, Mm), None);
         // Players, a point each.
         let players = Array2::from_shape_fn((40, 66), |(t, c)| {
             let (p, t) = ((c / 3) as f64, t as f64);
@@ -253,26 +255,26 @@ mod tests {
             ][c % 3]
         });
         let names: Vec<String> = (0..22).map(|p| format!("*{p}")).collect();
-        assert_eq!(factor_of(&names, &players), None);
-        assert_eq!(factor_of(&[], &Array2::zeros((0, 0))), None);
-        assert_eq!(factor_of(&nameless, &Array2::zeros((3, 90))), None);
+        assert_eq!(own_unit(&names, &players, Mm), None);
+        assert_eq!(own_unit(&[], &Array2::zeros((0, 0)), Cm), None);
+        assert_eq!(own_unit(&nameless, &Array2::zeros((3, 90)), Cm), None);
         assert_eq!(
-            factor_of(&nameless, &Array2::from_elem((3, 90), f64::NAN)),
+            own_unit(&nameless, &Array2::from_elem((3, 90), f64::NAN), Cm),
             None
         );
     }
 
     #[test]
     fn the_right_unit_is_named() {
-        let of = |length: f64, factor: f64, unit| {
+        let of = |length: f64, own, unit| {
             let wrong = WrongSize {
                 length,
-                factor,
+                own,
                 is_of_names: true,
             };
             wrong.sentence(unit)
         };
-        let text = of(165_000.0, 0.001, LengthUnit::M).unwrap();
+        let text = of(165_000.0, LengthUnit::Mm, LengthUnit::M);
         assert!(
             text.starts_with("the body measures 1650 m from foot to head, 1000 times too large")
         );
@@ -281,11 +283,8 @@ mod tests {
             "{text}"
         );
         assert!(
-            of(1.65, 100.0, LengthUnit::Cm)
-                .unwrap()
+            of(1.65, LengthUnit::M, LengthUnit::Cm)
                 .contains("meters, not centimeters; give the option `units m`")
         );
-        // Nobody writes tenths of a meter: a rig of a size of its own.
-        assert_eq!(of(16.5, 10.0, LengthUnit::Cm), None);
     }
 }

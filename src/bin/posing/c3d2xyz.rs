@@ -12,7 +12,7 @@ use posing::io::C3d;
 /// DEC and SGI files of integers and of reals are read. Rate, unit and up axis are the file's
 /// (POINT:RATE or the header's, POINT:UNITS, POINT:Y_SCREEN), or asked for by their flags. `time`
 /// counts from frame 1: the first frame's number is kept. A label that comes again gets _2, a
-/// missing one is point17 by its number. Angles, forces, moments and powers are no positions and
+/// missing one is none: *17 by its number. Angles, forces, moments and powers are no positions and
 /// left out, or columns of their own. Analog channels are not converted; `xyz2c3d --into` keeps
 /// them.
 #[derive(Parser)]

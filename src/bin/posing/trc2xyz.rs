@@ -12,8 +12,8 @@ use posing::io::trc;
 /// empty cell or NaN. Zeros stay: a position of exactly 0 0 0, which some programs write for a
 /// missing one, is reported. Rate and unit are the file's (DataRate, Units), `time` is its
 /// Time column; the up axis is not in the file, so --up is needed: y for OpenSim's, often z for
-/// others. Columns beyond the named markers are point35 and so on by their number, if they hold a
-/// value.
+/// others. Columns beyond the named markers are *35 and so on by their number, without a label, if
+/// they hold a value.
 #[derive(Parser)]
 #[command(
     name = "trc2xyz",

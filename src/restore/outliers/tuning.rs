@@ -21,14 +21,15 @@ pub(crate) mod search {
     pub(crate) const EITHER_SIDE: f64 = 3.5;
     pub(crate) const BESIDE: usize = 2;
     /// Standard deviation of any rigid distance in a sound take, cm: a low-pass filter shortens the
-    /// bones of what turns fast, and skin moves on them. In a take with spikes in more
-    /// than this share of its frames it does not count.
+    /// bones of what turns fast, and skin moves on them. A take with
+    /// spikes in more than the share [`MANY`] of its frames is searched without it.
     ///
     /// Measured: bones of the joints of CMU takes low-passed at 15 Hz are off by .02 to .46 cm in
     /// one frame of a hundred; at 0, .1, .2, .3 cm the take with the most such frames (135_06)
     /// loses 77, 0, 0, 0 sound points, 01_12 24, 4, 1, 0. Under sparse noise of 5.6 cm the squared
     /// error left is .0047 cm² without it, .014 with it.
     pub(crate) const LENGTHS_VARY: f64 = 0.3;
+    /// The share of frames with spikes from which a take is no sound one.
     pub(crate) const MANY: f64 = 0.1;
     /// A point less likely an outlier by distances than this, or as little likely none, is decided
     /// in a take. One without any distance has .2: its path has been looked at.
