@@ -62,8 +62,8 @@ pub fn check_unit(poses: &Poses, units: Units, name: &str) -> Result<()> {
 }
 
 impl WrongSize {
-    /// The size of `points` at `xyz` (frames, 3 P; cm) that were read in a `unit`, where it is surely
-    /// wrong.
+    /// The size of `points` at `xyz` (frames, 3 P; cm) that were read in a `unit`, where it is
+    /// surely wrong.
     fn find(points: &[String], xyz: ArrayView2<'_, f64>, unit: LengthUnit) -> Option<WrongSize> {
         let step = xyz.nrows().div_ceil(FRAMES).max(1);
         let frames: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
