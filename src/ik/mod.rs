@@ -1,6 +1,5 @@
 //! Inverse kinematics: a skeleton's degrees of freedom from the positions of its joints.
 
-mod blend;
 pub(crate) mod bone_normalization;
 pub mod correspondence;
 pub(crate) mod fit_quality;
@@ -17,7 +16,6 @@ pub mod solver;
 mod tree_cholesky;
 mod tuning;
 
-pub use blend::{Blend, Blender};
 pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::solve_missing_channels;
 pub use named_skeleton::{NamedSkeleton, named_skeleton};

@@ -9,11 +9,12 @@
 //! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
 //! and [`pose_metric`] is what was learned. [`nearest`] searches with it; [`baselines`] are the
 //! distances to compare with. [`transition`] finds frames at which one clip can go over into
-//! another, [`crate::ik`] joins the clips there, and [`blend_test`] tells whether the result moves
+//! another, [`Blend`] joins the clips there, and [`blend_test`] tells whether the result moves
 //! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.
 
 #[cfg(feature = "published")]
 pub mod baselines;
+mod blend;
 pub mod blend_test;
 pub(crate) mod body_frame;
 #[cfg(feature = "published")]
@@ -50,6 +51,7 @@ mod weights;
 
 #[cfg(feature = "published")]
 pub use baselines::Baseline;
+pub use blend::{Blend, Blender};
 pub use blend_test::{BlendQuality, BlendedClips, ClipRange};
 pub use body_frame::BodyFramePoses;
 pub use clip::Clip;

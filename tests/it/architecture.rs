@@ -15,7 +15,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("sparse", &["pose", "numeric"]),
     ("metric", &["pose", "numeric", "io"]),
     ("body", &["pose", "numeric", "io"]),
-    ("ik", &["pose", "numeric", "metric", "prior", "io"]),
+    ("ik", &["pose", "numeric", "prior", "io"]),
     // A prior is made from a model, a restoration changes a table: of io some rooms may name
     // `IO_TYPES` only.
     (

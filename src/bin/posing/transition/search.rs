@@ -6,12 +6,12 @@ use ndarray::Array2;
 use posing::cli::args::{InputArgs, OutputArgs};
 use posing::cli::metric_takes::MetricTakes;
 use posing::cli::{messages, streams};
-use posing::ik::{Blend, Blender};
 use posing::io::Table;
 use posing::io::text::{excerpt, push_f32};
 use posing::metric::transition::candidates;
 use posing::metric::{
-    BlendQuality, Candidate, Clip, ClipRange, FrameRef, PoseMetric, TransitionSearch,
+    Blend, BlendQuality, Blender, Candidate, Clip, ClipRange, FrameRef, PoseMetric,
+    TransitionSearch,
 };
 use posing::numeric::parallel;
 use posing::{Error, Place, Result};
