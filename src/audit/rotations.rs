@@ -12,43 +12,41 @@ const TURN: f64 = 0.25;
 /// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly
 /// turns: what is interpolated between two such frames goes astray.
 pub(crate) fn flips(joints: &[JointAngles]) -> Vec<Finding> {
-    joints.iter().filter_map(JointAngles::flips).collect()
+    joints.iter().filter_map(flips_of).collect()
 }
 
-impl JointAngles {
-    fn flips(&self) -> Option<Finding> {
-        let jumps = (1..self.angles.nrows()).filter_map(|t| Some((t, self.flip_at(t)?)));
-        let jumps: Vec<(usize, f64)> = jumps.collect();
-        let (first, by) = *jumps.first()?;
-        let times = match jumps.len() {
-            1 => "once".to_string(),
-            n => format!("{n} times"),
-        };
-        Some(Finding {
-            kind: FindingKind::EulerFlip,
-            points: vec![self.joint.clone()],
-            frames: Some([first, first + 1]),
-            what: format!(
-                "an angle of {} jumps {times}, by {:.0} degrees in frame {first}, though the \
-                 joint hardly turns: do not interpolate there",
-                self.joint,
-                by.to_degrees()
-            ),
-        })
-    }
+fn flips_of(joint: &JointAngles) -> Option<Finding> {
+    let jumps = (1..joint.angles.nrows()).filter_map(|t| Some((t, flip_at(joint, t)?)));
+    let jumps: Vec<(usize, f64)> = jumps.collect();
+    let (first, by) = *jumps.first()?;
+    let times = match jumps.len() {
+        1 => "once".to_string(),
+        n => format!("{n} times"),
+    };
+    Some(Finding {
+        kind: FindingKind::EulerFlip,
+        points: vec![joint.joint.clone()],
+        frames: Some([first, first + 1]),
+        what: format!(
+            "an angle of {} jumps {times}, by {:.0} degrees in frame {first}, though the \
+             joint hardly turns: do not interpolate there",
+            joint.joint,
+            by.to_degrees()
+        ),
+    })
+}
 
-    /// By how much an angle flips from the frame before to frame `t`.
-    fn flip_at(&self, t: usize) -> Option<f64> {
-        let (before, now) = (self.angles.row(t - 1), self.angles.row(t));
-        let steps = before.iter().zip(now).map(|(a, b)| (b - a).abs());
-        let largest = steps.fold(0.0, f64::max);
-        if largest <= JUMP || before.iter().chain(now).any(|v| v.is_nan()) {
-            return None;
-        }
-        let turn = |row: ndarray::ArrayView1<'_, f64>| compose(&self.axes, &row.to_vec());
-        let turned = angle_between(&turn(before), &turn(now));
-        (turned < TURN * largest).then_some(largest)
+/// By how much an angle flips from the frame before to frame `t`.
+fn flip_at(joint: &JointAngles, t: usize) -> Option<f64> {
+    let (before, now) = (joint.angles.row(t - 1), joint.angles.row(t));
+    let steps = before.iter().zip(now).map(|(a, b)| (b - a).abs());
+    let largest = steps.fold(0.0, f64::max);
+    if largest <= JUMP || before.iter().chain(now).any(|v| v.is_nan()) {
+        return None;
     }
+    let turn = |row: ndarray::ArrayView1<'_, f64>| compose(&joint.axes, &row.to_vec());
+    let turned = angle_between(&turn(before), &turn(now));
+    (turned < TURN * largest).then_some(largest)
 }
 
 #[cfg(test)]
