@@ -84,11 +84,11 @@ pub(crate) fn fade(
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
     /// An ankle that stands, swings for 20 frames and stands again, at 100 frames a second.
-    pub(crate) fn track() -> Vec<DVec3> {
+    fn track() -> Vec<DVec3> {
         let at = |t: usize| {
             let swing = (t as f64 - 40.0).clamp(0.0, 20.0) / 20.0;
             let lift = 15.0 * (std::f64::consts::PI * swing).sin();

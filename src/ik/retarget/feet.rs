@@ -98,7 +98,17 @@ fn middle(frames: &[LegFrame], point: impl Fn(&LegFrame) -> DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::foot_contacts::tests::track;
+
+    /// An ankle that stands, rolling a little, swings for 20 frames and stands again, at 100 frames
+    /// a second.
+    fn track() -> Vec<DVec3> {
+        let at = |t: usize| {
+            let swing = (t as f64 - 40.0).clamp(0.0, 20.0) / 20.0;
+            let lift = 15.0 * (std::f64::consts::PI * swing).sin();
+            DVec3::new(0.02 * t as f64, 8.0 + lift, 70.0 * swing)
+        };
+        (0..100).map(at).collect()
+    }
 
     fn legs(error: impl Fn(usize) -> DVec3) -> Vec<LegFrame> {
         let frame = |(t, source): (usize, DVec3)| {
