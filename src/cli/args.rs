@@ -1,5 +1,6 @@
 //! Flags that several commands share.
 
+use super::choice::{choice, choices};
 use super::paths::OutputPath;
 use super::{memory_limit, messages};
 use crate::io::TableFormat;
@@ -39,12 +40,6 @@ impl CommonArgs {
     }
 }
 
-/// A value of a flag as a user types it.
-pub fn value_name(value: impl ValueEnum) -> String {
-    let value = value.to_possible_value();
-    value.map_or_else(String::new, |v| v.get_name().to_string())
-}
-
 /// The input tables of a command.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
@@ -59,12 +54,12 @@ pub struct InputArgs {
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
     /// Unit of length of the input [default: cm; of AMASS' markers m]
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     pub units: Option<LengthUnit>,
     /// Axis of the input that points up [default: y; of AMASS' markers z]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         help_heading = "Input"
@@ -172,12 +167,12 @@ pub fn parse_hertz(text: &str) -> std::result::Result<f64, String> {
 #[derive(Debug, Clone, Args)]
 pub struct MeshUnitArgs {
     /// Unit of length of the input: its files have none
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     units: LengthUnit,
     /// Axis of the input that points up
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y",
@@ -200,12 +195,12 @@ impl MeshUnitArgs {
 #[derive(Debug, Clone, Args)]
 pub struct BvhUnitArgs {
     /// Unit of length of the BVH files written, and of a BVH skeleton
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     /// Axis that points up in the BVH files written, and in a BVH skeleton
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y"
@@ -229,12 +224,12 @@ impl BvhUnitArgs {
 #[derive(Debug, Clone, Args)]
 pub struct BvhSkeletonArgs {
     /// Unit of length of a BVH skeleton
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     pub units: LengthUnit,
     /// Axis that points up in a BVH skeleton
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y"
@@ -249,15 +244,15 @@ pub struct OutputArgs {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     pub output: Option<OutputPath>,
     /// Output format (default: by FILE's extension, else csv)
-    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    #[arg(long, value_parser = choice::<TableFormat>(), value_name = "FORMAT", help_heading = "Output")]
     pub to: Option<TableFormat>,
     /// Unit of length of the output (default: that of an input table, else cm)
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Output")]
     pub out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         help_heading = "Output"
@@ -282,13 +277,18 @@ impl OutputArgs {
 }
 
 /// The space in which poses are restored or learned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Space {
-    /// Move each pose to the model's space and back
+    /// Each pose is moved to the model's space and back.
     World,
-    /// Use rows as they are: root at the origin, no global rotation
+    /// Rows are used as they are: root at the origin, no global rotation.
     Body,
 }
+
+choices!(Space {
+    World "world": "Move each pose to the model's space and back";
+    Body "body": "Use rows as they are: root at the origin, no global rotation";
+});
 
 /// Whether outliers are detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -312,11 +312,9 @@ pub fn format_of<F: ValueEnum>(to: Option<F>, output: Option<&Path>) -> Result<F
     });
     let found = to.or(named.and_then(std::result::Result::ok));
     found.ok_or_else(|| {
-        let names: Vec<_> = F::value_variants()
-            .iter()
-            .cloned()
-            .map(value_name)
-            .collect();
+        let all = F::value_variants().iter();
+        let names = all.filter_map(|value| Some(value.to_possible_value()?.get_name().to_string()));
+        let names: Vec<String> = names.collect();
         let files: String = names.iter().map(|n| format!("-o FILE.{n}, ")).collect();
         Error::usage(format!(
             "choose a format: {files}or --to {}",

@@ -9,27 +9,52 @@ use crate::pose::kinematics::Space;
 use crate::pose::units::{LengthUnit, UpAxis};
 use crate::prior::HoldBack;
 use crate::sparse::SelectionRule;
-use clap::ValueEnum;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+/// A type of the library that is a flag's value. (clap's `ValueEnum` can only be implemented where
+/// the type stands.)
+pub trait Choice: Copy + PartialEq + Send + Sync + 'static {
+    /// Each value, its name and its help.
+    const ALL: &'static [(Self, &'static str, &'static str)];
+}
+
+/// Parses a flag's value; `--help` lists all.
+pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
+    let all = T::ALL.iter();
+    let named = all.map(|(_, name, help)| PossibleValue::new(*name).help(*help));
+    PossibleValuesParser::new(named).map(|given| {
+        let found = T::ALL.iter().find(|(_, name, _)| *name == given);
+        found.map_or(T::ALL[0].0, |(value, ..)| *value)
+    })
+}
+
+/// The value of a name, in any case.
+pub fn named<T: Choice>(name: &str) -> Option<T> {
+    let found = T::ALL
+        .iter()
+        .find(|(_, own, _)| own.eq_ignore_ascii_case(name));
+    found.map(|(value, ..)| *value)
+}
+
+/// A value of a flag as a user types it.
+pub fn value_name<T: Choice>(value: T) -> String {
+    let found = T::ALL.iter().find(|(own, ..)| *own == value);
+    found.map_or_else(String::new, |(_, name, _)| (*name).to_string())
+}
 
 /// Makes an enum of the library a flag's values, each with its name and its help.
-macro_rules! value_enum {
-    ($type:ty { $($variant:ident $name:literal: $help:literal;)* }) => {
-        impl ValueEnum for $type {
-            fn value_variants<'a>() -> &'a [Self] {
-                &[$(<$type>::$variant),*]
-            }
-
-            fn to_possible_value(&self) -> Option<PossibleValue> {
-                Some(match self {
-                    $(<$type>::$variant => PossibleValue::new($name).help($help),)*
-                })
-            }
+macro_rules! choices {
+    ($type:ident { $($variant:ident $name:literal: $help:literal;)* }) => {
+        impl $crate::cli::choice::Choice for $type {
+            const ALL: &'static [($type, &'static str, &'static str)] =
+                &[$((<$type>::$variant, $name, $help),)*];
         }
     };
 }
 
-value_enum!(LengthUnit {
+pub(crate) use choices;
+
+choices!(LengthUnit {
     Cm "cm": "Centimeters";
     M "m": "Meters";
     Mm "mm": "Millimeters";
@@ -37,7 +62,7 @@ value_enum!(LengthUnit {
     Asf "asf": "Raw units of CMU's ASF files, 5.644 cm";
 });
 
-value_enum!(UpAxis {
+choices!(UpAxis {
     X "x": "X is up";
     Y "y": "Y is up, as in pose tables";
     Z "z": "Z is up";
@@ -46,48 +71,48 @@ value_enum!(UpAxis {
     MinusZ "-z": "Z points down";
 });
 
-value_enum!(OutputFormat {
+choices!(OutputFormat {
     C3d "c3d": "C3D, millimeters, z up";
     Trc "trc": "TRC, millimeters, y up";
     Csv "csv": "A pose table as CSV";
     Npy "npy": "A pose table as NPY, which holds coordinates only";
 });
 
-value_enum!(TableFormat {
+choices!(TableFormat {
     Csv "csv": "Text with a header line";
     Npy "npy": "NumPy array of the coordinates alone";
     Npz "npz": "NumPy archive of all columns: xyz (frames, points, 3), names, fps, status, sd";
 });
 
-value_enum!(SelectionRule {
+choices!(SelectionRule {
     Oomp "oomp": "Optimized orthogonal matching pursuit, the more accurate";
     Omp "omp": "Orthogonal matching pursuit, as in the paper";
 });
 
-value_enum!(Space {
+choices!(Space {
     World "world": "As captured";
     Root "root": "Root at the origin, global rotation kept";
     Body "body": "Root at the origin, no global rotation, as in the paper";
 });
 
-value_enum!(BonePoints {
+choices!(BonePoints {
     Starts "starts": "Where the bone of the point's name starts";
     Ends "ends": "Where it ends";
 });
 
-value_enum!(MotivePoints {
+choices!(MotivePoints {
     Markers "markers": "Measured markers";
     Expected "expected": "Where the markers of rigid bodies and skeletons are expected, also when \
                           they are hidden";
     Bones "bones": "Bones and rigid bodies";
 });
 
-value_enum!(HoldBack {
+choices!(HoldBack {
     Takes "takes": "Whole takes, about a fifth of the poses";
     Frames "frames": "Random frames, a fifth of all";
 });
 
-value_enum!(Learner {
+choices!(Learner {
     Rdsr "rdsr": "Regularized distance metric learning with sparse representation";
     L2 "l2": "Nothing is learned but the scaling of the features";
     Lms "lms": "Weights of features or joints by least squares (Wang and Bodenheimer); needs both \

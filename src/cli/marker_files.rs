@@ -1,6 +1,7 @@
 //! Takes of markers as tables: what a file says of its rate, unit and axes, or else the flags.
 
 use super::args::{CommonArgs, OutputArgs, ZeroArgs, parse_rate};
+use super::choice::choice;
 use super::input::open;
 use super::messages;
 use super::streams::write_table;
@@ -16,10 +17,10 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 pub struct MarkerUnitArgs {
     /// Unit of length of the file [default: what the file says]
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     pub units: Option<LengthUnit>,
     /// Axis of the file that points up [default: what the file says]
-    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
     pub up: Option<UpAxis>,
 }
 

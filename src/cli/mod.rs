@@ -6,6 +6,7 @@ pub mod batch;
 pub mod body;
 pub mod body_output;
 pub mod browser;
+pub mod choice;
 pub(crate) mod closed_stdout;
 pub mod completions;
 pub(crate) mod csv_file;
@@ -37,7 +38,6 @@ pub mod take_classes;
 pub mod toml_file;
 pub mod training;
 pub mod usage_json;
-mod value_enums;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};

@@ -1,11 +1,12 @@
 //! The flags that say what is taken for files that do not say it.
 
 use super::args::{ZeroArgs, parse_rate};
+use super::choice::named;
 use crate::Result;
 use crate::io::motion_file::{ReadOptions, ReadRules, Scope, Scoped};
 use crate::io::parse_point_names;
 use crate::pose::{LengthUnit, UpAxis};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::path::PathBuf;
 
 /// What is taken for files that do not say it.
@@ -110,15 +111,15 @@ fn parse_scoped_rate(text: &str) -> std::result::Result<Scoped<f64>, String> {
 }
 
 fn parse_scoped_units(text: &str) -> std::result::Result<Scoped<LengthUnit>, String> {
-    let expected = |_| "expected cm, m, mm, in or asf".to_string();
     parse_scoped(text, |text| {
-        LengthUnit::from_str(text, true).map_err(expected)
+        named(text).ok_or_else(|| "expected cm, m, mm, in or asf".to_string())
     })
 }
 
 fn parse_scoped_up(text: &str) -> std::result::Result<Scoped<UpAxis>, String> {
-    let expected = |_| "expected x, y, z, -x, -y or -z".to_string();
-    parse_scoped(text, |text| UpAxis::from_str(text, true).map_err(expected))
+    parse_scoped(text, |text| {
+        named(text).ok_or_else(|| "expected x, y, z, -x, -y or -z".to_string())
+    })
 }
 
 #[cfg(test)]

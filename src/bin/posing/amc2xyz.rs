@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
+use posing::cli::choice::choice;
 use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin};
 use posing::cli::messages;
 use posing::cli::streams::create_table;
@@ -39,13 +40,13 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: f64,
     /// Space of the written poses
-    #[arg(long, value_enum, default_value = "world")]
+    #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     space: Space,
     /// Joints to write: 23 (those of the built-in model), all, or a comma-separated list
     #[arg(long, value_name = "23|all|LIST", default_value = "23")]
     joints: String,
     /// Unit of the skeleton's lengths, if its :units section is wrong or missing
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Accept a take whose last frame is cut off; that frame is dropped
     #[arg(long)]

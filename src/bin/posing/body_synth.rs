@@ -7,6 +7,7 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::pose_take;
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
+use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages};
 use posing::pose::units::{LengthUnit, Units, UpAxis};
@@ -55,12 +56,12 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
     /// Unit of length of the pose table [default: cm; of AMASS' markers m]
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     units: Option<LengthUnit>,
     /// Axis of the pose table that points up [default: y; of AMASS' markers z]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         help_heading = "Input"
@@ -84,7 +85,7 @@ pub struct Args {
     /// Unit of length of the meshes
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<LengthUnit>(),
         value_name = "UNIT",
         default_value = "cm",
         help_heading = "Output"
@@ -93,7 +94,7 @@ pub struct Args {
     /// Axis of the meshes that points up
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y",

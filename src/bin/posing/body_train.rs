@@ -9,6 +9,7 @@ use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Template};
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
+use posing::cli::choice::choice;
 use posing::cli::pair_file::PairFile;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -62,7 +63,7 @@ pub struct Args {
     /// Unit of length of --shapes [default: that of --units]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<LengthUnit>(),
         value_name = "UNIT",
         requires = "shapes",
         help_heading = "Input"
@@ -71,7 +72,7 @@ pub struct Args {
     /// Axis of --shapes that points up [default: that of --up]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         requires = "shapes",

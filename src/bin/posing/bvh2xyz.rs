@@ -1,7 +1,8 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, parse_rate, value_name};
+use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
+use posing::cli::choice::{choice, value_name};
 use posing::cli::input::open;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
@@ -36,10 +37,10 @@ pub struct Args {
     #[arg(long)]
     ends: bool,
     /// Unit of length of the file [default: cm]
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Axis of the file that points up [default: y]
-    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpAxis>,
     /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]

@@ -5,6 +5,7 @@ use posing::clean::{
     CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
 };
 use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
+use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
@@ -67,7 +68,7 @@ pub struct Args {
     #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
     output: OutputPath,
     /// Format of the results [default: that of each file, or by the extension of OUT]
-    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    #[arg(long, value_parser = choice::<OutputFormat>(), value_name = "FORMAT", help_heading = "Output")]
     to: Option<OutputFormat>,
     /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
     /// the ending .json

@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::choice::choice;
 use posing::cli::marker_files::MarkerFileArgs;
 use posing::io::{
     Input, MotionFormat, MotivePoints, NpzTake, marker_csv, opensim, parse_point_names, read_npy,
@@ -32,7 +33,7 @@ use posing::io::{
 )]
 pub struct Args {
     /// Points of a Motive file [default: the first of these that it has]
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long, value_parser = choice::<MotivePoints>(), value_name = "KIND")]
     points: Option<MotivePoints>,
     /// Point names for an array without any: smpl, 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]

@@ -3,6 +3,7 @@
 use clap::Parser;
 use ndarray::{Axis, concatenate};
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::choice::choice;
 use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
 use posing::cli::paths::OutputPath;
@@ -53,7 +54,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format, csv or npy (default: by FILE's extension, else csv)
-    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    #[arg(long, value_parser = choice::<TableFormat>(), value_name = "FORMAT", help_heading = "Output")]
     to: Option<TableFormat>,
     #[command(flatten)]
     common: CommonArgs,

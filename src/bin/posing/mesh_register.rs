@@ -5,6 +5,7 @@ use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
+use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::registration_points::{RegistrationPoints, read_scan};
@@ -48,7 +49,7 @@ pub struct Args {
     #[command(flatten)]
     units: MeshUnitArgs,
     /// Unit of length of the template (default: that of the scan)
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     template_units: Option<LengthUnit>,
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]

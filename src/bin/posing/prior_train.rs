@@ -2,7 +2,8 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, value_name};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
+use posing::cli::choice::{choice, value_name};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::training::{MultiscaleArgs, ready};
@@ -35,10 +36,10 @@ pub struct Args {
     kind: Option<String>,
     /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale
     /// holds out both
-    #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
+    #[arg(long, value_parser = choice::<HoldBack>(), value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBack,
     /// Space in which poses are learned
-    #[arg(long, value_enum, default_value = "world")]
+    #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     space: Space,
     #[command(flatten)]
     size: MultiscaleArgs,

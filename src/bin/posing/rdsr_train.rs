@@ -1,7 +1,8 @@
 //! Learns a distance of poses from labeled pairs.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive, value_name};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive};
+use posing::cli::choice::{choice, value_name};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -61,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "S", value_parser = seconds)]
     window: Option<f64>,
     /// How the metric is learned
-    #[arg(long, value_enum, value_name = "METHOD", default_value = "rdsr")]
+    #[arg(long, value_parser = choice::<Learner>(), value_name = "METHOD", default_value = "rdsr")]
     learner: Learner,
     /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
     /// 50]

@@ -3,6 +3,7 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_rate};
 use posing::cli::batch::{BatchJob, batch, each_told};
+use posing::cli::choice::choice;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::name_map;
@@ -77,7 +78,7 @@ pub struct Args {
     /// Axis that points up in BVH sources [default: that along which the figure stands, else y]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         help_heading = "Input"
@@ -86,7 +87,7 @@ pub struct Args {
     /// Axis that points up in the rig, and so in the results
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y",

@@ -1,7 +1,8 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::choice::{choice, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::messages;
@@ -41,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "TABLE")]
     damaged: Option<PathBuf>,
     /// Unit of the printed errors; the paper uses asf. Tables are in centimeters
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     #[command(flatten)]
     json: JsonArgs,

@@ -1,8 +1,9 @@
 //! Chooses frames and points of takes, changes their rate, filters them.
 
+use posing::cli::choice::{choice, named};
 use posing::cli::paths::OutputPath;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::messages;
@@ -70,12 +71,12 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Unit of length of the output (default: that of an input table, else cm)
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Output")]
     out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         help_heading = "Output"
@@ -94,10 +95,10 @@ enum To {
 
 fn parse_to(text: &str) -> std::result::Result<To, String> {
     let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
-    match (seconds, TableFormat::from_str(text, true)) {
+    match (seconds, named(text)) {
         (Some(seconds), _) => Ok(To::Seconds(seconds)),
-        (None, Ok(format)) => Ok(To::Format(format)),
-        (None, Err(_)) => Err("expected a time in seconds, or the format csv, npy or npz".into()),
+        (None, Some(format)) => Ok(To::Format(format)),
+        (None, None) => Err("expected a time in seconds, or the format csv, npy or npz".into()),
     }
 }
 

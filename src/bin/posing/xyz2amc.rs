@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::choice::choice;
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
@@ -56,7 +57,7 @@ pub struct Args {
     #[arg(long)]
     limits: bool,
     /// Unit of the skeleton's lengths, if its :units section is wrong or missing
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Frames per second, for a table without times; used only to number the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]

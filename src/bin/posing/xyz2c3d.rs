@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::choice::choice;
 use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::messages;
@@ -29,10 +30,10 @@ pub struct Args {
     #[arg(long, value_name = "ORIGINAL.c3d")]
     into: Option<PathBuf>,
     /// Unit of length of the file [default: mm, or what ORIGINAL says]
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Axis of the file that points up [default: z, or what ORIGINAL says]
-    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpAxis>,
     #[command(flatten)]
     out: OneTakeArgs,

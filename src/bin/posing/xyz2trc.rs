@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::choice::choice;
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 
@@ -21,12 +22,12 @@ use posing::pose::units::{LengthUnit, Units, UpAxis};
 )]
 pub struct Args {
     /// Unit of length of the file
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "mm")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "mm")]
     units: LengthUnit,
     /// Axis of the file that points up
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y"

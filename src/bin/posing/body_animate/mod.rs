@@ -14,6 +14,7 @@ use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
+use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 use posing::cli::{Outcome, input};
 use posing::io::Table;
@@ -67,12 +68,12 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     scan_frame: Option<usize>,
     /// Unit of length of the scan: its file has none
-    #[arg(long, value_enum, value_name = "UNIT")]
+    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     scan_units: Option<LengthUnit>,
     /// Axis of the scan that points up
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
         default_value = "y"

@@ -4,6 +4,7 @@ mod code_table;
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
@@ -42,7 +43,7 @@ pub(crate) struct Args {
     )]
     sparsity: u32,
     /// Rule that selects the next atom
-    #[arg(long, value_enum, default_value = "oomp")]
+    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp")]
     pursuit: SelectionRule,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]

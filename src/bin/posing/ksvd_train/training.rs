@@ -1,7 +1,8 @@
 //! `ksvd-train` around the library: its flags, the log, the checkpoint, the progress bar.
 
 use ndarray::ArrayView2;
-use posing::cli::args::{InputArgs, Space, parse_positive, value_name};
+use posing::cli::args::{InputArgs, Space, parse_positive};
+use posing::cli::choice::{choice, value_name};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages};
@@ -45,7 +46,7 @@ pub struct KsvdArgs {
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub iterations: u32,
     /// For a dictionary: rule that selects the next atom
-    #[arg(long, value_enum, default_value = "oomp")]
+    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp")]
     pub pursuit: SelectionRule,
     /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random
     /// poses)
@@ -65,7 +66,7 @@ pub struct KsvdArgs {
     #[arg(long, value_name = "FILE")]
     pub log: Option<OutputPath>,
     /// Space in which poses are learned
-    #[arg(long, value_enum, default_value = "world")]
+    #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     pub space: Space,
 }
 
