@@ -69,6 +69,48 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// The crates that the rooms will be: what each holds, longer paths before shorter ones, and what it
+/// may import. The facade, `cli` and the programs import all.
+const CRATES: &[(&str, &[&str], &[&str])] = &[
+    ("core", &["error", "names", "numeric", "pose"], &[]),
+    ("io", &["io"], &["core"]),
+    ("draw", &["draw"], &["core", "io"]),
+    ("models", &["cluster", "sparse", "prior"], &["core", "io"]),
+    ("label", &["label"], &["core", "io"]),
+    ("restore", &["restore"], &["core", "io", "models", "label"]),
+    (
+        "joints",
+        &["ik", "solve"],
+        &["core", "io", "draw", "models", "label"],
+    ),
+    (
+        "clean",
+        &["audit", "clean"],
+        &["core", "io", "draw", "models", "label", "restore", "joints"],
+    ),
+    ("likeness", &["metric"], &["core", "io"]),
+    ("body", &["body"], &["core", "io"]),
+    (
+        "edit",
+        &["edit", "server"],
+        &["core", "io", "draw", "models", "label", "restore", "joints"],
+    ),
+    (
+        "papers",
+        &[
+            "prior/published",
+            "metric/baselines",
+            "metric/boost",
+            "metric/learners",
+            "metric/motion_matching",
+            "evaluate",
+        ],
+        &[
+            "core", "io", "draw", "models", "label", "restore", "likeness",
+        ],
+    ),
+];
+
 /// Rooms that know only some types of io: data that they are made from or turned into.
 const IO_TYPES: &[(&str, &[&str])] = &[
     ("metric", &["io::Model"]),
@@ -268,6 +310,40 @@ fn arrows_run_one_way() {
         .iter()
         .flat_map(|(name, source)| broken(name, source))
         .collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+/// The crate of a file, as its place in [`CRATES`].
+fn crate_of(name: &str) -> Option<usize> {
+    let is_in = |room: &str| {
+        let rest = name.strip_prefix(room);
+        rest.is_some_and(|rest| rest.starts_with(['/', '.']))
+    };
+    let rooms = CRATES.iter().enumerate();
+    let rooms = rooms.flat_map(|(at, (_, rooms, _))| rooms.iter().map(move |room| (at, *room)));
+    let own = rooms.filter(|(_, room)| is_in(room));
+    own.max_by_key(|(_, room)| room.len()).map(|(at, _)| at)
+}
+
+#[test]
+fn crates_import_those_above_them() {
+    let sources = sources();
+    let mut broken = Vec::new();
+    for ((name, _), imports) in sources.iter().zip(imports(&sources)) {
+        let Some(from) = crate_of(name) else { continue };
+        let (own, _, may) = CRATES[from];
+        for to in imports {
+            let Some(to_crate) = crate_of(&sources[to].0).map(|at| CRATES[at].0) else {
+                continue;
+            };
+            if to_crate != own && !may.contains(&to_crate) {
+                broken.push(format!(
+                    "src/{name} ({own}) -> {} ({to_crate})",
+                    sources[to].0
+                ));
+            }
+        }
+    }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
