@@ -6,6 +6,8 @@
 
 mod builtin;
 pub(crate) mod exemplar;
+#[cfg(test)]
+mod kind_checks;
 mod model_arrays;
 pub mod multiscale;
 mod noise_cache;
@@ -28,7 +30,7 @@ use crate::pose::{Observation, PoseTransform};
 use crate::sparse::SelectionRule;
 use ndarray::{Array2, ArrayView2};
 
-pub use registry::{Kind, open};
+pub use registry::{Kind, KindEntry, open, register};
 pub use sparse_coding::SparseCodingPrior;
 pub use training_set::{HoldBack, TrainOptions, TrainingSet};
 pub use tuning::Task;

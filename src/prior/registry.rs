@@ -1,15 +1,15 @@
 //! The kinds of prior: their names, how each is trained, and how each is opened.
 
 use super::exemplar::nlm;
-#[cfg(feature = "published")]
-use super::published;
 use super::training_set::{TrainOptions, TrainingSet};
 use super::{OpenOptions, Prior, SparseCodingPrior, multiscale, sparse_coding};
 use crate::io::Model;
 use crate::sparse::Ksvd;
 use crate::{Error, Place, Result};
 use std::fmt;
+use std::hash::{Hash, Hasher};
 use std::str::FromStr;
+use std::sync::{PoisonError, RwLock};
 
 /// Atoms of a dictionary that [`Kind::Sparse`] trains, if there are as many poses.
 const ATOMS: usize = 1000;
@@ -27,9 +27,125 @@ pub enum Kind {
     Nlm,
     /// `nlm-linear`: non-local means with local linear regression.
     NlmLinear,
-    /// A model that papers compare with.
-    #[cfg(feature = "published")]
-    Published(published::Kind),
+    /// A kind that [`register`] has made known.
+    Registered(&'static KindEntry),
+}
+
+/// What the registry knows of a kind.
+#[derive(Debug)]
+pub struct KindEntry {
+    /// The name in flags and model files, which tells it from all others.
+    pub name: &'static str,
+    /// One line on what the model is.
+    pub description: &'static str,
+    /// Trains a model of this name; the last argument is called with what is being done.
+    pub train: fn(&TrainingSet, &TrainOptions, &mut dyn FnMut(&str)) -> Result<Model>,
+    /// Opens a model of this name; the last argument names the model in messages.
+    pub open: fn(&Model, &OpenOptions, &str) -> Result<Box<dyn Prior>>,
+}
+
+impl PartialEq for KindEntry {
+    fn eq(&self, other: &KindEntry) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for KindEntry {}
+
+impl Hash for KindEntry {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.name.hash(state);
+    }
+}
+
+static MULTISCALE: KindEntry = KindEntry {
+    name: "multiscale",
+    description: "multi-scale mixture of Gaussians over the body and its parts",
+    train: |poses, options, report| {
+        let settings = multiscale::TrainSettings::default();
+        multiscale::model(poses, options, &settings, report)
+    },
+    open: |model, _, source| {
+        let prior = multiscale::MultiscaleMixture::from_model(model, source)?;
+        Ok(Box::new(prior))
+    },
+};
+
+static SPARSE: KindEntry = KindEntry {
+    name: "sparse",
+    description: "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
+    train: |poses, options, report| {
+        let ksvd = Ksvd {
+            atoms: ATOMS.min(poses.xyz.nrows()),
+            seed: options.seed,
+            ..Ksvd::default()
+        };
+        sparse_coding::train(poses, &ksvd, &mut |state| {
+            if let Some(last) = state.history.last() {
+                let (iteration, rms) = (last.iteration, last.fresh_rms);
+                report(&format!("iteration {iteration}: RMS {rms:.3} cm"));
+            }
+            Ok(())
+        })
+    },
+    open: |model, options, source| {
+        let prior = SparseCodingPrior::from_model(model, options, source)?;
+        Ok(Box::new(prior))
+    },
+};
+
+static NLM: KindEntry = KindEntry {
+    name: nlm::KIND.name,
+    description: "non-local means: distance-weighted average of all training poses",
+    train: |poses, options, report| nlm::KIND.train(poses, options, report),
+    open: |model, options, source| Ok(Box::new(nlm::KIND.open(model, options, source)?)),
+};
+
+static NLM_LINEAR: KindEntry = KindEntry {
+    name: nlm::LINEAR_KIND.name,
+    description: "non-local means with local linear regression",
+    train: |poses, options, report| nlm::LINEAR_KIND.train(poses, options, report),
+    open: |model, options, source| Ok(Box::new(nlm::LINEAR_KIND.open(model, options, source)?)),
+};
+
+/// The kinds of other rooms, in the order in which they were registered.
+static REGISTERED: RwLock<Vec<&'static KindEntry>> = RwLock::new(Vec::new());
+
+/// Makes kinds of another crate known to the whole process: to [`Kind::all`], to the names that are
+/// read, and to [`open`]. A name that is known already keeps what it means, so that a second call
+/// changes nothing.
+///
+/// ```
+/// use posing::prior::{self, Kind, KindEntry};
+///
+/// static SMOOTH: KindEntry = KindEntry {
+///     name: "smooth",
+///     description: "non-local means under a name of its own",
+///     train: |poses, options, report| {
+///         let mut model = Kind::Nlm.train_with_progress(poses, options, report)?;
+///         model.meta.kind = "smooth".into();
+///         Ok(model)
+///     },
+///     open: |model, options, source| {
+///         let mut model = model.clone();
+///         model.meta.kind = "nlm".into();
+///         prior::open(&model, options, source)
+///     },
+/// };
+///
+/// assert!("smooth".parse::<Kind>().is_err());
+/// prior::register(std::slice::from_ref(&SMOOTH));
+/// assert_eq!("smooth".parse::<Kind>()?, Kind::Registered(&SMOOTH));
+/// # Ok::<(), posing::Error>(())
+/// ```
+pub fn register(kinds: &'static [KindEntry]) {
+    let mut known = REGISTERED.write().unwrap_or_else(PoisonError::into_inner);
+    for kind in kinds {
+        let own = Kind::OWN.into_iter().map(Kind::entry);
+        if own.chain(known.iter().copied()).all(|k| k != kind) {
+            known.push(kind);
+        }
+    }
 }
 
 /// The most points for which a covariance of all coordinates is learned without being asked for.
@@ -46,44 +162,34 @@ impl Kind {
         }
     }
 
-    /// All kinds, the default first.
+    /// The kinds that are always there.
+    const OWN: [Kind; 4] = [Kind::Multiscale, Kind::Sparse, Kind::Nlm, Kind::NlmLinear];
+
+    /// All kinds that are known, the default first; those that were registered last.
     pub fn all() -> Vec<Kind> {
-        let own = [Kind::Multiscale, Kind::Sparse, Kind::Nlm, Kind::NlmLinear];
-        #[cfg(feature = "published")]
-        let own = own
-            .into_iter()
-            .chain(published::Kind::ALL.map(Kind::Published));
-        own.into_iter().collect()
+        let known = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+        let registered = known.iter().copied().map(Kind::Registered);
+        Kind::OWN.into_iter().chain(registered).collect()
+    }
+
+    fn entry(self) -> &'static KindEntry {
+        match self {
+            Kind::Multiscale => &MULTISCALE,
+            Kind::Sparse => &SPARSE,
+            Kind::Nlm => &NLM,
+            Kind::NlmLinear => &NLM_LINEAR,
+            Kind::Registered(entry) => entry,
+        }
     }
 
     /// The name in flags and model files.
     pub fn name(self) -> &'static str {
-        self.text().0
+        self.entry().name
     }
 
     /// One line on what the model is.
     pub fn description(self) -> &'static str {
-        self.text().1
-    }
-
-    fn text(self) -> (&'static str, &'static str) {
-        match self {
-            Kind::Multiscale => (
-                "multiscale",
-                "multi-scale mixture of Gaussians over the body and its parts",
-            ),
-            Kind::Sparse => (
-                "sparse",
-                "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
-            ),
-            Kind::Nlm => (
-                "nlm",
-                "non-local means: distance-weighted average of all training poses",
-            ),
-            Kind::NlmLinear => ("nlm-linear", "non-local means with local linear regression"),
-            #[cfg(feature = "published")]
-            Kind::Published(kind) => kind.text(),
-        }
+        self.entry().description
     }
 
     /// Trains a model of this kind.
@@ -132,30 +238,7 @@ impl Kind {
         options: &TrainOptions,
         report: &mut dyn FnMut(&str),
     ) -> Result<Model> {
-        match self {
-            Kind::Multiscale => {
-                let settings = multiscale::TrainSettings::default();
-                multiscale::model(poses, options, &settings, report)
-            }
-            Kind::Sparse => {
-                let ksvd = Ksvd {
-                    atoms: ATOMS.min(poses.xyz.nrows()),
-                    seed: options.seed,
-                    ..Ksvd::default()
-                };
-                sparse_coding::train(poses, &ksvd, &mut |state| {
-                    if let Some(last) = state.history.last() {
-                        let (iteration, rms) = (last.iteration, last.fresh_rms);
-                        report(&format!("iteration {iteration}: RMS {rms:.3} cm"));
-                    }
-                    Ok(())
-                })
-            }
-            Kind::Nlm => nlm::KIND.train(poses, options, report),
-            Kind::NlmLinear => nlm::LINEAR_KIND.train(poses, options, report),
-            #[cfg(feature = "published")]
-            Kind::Published(kind) => kind.train(poses, options, report),
-        }
+        (self.entry().train)(poses, options, report)
     }
 }
 
@@ -202,28 +285,17 @@ pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dy
         );
         return Err(Error::data(Place::file(source), what));
     };
-    Ok(match kind {
-        Kind::Multiscale => Box::new(multiscale::MultiscaleMixture::from_model(model, source)?),
-        Kind::Sparse => Box::new(SparseCodingPrior::from_model(model, options, source)?),
-        Kind::Nlm => Box::new(nlm::KIND.open(model, options, source)?),
-        Kind::NlmLinear => Box::new(nlm::LINEAR_KIND.open(model, options, source)?),
-        #[cfg(feature = "published")]
-        Kind::Published(kind) => kind.open(model, options, source)?,
-    })
+    (kind.entry().open)(model, options, source)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::kind_checks;
     use super::*;
-    use crate::pose::PoseTransform;
-    use crate::pose::rotation::from_rotation_vector;
-    use crate::prior::testdata::PriorExt;
-    use glam::DVec3;
-    use ndarray::{Array2, s};
 
     #[test]
     fn names_are_read_back() {
-        for kind in Kind::all() {
+        for kind in Kind::OWN {
             assert_eq!(kind.to_string().parse::<Kind>().unwrap(), kind);
         }
         assert_eq!("blocks".parse::<Kind>().unwrap(), Kind::default());
@@ -231,121 +303,20 @@ mod tests {
         assert!(e.contains("walrus") && e.contains("nlm-linear"), "{e}");
     }
 
-    /// Three points on closed curves, in three takes.
-    fn poses() -> TrainingSet {
-        TrainingSet {
-            points: ["a", "b", "c"].map(String::from).to_vec(),
-            xyz: Array2::from_shape_fn((120, 9), |(t, c)| {
-                let phase = t as f32 * 0.11;
-                20.0 * (phase + c as f32).sin() + 5.0 * (2.3 * phase + (c * c) as f32).cos()
-            }),
-            takes: vec![0..50, 50..80, 80..120],
-            body: None,
-            anchor: None,
-            up: None,
-            incomplete: 0,
-            unplaced: 0,
-        }
-    }
-
-    fn trained(kind: Kind) -> Model {
-        kind.train(&poses(), &TrainOptions::default()).unwrap()
-    }
-
-    fn opened(model: &Model) -> Box<dyn Prior> {
-        open(model, &OpenOptions::default(), "m").unwrap()
-    }
-
-    /// Observations with noise and gaps, and one of nothing.
-    fn observed() -> (Array2<f64>, Array2<f64>) {
-        let mut noise = Array2::from_elem((40, 9), 1.0);
-        noise.slice_mut(s![10..20, 3..6]).fill(f64::INFINITY);
-        noise.slice_mut(s![25.., 1]).fill(0.1);
-        noise.row_mut(39).fill(f64::INFINITY);
-        (poses().xyz.slice(s![..40, ..]).mapv(f64::from) + 0.4, noise)
-    }
-
     #[test]
     fn files_batches_and_threads_change_no_bit() {
-        let (y, noise) = observed();
-        for kind in Kind::all() {
-            let pool = |n| {
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(n)
-                    .build()
-                    .unwrap()
-            };
-            let model = pool(1).install(|| trained(kind));
-            let bytes = model.to_bytes().unwrap();
-            let again = pool(3).install(|| trained(kind)).to_bytes().unwrap();
-            assert!(bytes == again, "{kind}");
-            let prior = opened(&model);
-            let read = opened(&Model::from_bytes(bytes, "m").unwrap());
-            let all = pool(3).install(|| read.full_rows(y.view(), noise.view()));
-            for (i, posterior) in all.iter().enumerate() {
-                let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
-                assert_eq!(*posterior, alone, "{kind}");
-                assert!(
-                    alone
-                        .mean
-                        .iter()
-                        .chain(&alone.covariance)
-                        .all(|v| v.is_finite())
-                );
-            }
-            let none = Array2::zeros((0, 9));
-            assert!(prior.full_rows(none.view(), none.view()).is_empty());
-        }
+        kind_checks::files_batches_and_threads_change_no_bit(&Kind::OWN);
     }
 
     #[test]
     fn rotated_poses_have_rotated_posteriors() {
-        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
-        let (y, noise) = observed();
-        let rotated = map.apply_rows(y.view());
-        for kind in Kind::all() {
-            // These weigh each axis of the space by a variance of its own.
-            if matches!(kind, Kind::Published(published::Kind::Gplvm) | Kind::Sparse) {
-                continue;
-            }
-            let prior = opened(&trained(kind));
-            let mapped = prior.mapped(&map);
-            // Whole points are missing, and those seen have equal noise.
-            for i in [5, 15] {
-                let (here, there) = (y.row(i).to_vec(), rotated.row(i).to_vec());
-                let noise = noise.row(i).to_vec();
-                let (here, there) = (prior.full(&here, &noise), mapped.full(&there, &noise));
-                let mut mean = vec![0.0; 9];
-                map.apply(&here.mean, &mut mean);
-                let near = |a: f64, b: f64| (a - b).abs() <= 1e-2;
-                assert!(
-                    mean.iter().zip(&there.mean).all(|(a, b)| near(*a, *b)),
-                    "{kind}"
-                );
-                let covariance = map.apply_covariance(here.covariance.view());
-                let mut both = covariance.iter().zip(&there.covariance);
-                assert!(both.all(|(a, b)| near(*a, *b)), "{kind}");
-            }
-        }
+        // A sparse code weighs each axis of the space by a variance of its own.
+        let kinds = [Kind::Multiscale, Kind::Nlm, Kind::NlmLinear];
+        kind_checks::rotated_poses_have_rotated_posteriors(&kinds);
     }
 
     #[test]
     fn a_damaged_array_is_an_error_that_names_it() {
-        for kind in Kind::all() {
-            let model = trained(kind);
-            for (name, _) in model
-                .arrays()
-                .filter(|(name, _)| !name.starts_with("rigid"))
-            {
-                let mut broken = model.clone();
-                let mut array = model.get(name).unwrap().into_owned();
-                array[[0, 0]] = f32::NAN;
-                broken.insert(name, array);
-                let Err(e) = open(&broken, &OpenOptions::default(), "m") else {
-                    panic!("{kind}: {name}")
-                };
-                assert!(e.to_string().starts_with(&format!("m: {name}")), "{e}");
-            }
-        }
+        kind_checks::a_damaged_array_is_an_error_that_names_it(&Kind::OWN);
     }
 }

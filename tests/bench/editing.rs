@@ -18,7 +18,7 @@ use posing::io::{Amc, Asf, Model};
 use posing::numeric::parallel;
 use posing::pose::similarity::{TransformKind, fit_similarity};
 use posing::pose::{Poses, Space, joints};
-use posing::prior::{Kind, TrainOptions, TrainingSet};
+use posing::prior::{Kind, TrainOptions, TrainingSet, published};
 use rand::Rng;
 use rand::seq::index::sample;
 use rand_chacha::ChaCha8Rng;
@@ -67,6 +67,7 @@ fn main() {
     if people.len() < 2 {
         return println!("no people at ../shared/data/cmu: nothing is edited");
     }
+    published::register();
     let kinds: Vec<Kind> = match wants("points") {
         true => Kind::all(),
         false => vec![Kind::Multiscale],

@@ -41,9 +41,9 @@ fn expected(name: &str) -> Vec<Vec<f64>> {
 #[test]
 fn pca_spans_the_same_subspace() {
     let poses = poses();
-    let model = Kind::Published(published::Kind::Pca)
-        .train(&poses, &TrainOptions::default())
-        .unwrap();
+    published::register();
+    let kind: Kind = "pca".parse().unwrap();
+    let model = kind.train(&poses, &TrainOptions::default()).unwrap();
     let parts = MixtureParams::read(&model, "pca").unwrap();
     let theirs = expected("pca.csv");
     assert_eq!(parts.factors.nrows(), theirs.len());

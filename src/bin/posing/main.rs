@@ -119,6 +119,7 @@ enum Request {
 }
 
 fn main() -> ExitCode {
+    posing::prior::published::register();
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let called = words.first().and_then(|word| Path::new(word).file_name());
     if let Some(entry) = called.and_then(OsStr::to_str).and_then(find) {

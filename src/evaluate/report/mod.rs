@@ -131,6 +131,7 @@ mod tests {
     /// Calls `check` with a report of models with falling errors, two seeds each; the first seed
     /// has examples.
     pub(crate) fn with_report(models: &[&str], check: impl Fn(&BenchmarkReport<'_>)) {
+        crate::prior::published::register();
         let dataset = takes(&[("01_01", 40), ("01_02", 40)]);
         let settings = Settings {
             methods: vec![Method::parse("gaussian").unwrap()],

@@ -238,6 +238,7 @@ mod tests {
 
     #[test]
     fn printed_errors_are_read_and_methods_exist() {
+        crate::prior::published::register();
         let runs = [run(&["07"], &[("pca", 1.0)])];
         let paper = Comparison::new(&runs).unwrap();
         for (_, method) in &paper.models {

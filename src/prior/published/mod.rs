@@ -1,4 +1,5 @@
-//! Pose models that the default is compared with in papers: the feature `published`.
+//! Pose models that the default is compared with in papers: the feature `published`. [`register`]
+//! makes them known.
 
 pub(crate) mod box_tree;
 pub mod gaussian;
@@ -6,102 +7,104 @@ pub(crate) mod gplvm;
 pub(crate) mod local_pca;
 pub(crate) mod nearest_neighbor;
 
-use super::training_set::{TrainOptions, TrainingSet};
-use super::{OpenOptions, Prior};
-use crate::Result;
-use crate::io::Model;
+use super::registry::{self, KindEntry};
 use gaussian::{clustered, mfa, mixture, pca, single};
 
-/// A kind of published prior.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
-    /// `nearest`: nearest training pose.
-    Nearest,
-    /// `lpca`: local PCA: Gaussian of the 100 nearest training poses.
-    LocalPca,
-    /// `sik`: style-based IK: scaled Gaussian process latent variable model.
-    Gplvm,
-    /// `pca`: principal components that keep 90% of the energy.
-    Pca,
-    /// `gaussian`: a single Gaussian.
-    Gaussian,
-    /// `clustered`: a Gaussian for each of 20 clusters, the most likely one is used.
-    Clustered,
-    /// `mfa`: mixture of 20 factor analyzers.
-    FactorAnalyzers,
-    /// `mixture`: mixture of 20 Gaussians with shrunk covariances.
-    Mixture,
+/// The entry of a kind that has a name, `train` and `open`.
+macro_rules! entry {
+    ($kind:path, $description:literal) => {
+        KindEntry {
+            name: $kind.name,
+            description: $description,
+            train: |poses, options, report| $kind.train(poses, options, report),
+            open: |model, options, source| Ok(Box::new($kind.open(model, options, source)?)),
+        }
+    };
 }
 
-impl Kind {
-    /// All kinds.
-    pub(crate) const ALL: [Kind; 8] = [
-        Kind::Nearest,
-        Kind::LocalPca,
-        Kind::Gplvm,
-        Kind::Pca,
-        Kind::Gaussian,
-        Kind::Clustered,
-        Kind::FactorAnalyzers,
-        Kind::Mixture,
-    ];
+static KINDS: [KindEntry; 8] = [
+    entry!(nearest_neighbor::KIND, "nearest training pose"),
+    entry!(
+        local_pca::KIND,
+        "local PCA: Gaussian of the 100 nearest training poses"
+    ),
+    KindEntry {
+        name: "sik",
+        description: "style-based IK: scaled Gaussian process latent variable model",
+        train: gplvm::train,
+        open: |model, options, source| {
+            Ok(Box::new(gplvm::GplvmPrior::open(model, options, source)?))
+        },
+    },
+    entry!(
+        pca::KIND,
+        "principal components that keep 90% of the energy"
+    ),
+    entry!(single::KIND, "a single Gaussian"),
+    entry!(
+        clustered::KIND,
+        "a Gaussian for each of 20 clusters; the most likely one is used"
+    ),
+    entry!(mfa::KIND, "mixture of 20 factor analyzers"),
+    entry!(
+        mixture::KIND,
+        "mixture of 20 Gaussians with shrunk covariances"
+    ),
+];
 
-    /// The name in flags and model files, and one line on what the model is.
-    pub(super) fn text(self) -> (&'static str, &'static str) {
-        match self {
-            Kind::Nearest => ("nearest", "nearest training pose"),
-            Kind::LocalPca => (
-                "lpca",
-                "local PCA: Gaussian of the 100 nearest training poses",
-            ),
-            Kind::Gplvm => (
-                "sik",
-                "style-based IK: scaled Gaussian process latent variable model",
-            ),
-            Kind::Pca => ("pca", "principal components that keep 90% of the energy"),
-            Kind::Gaussian => ("gaussian", "a single Gaussian"),
-            Kind::Clustered => (
-                "clustered",
-                "a Gaussian for each of 20 clusters; the most likely one is used",
-            ),
-            Kind::FactorAnalyzers => ("mfa", "mixture of 20 factor analyzers"),
-            Kind::Mixture => ("mixture", "mixture of 20 Gaussians with shrunk covariances"),
+/// Makes the kinds `nearest`, `lpca`, `sik`, `pca`, `gaussian`, `clustered`, `mfa` and `mixture`
+/// known to the whole process. The program does so at its start; calls after the first change
+/// nothing.
+///
+/// ```
+/// use posing::prior::{Kind, published};
+///
+/// assert!("pca".parse::<Kind>().is_err());
+/// published::register();
+/// assert_eq!("pca".parse::<Kind>()?.name(), "pca");
+/// # Ok::<(), posing::Error>(())
+/// ```
+pub fn register() {
+    registry::register(&KINDS);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::{Kind, kind_checks};
+
+    fn kinds() -> [Kind; 8] {
+        register();
+        KINDS.each_ref().map(Kind::Registered)
+    }
+
+    #[test]
+    fn kinds_are_registered_once_and_read_back() {
+        let kinds = kinds();
+        register();
+        for kind in kinds {
+            assert_eq!(kind.to_string().parse::<Kind>().unwrap(), kind);
+            let same = Kind::all().into_iter().filter(|k| *k == kind);
+            assert_eq!(same.count(), 1);
         }
     }
 
-    pub(super) fn train(
-        self,
-        poses: &TrainingSet,
-        options: &TrainOptions,
-        report: &mut dyn FnMut(&str),
-    ) -> Result<Model> {
-        match self {
-            Kind::Nearest => nearest_neighbor::KIND.train(poses, options, report),
-            Kind::LocalPca => local_pca::KIND.train(poses, options, report),
-            Kind::Gplvm => gplvm::train(poses, options, report),
-            Kind::Pca => pca::KIND.train(poses, options, report),
-            Kind::Gaussian => single::KIND.train(poses, options, report),
-            Kind::Clustered => clustered::KIND.train(poses, options, report),
-            Kind::FactorAnalyzers => mfa::KIND.train(poses, options, report),
-            Kind::Mixture => mixture::KIND.train(poses, options, report),
-        }
+    #[test]
+    fn files_batches_and_threads_change_no_bit() {
+        kind_checks::files_batches_and_threads_change_no_bit(&kinds());
     }
 
-    pub(super) fn open(
-        self,
-        model: &Model,
-        options: &OpenOptions,
-        source: &str,
-    ) -> Result<Box<dyn Prior>> {
-        Ok(match self {
-            Kind::Nearest => Box::new(nearest_neighbor::KIND.open(model, options, source)?),
-            Kind::LocalPca => Box::new(local_pca::KIND.open(model, options, source)?),
-            Kind::Gplvm => Box::new(gplvm::GplvmPrior::open(model, options, source)?),
-            Kind::Pca => Box::new(pca::KIND.open(model, options, source)?),
-            Kind::Gaussian => Box::new(single::KIND.open(model, options, source)?),
-            Kind::Clustered => Box::new(clustered::KIND.open(model, options, source)?),
-            Kind::FactorAnalyzers => Box::new(mfa::KIND.open(model, options, source)?),
-            Kind::Mixture => Box::new(mixture::KIND.open(model, options, source)?),
-        })
+    #[test]
+    fn rotated_poses_have_rotated_posteriors() {
+        // A GPLVM weighs each axis of the space by a variance of its own.
+        let kinds: Vec<Kind> = (kinds().into_iter())
+            .filter(|k| k.name() != "sik")
+            .collect();
+        kind_checks::rotated_poses_have_rotated_posteriors(&kinds);
+    }
+
+    #[test]
+    fn a_damaged_array_is_an_error_that_names_it() {
+        kind_checks::a_damaged_array_is_an_error_that_names_it(&kinds());
     }
 }

@@ -5,10 +5,15 @@ use libfuzzer_sys::fuzz_target;
 use posing::body::BodyModel;
 use posing::io::Model;
 use posing::metric::PoseMetric;
-use posing::prior::{OpenOptions, open};
+use posing::prior::{OpenOptions, open, published};
 use posing_fuzz::{accepted, use_one_thread};
 
-fuzz_target!(init: use_one_thread(), |bytes: &[u8]| {
+fn init() {
+    use_one_thread();
+    published::register();
+}
+
+fuzz_target!(init: init(), |bytes: &[u8]| {
     let bytes = with_checksums(bytes.to_vec());
     let Some(model) = accepted(Model::from_bytes(bytes, "t.npz")) else {
         return;
