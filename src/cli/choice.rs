@@ -3,7 +3,6 @@
 use crate::clean::OutputFormat;
 use crate::io::TableFormat;
 use crate::io::marker_csv::MotivePoints;
-use crate::metric::train::Learner;
 use crate::pose::BonePoints;
 use crate::pose::kinematics::Space;
 use crate::pose::units::{LengthUnit, UpAxis};
@@ -110,17 +109,4 @@ choices!(MotivePoints {
 choices!(HoldBack {
     Takes "takes": "Whole takes, about a fifth of the poses";
     Frames "frames": "Random frames, a fifth of all";
-});
-
-choices!(Learner {
-    Rdsr "rdsr": "Regularized distance metric learning with sparse representation";
-    L2 "l2": "Nothing is learned but the scaling of the features";
-    Lms "lms": "Weights of features or joints by least squares (Wang and Bodenheimer); needs both \
-                labels";
-    Boost "boost": "Features chosen by boosting (Chen et al. 2009); needs both labels";
-    Xing "xing": "Distance metric learning with side information (Xing et al.); needs both labels";
-    Sda "sda": "Semi-supervised discriminant analysis (Cai et al.); needs both labels";
-    Rca "rca": "Relevant component analysis (Bar-Hillel et al.)";
-    Lmnn "lmnn": "Large margin nearest neighbors (Weinberger and Saul); needs both labels";
-    Nca "nca": "Neighborhood component analysis (Goldberger et al.)";
 });

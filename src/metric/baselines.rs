@@ -19,11 +19,12 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::{JOINTS, JointMap, joint};
+use super::learners::PublishedLearner;
+use super::learners::weights::joint_of;
 use super::pairs::LabeledPair;
 use super::pose_metric::{PoseMetric, Projection};
 use super::scaling::ScalingRule;
 use super::train::{Learner, TrainSettings, train};
-use super::weights::joint_of;
 use crate::Result;
 
 /// The joints that (41) and (43) compare.
@@ -114,8 +115,8 @@ impl Baseline {
             },
             window: 0.0,
             learner: match self {
-                Baseline::RgfBoost => Learner::Boost,
-                _ if self.is_learned() => Learner::Lms,
+                Baseline::RgfBoost => Learner::Other(&PublishedLearner::Boost),
+                _ if self.is_learned() => Learner::Other(&PublishedLearner::Lms),
                 _ => Learner::L2,
             },
             ..TrainSettings::new(map.clone())

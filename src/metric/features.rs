@@ -2,7 +2,6 @@
 
 use super::body_frame::BodyFramePoses;
 use super::gpd::{Family, Gpd};
-#[cfg(feature = "published")]
 use super::motion_matching;
 use super::orientation;
 use crate::numeric::parallel;
@@ -25,7 +24,6 @@ pub enum PoseFeatures {
     /// Fitted rotations of the joints, the hip's height, and their velocities.
     Orientations,
     /// What game engines compare: ends of the body, and the path ahead.
-    #[cfg(feature = "published")]
     MotionMatching,
 }
 
@@ -35,7 +33,6 @@ names!(PoseFeatures {
     Coordinates = "jc",
     JointDistances = "jrf",
     Orientations = "jo",
-    #[cfg(feature = "published")]
     MotionMatching = "game",
 });
 
@@ -49,7 +46,6 @@ impl PoseFeatures {
             PoseFeatures::Coordinates => Some(Gpd::coordinates()),
             PoseFeatures::JointDistances => some(&[Family::JointJointDistance]),
             PoseFeatures::Orientations => None,
-            #[cfg(feature = "published")]
             PoseFeatures::MotionMatching => None,
         }
     }
@@ -58,7 +54,6 @@ impl PoseFeatures {
     pub fn feature_names(self) -> Vec<String> {
         match (self.gpd(), self) {
             (Some(gpd), _) => gpd.names(),
-            #[cfg(feature = "published")]
             (None, PoseFeatures::MotionMatching) => motion_matching::names(),
             (None, _) => orientation::names(),
         }
@@ -79,7 +74,6 @@ impl PoseFeatures {
             for t in &frames[range] {
                 match (&gpd, self) {
                     (Some(gpd), _) => gpd.describe_frame(poses, *t, &mut rows),
-                    #[cfg(feature = "published")]
                     (None, PoseFeatures::MotionMatching) => {
                         motion_matching::describe_frame(poses, *t, &mut rows)
                     }

@@ -17,8 +17,6 @@ pub mod baselines;
 mod blend;
 pub mod blend_test;
 pub(crate) mod body_frame;
-#[cfg(feature = "published")]
-mod boost;
 pub mod clip;
 #[cfg(any(test, feature = "published"))]
 pub(crate) mod cross_fade;
@@ -31,7 +29,6 @@ pub mod joint_map;
 #[cfg(feature = "published")]
 pub(crate) mod learners;
 mod local_pairs;
-#[cfg(feature = "published")]
 mod motion_matching;
 pub mod nearest;
 mod orientation;
@@ -46,8 +43,6 @@ mod stopwatch;
 pub(crate) mod trace_ratio;
 pub mod train;
 pub mod transition;
-#[cfg(feature = "published")]
-mod weights;
 
 #[cfg(feature = "published")]
 pub use baselines::Baseline;
@@ -60,6 +55,8 @@ pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
 pub use index::{IndexedTake, PoseIndex};
 pub use joint_map::JointMap;
+#[cfg(feature = "published")]
+pub use learners::PublishedLearner;
 pub use nearest::PoseDatabase;
 pub use pairs::{FrameRef, LabeledPair};
 pub use pose_metric::PoseMetric;

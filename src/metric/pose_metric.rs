@@ -7,7 +7,7 @@ use super::joint_map::JointMap;
 use super::pairs::FrameRef;
 use super::scaling::Scaling;
 use crate::numeric::product::product;
-use ndarray::{Array2, ArrayView1, Axis, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
 use std::ops::Range;
 
 /// Frames that are described together.
@@ -102,6 +102,18 @@ impl PoseMetric {
             projection: Projection::Weights(parts[0].to_vec()),
             ..self.clone()
         })
+    }
+
+    /// This metric, followed by the linear map W (dimensions, rank); weights are left as they are.
+    pub(crate) fn projected(&self, w: ArrayView2<'_, f64>) -> PoseMetric {
+        let Projection::Matrix(matrix) = &self.projection else {
+            return self.clone();
+        };
+        let projection = product(matrix.mapv(f64::from).view(), w);
+        PoseMetric {
+            projection: Projection::Matrix(projection.mapv(|v| v as f32)),
+            ..self.clone()
+        }
     }
 
     /// The length of a vector.

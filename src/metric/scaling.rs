@@ -2,7 +2,6 @@
 
 use super::features::PoseFeatures;
 use super::gpd::{Family, Gpd};
-#[cfg(feature = "published")]
 use super::motion_matching;
 use ndarray::{Array2, ArrayView2, Axis};
 
@@ -122,7 +121,6 @@ fn balance(features: PoseFeatures, variances: &[f64]) -> Vec<f32> {
         return balance_families(&gpd.feature_families(), variances);
     }
     match features {
-        #[cfg(feature = "published")]
         PoseFeatures::MotionMatching => {
             let mut start = 0;
             let group = |width: usize| {

@@ -3,23 +3,19 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
-#[cfg(feature = "published")]
-use super::learners::{self, TrainingPairs};
 use super::local_pairs::{Links, scatter_of_pairs};
 use super::pairs::{FrameRef, LabeledPair, weighed};
-use super::pose_metric::{PoseMetric, Projection, WINDOW};
+use super::pose_metric::{PoseMetric, WINDOW};
 use super::rdsr::{self, Criterion, RdsrSettings};
 use super::reduction;
 use super::scaling::ScalingRule;
 use super::stopwatch::Stopwatch;
-#[cfg(feature = "published")]
-use super::weights::{self, WeightRule};
 use crate::Result;
 use crate::numeric::parallel;
-use crate::numeric::product::product;
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::seq::index;
 use std::collections::BTreeSet;
+use std::fmt;
 
 /// How a metric is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,27 +24,83 @@ pub enum Learner {
     Rdsr,
     /// Nothing is learned: the scaled features are compared.
     L2,
-    /// Weights by least squares, on the scaled features (Wang and Bodenheimer 2003).
-    #[cfg(feature = "published")]
-    Lms,
-    /// Features chosen by boosting.
-    #[cfg(feature = "published")]
-    Boost,
-    /// A full metric that spreads unlike poses (Xing et al. 2003).
-    #[cfg(feature = "published")]
-    Xing,
-    /// Semi-supervised discriminant analysis (Cai et al. 2007).
-    #[cfg(feature = "published")]
-    Sda,
-    /// Relevant component analysis (Bar-Hillel et al. 2005).
-    #[cfg(feature = "published")]
-    Rca,
-    /// Large margin nearest neighbors (Weinberger and Saul 2009).
-    #[cfg(feature = "published")]
-    Lmnn,
-    /// Neighborhood component analysis (Goldberger et al. 2005).
-    #[cfg(feature = "published")]
-    Nca,
+    /// Another method, from labeled pairs.
+    Other(&'static dyn PairLearner),
+}
+
+impl Learner {
+    /// The name in flags and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Learner::Rdsr => "rdsr",
+            Learner::L2 => "l2",
+            Learner::Other(learner) => learner.name(),
+        }
+    }
+
+    /// One line on the method.
+    pub fn description(self) -> &'static str {
+        match self {
+            Learner::Rdsr => "Regularized distance metric learning with sparse representation",
+            Learner::L2 => "Nothing is learned but the scaling of the features",
+            Learner::Other(learner) => learner.description(),
+        }
+    }
+}
+
+/// A method of [`Learner::Other`].
+pub trait PairLearner: fmt::Debug + Sync {
+    /// The name in flags and messages, which tells it from all others.
+    fn name(&self) -> &'static str;
+
+    /// One line on the method.
+    fn description(&self) -> &'static str;
+
+    /// Whether it weighs the scaled features. If not, it learns among the directions in which poses
+    /// vary.
+    fn weighs_features(&self) -> bool {
+        false
+    }
+
+    /// Whether poses without labels count. [`TrainingPairs::x`] has them anyway, unless the method
+    /// weighs features.
+    fn uses_unlabeled(&self) -> bool {
+        false
+    }
+
+    /// Learns from poses as `start` embeds them, up to `rank` dimensions.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: the method lacks labels, or nothing can be learned.
+    fn learn(&self, start: &PoseMetric, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned>;
+}
+
+impl PartialEq for dyn PairLearner {
+    fn eq(&self, other: &dyn PairLearner) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for dyn PairLearner {}
+
+/// What a [`PairLearner`] learns from.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainingPairs<'a> {
+    /// Poses, labeled and not (n, d).
+    pub x: ArrayView2<'a, f64>,
+    /// Pairs of rows of `x` that are alike (label 1).
+    pub alike: &'a [[usize; 2]],
+    /// Pairs of rows of `x` that are not (label 0).
+    pub unlike: &'a [[usize; 2]],
+}
+
+/// What a [`PairLearner`] found.
+#[derive(Debug, Clone)]
+pub struct Learned {
+    /// The metric.
+    pub metric: PoseMetric,
+    /// Whether its steps, if it goes by any, came to an end before their limit.
+    pub has_converged: bool,
 }
 
 /// Settings of the training.
@@ -188,10 +240,7 @@ pub fn train(
     };
     let trained = match settings.learner {
         Learner::L2 => Ok(training.finish(full, Used::default())),
-        #[cfg(feature = "published")]
-        Learner::Lms => training.weights(&full, WeightRule::LeastSquares),
-        #[cfg(feature = "published")]
-        Learner::Boost => training.weights(&full, WeightRule::Boosting),
+        Learner::Other(learner) if learner.weighs_features() => training.by_pairs(learner, &full),
         _ => training.projection(&full),
     }?;
     Ok(Trained {
@@ -225,17 +274,32 @@ impl Training<'_> {
         }
     }
 
-    /// A weight for each feature.
-    #[cfg(feature = "published")]
-    fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained> {
-        let labeled = Labeled::new(self.takes, self.pairs, full, &[]);
-        let pairs = [labeled.alike.as_slice(), labeled.unlike.as_slice()].concat();
-        let is_alike: Vec<bool> = (0..pairs.len()).map(|k| k < labeled.alike.len()).collect();
+    /// By another learner, from poses as `start` embeds them.
+    fn by_pairs(mut self, learner: &dyn PairLearner, start: &PoseMetric) -> Result<Trained> {
+        let others = match learner.weighs_features() || self.settings.unlabeled == 0 {
+            true => &[][..],
+            false => &self.sample,
+        };
+        let labeled = Labeled::new(self.takes, self.pairs, start, others);
+        let x = labeled.vectors.mapv(f64::from);
+        let pairs = TrainingPairs {
+            x: x.view(),
+            alike: &labeled.alike,
+            unlike: &labeled.unlike,
+        };
         self.clock.lap("pairs");
-        let metric = weights::learn(full, rule, labeled.vectors.view(), &pairs, &is_alike)?;
+        let learned = learner.learn(start, &pairs, self.settings.rdsr.rank)?;
         self.clock.lap("learning");
-        let used = labeled.used(self.pairs);
-        Ok(self.finish(metric, used))
+        let used = Used {
+            unlabeled: if learner.uses_unlabeled() {
+                others.len()
+            } else {
+                0
+            },
+            stopped: !learned.has_converged,
+            ..labeled.used(self.pairs)
+        };
+        Ok(self.finish(learned.metric, used))
     }
 
     /// A projection, learned among the directions in which poses vary.
@@ -245,12 +309,11 @@ impl Training<'_> {
             false => reduction::range(full, self.takes, &self.sample)?,
         };
         self.clock.lap("principal components");
-        let (w, used) = match self.settings.learner {
-            #[cfg(feature = "published")]
-            learner if learner != Learner::Rdsr => self.published(&basis)?,
-            _ => self.rdsr(&basis)?,
-        };
-        Ok(self.finish(projected(&basis, w.view()), used))
+        if let Learner::Other(learner) = self.settings.learner {
+            return self.by_pairs(learner, &basis);
+        }
+        let (w, used) = self.rdsr(&basis)?;
+        Ok(self.finish(basis.projected(w.view()), used))
     }
 
     fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
@@ -284,32 +347,6 @@ impl Training<'_> {
         Ok((learned.w, used))
     }
 
-    #[cfg(feature = "published")]
-    fn published(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used)> {
-        let extra = match self.settings.unlabeled {
-            0 => &[][..],
-            _ => &self.sample[..],
-        };
-        let labeled = Labeled::new(self.takes, self.pairs, basis, extra);
-        let x = labeled.vectors.mapv(f64::from);
-        let pairs = TrainingPairs {
-            x: x.view(),
-            alike: &labeled.alike,
-            unlike: &labeled.unlike,
-        };
-        self.clock.lap("pairs");
-        let learner = self.settings.learner;
-        let learned = learners::learn(learner, &pairs, self.settings.rdsr.rank)?;
-        self.clock.lap("learning");
-        let mut used = labeled.used(self.pairs);
-        used.stopped = !learned.converged;
-        // The other learners see labeled poses alone.
-        if matches!(learner, Learner::Sda | Learner::Rca) {
-            used.unlabeled = extra.len();
-        }
-        Ok((learned.w, used))
-    }
-
     /// The unlabeled poses that are complete, in a basis (N, d). The paper's are not centered.
     fn unlabeled(&self, basis: &PoseMetric) -> Array2<f64> {
         let vectors = reduction::embed(basis, self.takes, &self.sample);
@@ -324,7 +361,6 @@ impl Training<'_> {
 /// The vectors of labeled poses, and of others, with the pairs of their rows. Poses that lack
 /// joints are left out, and their pairs.
 struct Labeled {
-    #[cfg_attr(not(feature = "published"), expect(dead_code))]
     vectors: Array2<f32>,
     alike: Vec<[usize; 2]>,
     unlike: Vec<[usize; 2]>,
@@ -399,16 +435,4 @@ fn sample(takes: &[BodyFramePoses], most: usize, seed: u64) -> Vec<FrameRef> {
     let mut drawn = index::sample(&mut rng, all.len(), most.min(all.len())).into_vec();
     drawn.sort_unstable();
     drawn.into_iter().map(|k| all[k]).collect()
-}
-
-/// The metric of `basis`, followed by W.
-fn projected(basis: &PoseMetric, w: ArrayView2<'_, f64>) -> PoseMetric {
-    let Projection::Matrix(basis_matrix) = &basis.projection else {
-        return basis.clone();
-    };
-    let projection = product(basis_matrix.mapv(f64::from).view(), w);
-    PoseMetric {
-        projection: Projection::Matrix(projection.mapv(|v| v as f32)),
-        ..basis.clone()
-    }
 }

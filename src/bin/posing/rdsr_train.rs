@@ -1,14 +1,14 @@
 //! Learns a distance of poses from labeled pairs.
 
 use clap::Parser;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive};
-use posing::cli::choice::{choice, value_name};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
-use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
+use posing::metric::{PoseFeatures, PublishedLearner, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "S", value_parser = seconds)]
     window: Option<f64>,
     /// How the metric is learned
-    #[arg(long, value_parser = choice::<Learner>(), value_name = "METHOD", default_value = "rdsr")]
+    #[arg(long, value_parser = learner(), value_name = "METHOD", default_value = "rdsr")]
     learner: Learner,
     /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
     /// 50]
@@ -102,6 +102,21 @@ pub struct Args {
     seed: SeedArgs,
     #[command(flatten)]
     common: CommonArgs,
+}
+
+/// The methods, with what each is.
+fn learner() -> impl TypedValueParser<Value = Learner> {
+    let published = PublishedLearner::ALL.iter().map(|l| Learner::Other(l));
+    let all: Vec<Learner> = [Learner::Rdsr, Learner::L2]
+        .into_iter()
+        .chain(published)
+        .collect();
+    let values = (all.iter()).map(|l| PossibleValue::new(l.name()).help(l.description()));
+    let values: PossibleValuesParser = values.collect::<Vec<_>>().into();
+    values.map(move |name| {
+        let found = all.iter().find(|l| l.name() == name);
+        *found.expect("one of the values")
+    })
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
@@ -145,7 +160,7 @@ pub fn work(args: &Args) -> Result<()> {
     report(args.learner, &trained);
     let mut model = trained.metric.to_model();
     let flags = [
-        ("learner", value_name(args.learner)),
+        ("learner", args.learner.name().to_string()),
         ("rank", settings.rdsr.rank.to_string()),
         ("alpha", settings.rdsr.alpha.to_string()),
         ("gamma", settings.rdsr.gamma.to_string()),

@@ -3,7 +3,8 @@
 use crate::Result;
 use crate::metric::train::Learner;
 use crate::metric::{
-    Baseline, BodyFramePoses, JointMap, LabeledPair, PoseFeatures, PoseMetric, TrainSettings, train,
+    Baseline, BodyFramePoses, JointMap, LabeledPair, PoseFeatures, PoseMetric, PublishedLearner,
+    TrainSettings, train,
 };
 
 /// Frames of one window, seconds.
@@ -114,14 +115,14 @@ impl Methods {
     /// Features by learners, at the default's window (figure 6).
     pub(crate) fn features_by_learners(&self) -> Vec<Method> {
         let learners = [
-            ("l2", Learner::L2),
-            ("lms", Learner::Lms),
-            ("xing", Learner::Xing),
-            ("sda", Learner::Sda),
-            ("rca", Learner::Rca),
-            ("lmnn", Learner::Lmnn),
-            ("nca", Learner::Nca),
-            ("rdsr", Learner::Rdsr),
+            Learner::L2,
+            Learner::Other(&PublishedLearner::Lms),
+            Learner::Other(&PublishedLearner::Xing),
+            Learner::Other(&PublishedLearner::Sda),
+            Learner::Other(&PublishedLearner::Rca),
+            Learner::Other(&PublishedLearner::Lmnn),
+            Learner::Other(&PublishedLearner::Nca),
+            Learner::Rdsr,
         ];
         let features = [
             PoseFeatures::Orientations,
@@ -131,13 +132,14 @@ impl Methods {
         ];
         let cross = learners.into_iter().flat_map(|l| features.map(|f| (l, f)));
         cross
-            .map(|((name, learner), features)| {
+            .map(|(learner, features)| {
                 let settings = TrainSettings {
                     features,
                     learner,
                     ..self.default.clone()
                 };
-                Method::trained(&format!("{}+{name}", features.name()), settings)
+                let name = format!("{}+{}", features.name(), learner.name());
+                Method::trained(&name, settings)
             })
             .collect()
     }

@@ -24,8 +24,9 @@ use super::components::components;
 use super::hinge::{Anchor, objective};
 use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learned, Needs, Settings, TrainingPairs};
+use super::{LearnedMap, Needs, Settings, check, labeled_rows};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::product;
@@ -45,8 +46,8 @@ const ROWS: usize = 128;
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
-    pairs.check("lmnn", Needs::Both, settings.rank)?;
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<LearnedMap> {
+    check(pairs, "lmnn", Needs::Both, settings.rank)?;
     let start = principal_start(pairs, settings.rank)?;
     let labeled = Labeled::new(pairs);
     let x = centered(pairs.x.select(Axis(0), &labeled.rows).view()) * start.scale;
@@ -67,7 +68,7 @@ pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Lear
             break;
         }
     }
-    Ok(Learned {
+    Ok(LearnedMap {
         w: w * start.scale,
         converged,
     })
@@ -87,7 +88,7 @@ struct Labeled {
 
 impl Labeled {
     fn new(pairs: &TrainingPairs<'_>) -> Labeled {
-        let rows = pairs.labeled();
+        let rows = labeled_rows(pairs);
         let of = components(pairs.x.nrows(), pairs.alike).of;
         let partners = |pairs: &[[usize; 2]]| {
             let mut partners = vec![Vec::new(); rows.len()];

@@ -17,6 +17,7 @@
 //! Each gives the same result for the same input on any number of threads. Each takes seconds for
 //! some 6,000 poses of 200 dimensions; reduce longer poses by principal components first.
 
+mod boost;
 mod components;
 mod hinge;
 pub(crate) mod lmnn;
@@ -29,15 +30,106 @@ pub(crate) mod sda;
 mod start;
 #[cfg(test)]
 mod testdata;
+pub(crate) mod weights;
 pub(crate) mod xing;
 
-use super::train::Learner;
+use super::pose_metric::PoseMetric;
+use super::train::{Learned, PairLearner, TrainingPairs};
 use crate::Result;
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
+use weights::WeightRule;
+
+/// A learner that papers compare with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PublishedLearner {
+    /// Weights by least squares, on the scaled features (Wang and Bodenheimer 2003).
+    Lms,
+    /// Features chosen by boosting.
+    Boost,
+    /// A full metric that spreads unlike poses (Xing et al. 2003).
+    Xing,
+    /// Semi-supervised discriminant analysis (Cai et al. 2007).
+    Sda,
+    /// Relevant component analysis (Bar-Hillel et al. 2005).
+    Rca,
+    /// Large margin nearest neighbors (Weinberger and Saul 2009).
+    Lmnn,
+    /// Neighborhood component analysis (Goldberger et al. 2005).
+    Nca,
+}
+
+names!(PublishedLearner {
+    Lms = "lms",
+    Boost = "boost",
+    Xing = "xing",
+    Sda = "sda",
+    Rca = "rca",
+    Lmnn = "lmnn",
+    Nca = "nca",
+});
+
+impl PairLearner for PublishedLearner {
+    fn name(&self) -> &'static str {
+        PublishedLearner::name(*self)
+    }
+
+    fn description(&self) -> &'static str {
+        match self {
+            PublishedLearner::Lms => {
+                "Weights of features or joints by least squares (Wang and Bodenheimer); needs both \
+                 labels"
+            }
+            PublishedLearner::Boost => {
+                "Features chosen by boosting (Chen et al. 2009); needs both labels"
+            }
+            PublishedLearner::Xing => {
+                "Distance metric learning with side information (Xing et al.); needs both labels"
+            }
+            PublishedLearner::Sda => {
+                "Semi-supervised discriminant analysis (Cai et al.); needs both labels"
+            }
+            PublishedLearner::Rca => "Relevant component analysis (Bar-Hillel et al.)",
+            PublishedLearner::Lmnn => {
+                "Large margin nearest neighbors (Weinberger and Saul); needs both labels"
+            }
+            PublishedLearner::Nca => "Neighborhood component analysis (Goldberger et al.)",
+        }
+    }
+
+    fn weighs_features(&self) -> bool {
+        matches!(self, PublishedLearner::Lms | PublishedLearner::Boost)
+    }
+
+    fn uses_unlabeled(&self) -> bool {
+        matches!(self, PublishedLearner::Sda | PublishedLearner::Rca)
+    }
+
+    /// Learns with the default settings.
+    fn learn(&self, start: &PoseMetric, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned> {
+        let settings = &Settings {
+            rank,
+            ..Settings::default()
+        };
+        let exact = |w: Array2<f64>| LearnedMap { w, converged: true };
+        let map = match self {
+            PublishedLearner::Lms => return weights::learn(start, WeightRule::LeastSquares, pairs),
+            PublishedLearner::Boost => return weights::learn(start, WeightRule::Boosting, pairs),
+            PublishedLearner::Xing => xing::fit(pairs, settings),
+            PublishedLearner::Sda => sda::fit(pairs, settings).map(exact),
+            PublishedLearner::Rca => rca::fit(pairs, settings).map(exact),
+            PublishedLearner::Lmnn => lmnn::fit(pairs, settings),
+            PublishedLearner::Nca => nca::fit(pairs, settings),
+        }?;
+        Ok(Learned {
+            metric: start.projected(map.w.view()),
+            has_converged: map.converged,
+        })
+    }
+}
 
 /// Settings of the learners.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Directions to keep.
     pub rank: usize,
     /// For [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to
@@ -75,41 +167,14 @@ impl Default for Settings {
     }
 }
 
-/// What a metric is learned from.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct TrainingPairs<'a> {
-    /// Poses, labeled and not (n, d).
-    pub x: ArrayView2<'a, f64>,
-    /// Pairs of rows of `x` that are alike (label 1).
-    pub alike: &'a [[usize; 2]],
-    /// Pairs of rows of `x` that are not (label 0).
-    pub unlike: &'a [[usize; 2]],
-}
-
 /// What a learner found by steps.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Learned {
+pub(crate) struct LearnedMap {
     /// The linear map W (d, r).
     pub w: Array2<f64>,
     /// Whether the steps came to an end before their limit; the learner's page says what that
     /// means.
     pub converged: bool,
-}
-
-/// Learns by any method but RDSR, with its default settings.
-pub(super) fn learn(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learned> {
-    let exact = |w: Array2<f64>| Learned { w, converged: true };
-    let settings = &Settings {
-        rank,
-        ..Settings::default()
-    };
-    match learner {
-        Learner::Xing => xing::fit(pairs, settings),
-        Learner::Sda => sda::fit(pairs, settings).map(exact),
-        Learner::Lmnn => lmnn::fit(pairs, settings),
-        Learner::Nca => nca::fit(pairs, settings),
-        _ => rca::fit(pairs, settings).map(exact),
-    }
 }
 
 /// The labels that a learner cannot do without.
@@ -119,41 +184,39 @@ enum Needs {
     Both,
 }
 
-impl TrainingPairs<'_> {
-    /// Refuses what `learner` cannot learn a map of `rank` directions from.
-    fn check(&self, learner: &str, needs: Needs, rank: usize) -> Result<()> {
-        let (n, d) = self.x.dim();
-        if rank == 0 {
-            return Err(format!("{learner} needs a rank of at least 1").into());
-        }
-        if d == 0 {
-            return Err(format!("{learner} needs poses of at least 1 dimension").into());
-        }
-        if self.alike.is_empty() {
-            return Err(format!("{learner} needs pairs of label 1").into());
-        }
-        if needs == Needs::Both && self.unlike.is_empty() {
-            return Err(format!("{learner} needs pairs of label 0 too").into());
-        }
-        let ends = self.alike.iter().chain(self.unlike).flatten();
-        if let Some(row) = ends.into_iter().find(|&&row| row >= n) {
-            return Err(format!("a pair names row {row}, but there are {n} poses").into());
-        }
-        let bad = |row: usize| !self.x.row(row).iter().all(|v| v.is_finite());
-        match (0..n).find(|&row| bad(row)) {
-            Some(row) => Err(format!("row {row} holds a value that is not finite").into()),
-            None => Ok(()),
-        }
+/// Refuses what `learner` cannot learn a map of `rank` directions from.
+fn check(pairs: &TrainingPairs<'_>, learner: &str, needs: Needs, rank: usize) -> Result<()> {
+    let (n, d) = pairs.x.dim();
+    if rank == 0 {
+        return Err(format!("{learner} needs a rank of at least 1").into());
     }
+    if d == 0 {
+        return Err(format!("{learner} needs poses of at least 1 dimension").into());
+    }
+    if pairs.alike.is_empty() {
+        return Err(format!("{learner} needs pairs of label 1").into());
+    }
+    if needs == Needs::Both && pairs.unlike.is_empty() {
+        return Err(format!("{learner} needs pairs of label 0 too").into());
+    }
+    let ends = pairs.alike.iter().chain(pairs.unlike).flatten();
+    if let Some(row) = ends.into_iter().find(|&&row| row >= n) {
+        return Err(format!("a pair names row {row}, but there are {n} poses").into());
+    }
+    let bad = |row: usize| !pairs.x.row(row).iter().all(|v| v.is_finite());
+    match (0..n).find(|&row| bad(row)) {
+        Some(row) => Err(format!("row {row} holds a value that is not finite").into()),
+        None => Ok(()),
+    }
+}
 
-    /// The rows that some pair names, in rising order, each once.
-    fn labeled(&self) -> Vec<usize> {
-        let ends = self.alike.iter().chain(self.unlike).flatten();
-        let mut rows: Vec<usize> = ends.copied().collect();
-        rows.sort_unstable();
-        rows.dedup();
-        rows
-    }
+/// The rows that some pair names, in rising order, each once.
+fn labeled_rows(pairs: &TrainingPairs<'_>) -> Vec<usize> {
+    let ends = pairs.alike.iter().chain(pairs.unlike).flatten();
+    let mut rows: Vec<usize> = ends.copied().collect();
+    rows.sort_unstable();
+    rows.dedup();
+    rows
 }
 
 #[cfg(test)]

@@ -18,8 +18,9 @@
 use super::components::components;
 use super::scatter::centered;
 use super::start::principal_start;
-use super::{Learned, Needs, Settings, TrainingPairs};
+use super::{LearnedMap, Needs, Settings, check, labeled_rows};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::{product, transposed_product};
@@ -42,9 +43,9 @@ const TOLERANCE: f64 = 1e-5;
 /// # Errors
 /// [`crate::Error::Unfit`]: no alike pairs, or all labeled poses alike by a chain; pairs, poses or
 /// settings that cannot be used.
-pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
-    pairs.check("nca", Needs::Alike, settings.rank)?;
-    let rows = pairs.labeled();
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<LearnedMap> {
+    check(pairs, "nca", Needs::Alike, settings.rank)?;
+    let rows = labeled_rows(pairs);
     let of = components(pairs.x.nrows(), pairs.alike).of;
     let class: Vec<usize> = rows.iter().map(|&row| of[row]).collect();
     if class.iter().all(|c| *c == class[0]) {
@@ -60,7 +61,7 @@ pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Lear
         (value, gradient.iter().copied().collect())
     });
     let w = Array2::from_shape_vec((d, r), end.at).expect("as many as at the start");
-    Ok(Learned {
+    Ok(LearnedMap {
         w: w * start.scale,
         converged: end.converged,
     })
@@ -207,7 +208,7 @@ mod tests {
                 },
             )
             .unwrap();
-            let rows = data.pairs().labeled();
+            let rows = labeled_rows(&data.pairs());
             let class: Vec<usize> = rows.iter().map(|i| i % 10).collect();
             let x = data.x.select(Axis(0), &rows);
             objective(x.view(), &class, learned.w.view()).0

@@ -12,8 +12,9 @@
 
 use super::components::components;
 use super::scatter::{add_ridge, total_scatter};
-use super::{Needs, Settings, TrainingPairs};
+use super::{Needs, Settings, check};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::linalg::generalized_eigen;
 use crate::numeric::product::transposed_product;
 use ndarray::{Array2, ArrayView2, Axis, s};
@@ -24,7 +25,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 /// # Errors
 /// [`crate::Error::Unfit`]: no alike pairs, or pairs, poses or settings that cannot be used.
 pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
-    pairs.check("rca", Needs::Alike, settings.rank)?;
+    check(pairs, "rca", Needs::Alike, settings.rank)?;
     let mut within = chunklet_covariance(pairs.x, pairs.alike);
     add_ridge(&mut within, settings.ridge)?;
     let eigen = generalized_eigen(&total_scatter(pairs.x), &within);

@@ -17,8 +17,9 @@
 
 use super::neighbors::edges;
 use super::scatter::{add_ridge, pair_scatter};
-use super::{Needs, Settings, TrainingPairs};
+use super::{Needs, Settings, check, labeled_rows};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::linalg::generalized_eigen;
 use ndarray::{Array2, s};
 
@@ -32,10 +33,10 @@ const LEAST_RATIO: f64 = 1e-10;
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
 pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Array2<f64>> {
-    pairs.check("sda", Needs::Both, settings.rank)?;
+    check(pairs, "sda", Needs::Both, settings.rank)?;
     let between = pair_scatter(pairs.x, pairs.unlike);
     let mut small = pair_scatter(pairs.x, pairs.alike);
-    if pairs.labeled().len() < pairs.x.nrows() && settings.beta > 0.0 {
+    if labeled_rows(pairs).len() < pairs.x.nrows() && settings.beta > 0.0 {
         let graph = pair_scatter(pairs.x, &edges(pairs.x, settings.neighbors));
         let (size, full) = (graph.diag().sum(), small.diag().sum());
         if size > 0.0 {
@@ -123,7 +124,7 @@ mod tests {
         let whole = data.pairs();
         let fit = |pairs: &TrainingPairs<'_>, beta| fit(pairs, &with(beta)).unwrap();
         assert_ne!(fit(&whole, 0.0), fit(&whole, 1.0));
-        let rows = whole.labeled();
+        let rows = labeled_rows(&whole);
         let x = data.x.select(Axis(0), &rows);
         let among = |pairs: &[[usize; 2]]| -> Vec<[usize; 2]> {
             let at = |i| rows.binary_search(&i).unwrap();

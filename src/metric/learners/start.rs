@@ -1,8 +1,8 @@
 //! Where the learners that take steps begin.
 
-use super::TrainingPairs;
 use super::scatter::{pair_scatter, total_scatter};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array2, s};
 

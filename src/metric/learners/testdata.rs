@@ -1,6 +1,6 @@
 //! Made poses whose classes show in some dimensions only.
 
-use super::TrainingPairs;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::parallel::rng;
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;

@@ -19,8 +19,9 @@
 //! Cost: O(q d² + d³) a step for q unlike pairs.
 
 use super::scatter::{add_ridge, differences, pair_scatter};
-use super::{Learned, Needs, Settings, TrainingPairs};
+use super::{LearnedMap, Needs, Settings, check};
 use crate::Result;
+use crate::metric::train::TrainingPairs;
 use crate::numeric::lbfgs::minimize;
 use crate::numeric::linalg::{Cholesky, symmetric_eigen};
 use crate::numeric::product::{product, transposed_product};
@@ -37,8 +38,8 @@ const GAP: f64 = 1e-3;
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no pairs of one label, or pairs, poses or settings that cannot be used.
-pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Learned> {
-    pairs.check("xing", Needs::Both, settings.rank)?;
+pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<LearnedMap> {
+    check(pairs, "xing", Needs::Both, settings.rank)?;
     let mut alike = pair_scatter(pairs.x, pairs.alike) * pairs.alike.len() as f64;
     add_ridge(&mut alike, settings.ridge)?;
     let singular = "xing needs a larger ridge: alike poses do not vary in all directions";
@@ -52,7 +53,7 @@ pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Lear
     let (root, converged) = spread(white.view());
     let root = factor.half_solve_transposed(&root).ok_or(singular)?;
     let w = leading(&root, settings.rank).ok_or("xing cannot decompose its metric")?;
-    Ok(Learned { w, converged })
+    Ok(LearnedMap { w, converged })
 }
 
 /// The rows that are not zero. A pair of copies adds nothing, and its distance has no gradient.

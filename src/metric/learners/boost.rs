@@ -118,9 +118,9 @@ fn best_stump(
 }
 
 /// The magnitudes of the differences of pairs of rows (pairs, dimensions).
-pub(super) fn magnitudes(vectors: ArrayView2<'_, f32>, pairs: &[[usize; 2]]) -> Array2<f32> {
-    Array2::from_shape_fn((pairs.len(), vectors.ncols()), |(k, j)| {
-        (vectors[[pairs[k][0], j]] - vectors[[pairs[k][1], j]]).abs()
+pub(super) fn magnitudes(x: ArrayView2<'_, f64>, pairs: &[[usize; 2]]) -> Array2<f32> {
+    Array2::from_shape_fn((pairs.len(), x.ncols()), |(k, j)| {
+        (x[[pairs[k][0], j]] as f32 - x[[pairs[k][1], j]] as f32).abs()
     })
 }
 

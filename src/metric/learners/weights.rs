@@ -1,11 +1,11 @@
 //! Metrics that weigh features, learned from pairs: by least squares, or by boosting.
 
-use super::boost;
-use super::features::PoseFeatures;
-use super::learners::lms;
-use super::pose_metric::{Norm, PoseMetric, Projection};
+use super::{boost, lms};
 use crate::Result;
-use ndarray::{Array2, ArrayView2};
+use crate::metric::features::PoseFeatures;
+use crate::metric::pose_metric::{Norm, PoseMetric, Projection};
+use crate::metric::train::{Learned, TrainingPairs};
+use ndarray::Array2;
 
 /// How weights are learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(super) enum WeightRule {
     Boosting,
 }
 
-/// `full` with weights, learned from its vectors of labeled poses and pairs of their rows.
+/// `full` with weights, learned from its vectors of labeled poses.
 ///
 /// By least squares, coordinates and rotations have a weight per joint (Wang and Bodenheimer: LJCD,
 /// LJOD), distances of joints one each for their magnitudes (Tang et al.: JRF+LMS), other features
@@ -27,26 +27,26 @@ pub(super) enum WeightRule {
 pub(super) fn learn(
     full: &PoseMetric,
     rule: WeightRule,
-    vectors: ArrayView2<'_, f32>,
-    pairs: &[[usize; 2]],
-    is_alike: &[bool],
-) -> Result<PoseMetric> {
-    let magnitudes = boost::magnitudes(vectors, pairs);
+    pairs: &TrainingPairs<'_>,
+) -> Result<Learned> {
+    let ends = [pairs.alike, pairs.unlike].concat();
+    let is_alike: Vec<bool> = (0..ends.len()).map(|k| k < pairs.alike.len()).collect();
+    let magnitudes = boost::magnitudes(pairs.x, &ends);
     let is_city = rule == WeightRule::Boosting || full.features == PoseFeatures::JointDistances;
     let weights: Vec<f32> = match rule {
         WeightRule::Boosting => {
-            let chosen = boost::choose(magnitudes.view(), is_alike)?;
+            let chosen = boost::choose(magnitudes.view(), &is_alike)?;
             chosen.iter().map(|c| f32::from(u8::from(*c))).collect()
         }
         WeightRule::LeastSquares => {
             let group = groups(full.features, magnitudes.ncols());
             let count = group.iter().max().map_or(0, |g| g + 1);
-            let mut terms = Array2::zeros((pairs.len(), count));
+            let mut terms = Array2::zeros((ends.len(), count));
             for ((k, j), v) in magnitudes.indexed_iter() {
                 let v = f64::from(*v);
                 terms[[k, group[j]]] += if is_city { v } else { v * v };
             }
-            let weights = lms::fit(terms.view(), is_alike)?;
+            let weights = lms::fit(terms.view(), &is_alike)?;
             let of = |w: f64| if is_city { w } else { w.sqrt() };
             group.iter().map(|g| of(weights[*g]) as f32).collect()
         }
@@ -54,10 +54,14 @@ pub(super) fn learn(
     if weights.iter().all(|w| *w == 0.0) {
         return Err("no feature tells pairs that are alike from others".into());
     }
-    Ok(PoseMetric {
+    let metric = PoseMetric {
         projection: Projection::Weights(weights),
         norm: if is_city { Norm::City } else { Norm::Euclidean },
         ..full.clone()
+    };
+    Ok(Learned {
+        metric,
+        has_converged: true,
     })
 }
 
@@ -84,7 +88,7 @@ fn groups(features: PoseFeatures, width: usize) -> Vec<usize> {
 }
 
 /// What stands in the brackets of a feature's name.
-pub(super) fn joint_of(name: &str) -> &str {
+pub(crate) fn joint_of(name: &str) -> &str {
     let inside = name.split(['(', ')']).nth(1);
     inside.unwrap_or(name)
 }
