@@ -139,6 +139,29 @@ const HOMES: &[(&str, &[&str])] = &[
     ("bvh_anim", &["io/bvh"]),
 ];
 
+/// Words of modules that are to stand in a crate above the room that they lie in, the only places
+/// under src/ that may hold them besides [`ABOVE_PAPERS`], and what others do instead.
+const PAPERS: &[(&[&str], &[&str], &str)] = &[
+    (
+        &["published::"],
+        &["prior/published/"],
+        "a kind of prior is an entry that prior::register makes known; tests of one stand beside it",
+    ),
+    (
+        &["learners::", "PublishedLearner"],
+        &["metric/learners/", "metric/baselines.rs"],
+        "a learner is a metric::train::PairLearner, which the caller passes as Learner::Other",
+    ),
+    (
+        &["baselines::", "Baseline"],
+        &["metric/baselines.rs"],
+        "what baselines and others share stands in metric, below both",
+    ),
+];
+
+/// Rooms that stand above the published kinds, learners and distances.
+const ABOVE_PAPERS: &[&str] = &["evaluate/", "cli/", "bin/"];
+
 fn sources() -> Vec<(String, String)> {
     fn walk(folder: &Path, out: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
@@ -429,6 +452,56 @@ fn words_stay_at_home() {
         }
     }
     assert!(strays.is_empty(), "{}", strays.join("\n"));
+}
+
+/// The lines of a file that name a module of [`PAPERS`], and what to do instead. A room's own `mod`
+/// and `pub use` are how it shows what lies in it.
+fn names_papers(name: &str, source: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let is_in = |places: &[&str]| places.iter().any(|place| name.starts_with(place));
+    if is_in(ABOVE_PAPERS) {
+        return found;
+    }
+    for line in source.lines().filter(|line| !line.starts_with("pub use ")) {
+        for (words, homes, instead) in PAPERS {
+            let word = words.iter().find(|word| line.contains(**word));
+            if let Some(word) = word.filter(|_| !is_in(homes)) {
+                found.push(format!("src/{name}: {word} stands above it: {instead}"));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn priors_and_metrics_name_nothing_of_papers() {
+    let mut wrong = Vec::new();
+    for (name, source) in sources() {
+        wrong.extend(names_papers(&name, &source));
+        // In a room of its own crate such a line would be off always.
+        let is_room = ["prior/", "metric/"].iter().any(|r| name.starts_with(r));
+        if is_room && !name.ends_with("/mod.rs") && source.contains("feature = \"published\"") {
+            wrong.push(format!(
+                "src/{name}: the feature `published` chooses modules in mod.rs: make it one, or \
+                 keep it always"
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_name_of_papers_is_seen() {
+    let count = |name: &str, source: &str| names_papers(name, source).len();
+    let source = "use super::published;\nfn f(k: published::Kind) {}\nfn g() { options.published }";
+    assert_eq!(count("prior/registry.rs", source), 1);
+    assert_eq!(count("prior/published/mod.rs", source), 0);
+    assert_eq!(count("evaluate/benchmark/method.rs", source), 0);
+    let source = "use super::learners::{self, lms};\nlet b = super::Baseline::Jod;";
+    assert_eq!(count("metric/train.rs", source), 2);
+    assert_eq!(count("metric/baselines.rs", source), 0);
+    let source = "pub mod baselines;\npub use baselines::Baseline;";
+    assert_eq!(count("metric/mod.rs", source), 0);
 }
 
 /// Whether a line names a flag, such as `--map` or `--{name}`. `var(--line)` is CSS.
