@@ -39,6 +39,8 @@ pub struct KindEntry {
     /// One line on what the model is.
     pub description: &'static str,
     /// Trains a model of this name; the last argument is called with what is being done.
+    // An alias would hide the arguments in the documentation.
+    #[expect(clippy::type_complexity)]
     pub train: fn(&TrainingSet, &TrainOptions, &mut dyn FnMut(&str)) -> Result<Model>,
     /// Opens a model of this name; the last argument names the model in messages.
     pub open: fn(&Model, &OpenOptions, &str) -> Result<Box<dyn Prior>>,
