@@ -244,10 +244,20 @@ pub struct OutputArgs {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     pub output: Option<OutputPath>,
     /// Output format (default: by FILE's extension, else csv)
-    #[arg(long, value_parser = choice::<TableFormat>(), value_name = "FORMAT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_parser = choice::<TableFormat>(),
+        value_name = "FORMAT",
+        help_heading = "Output"
+    )]
     pub to: Option<TableFormat>,
     /// Unit of length of the output (default: that of an input table, else cm)
-    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_parser = choice::<LengthUnit>(),
+        value_name = "UNIT",
+        help_heading = "Output"
+    )]
     pub out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(

@@ -49,7 +49,12 @@ struct ModelFlags {
     )]
     sparsity: Sparsity,
     /// For a dictionary: rule that selects the next atom
-    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp", help_heading = "Model")]
+    #[arg(
+        long,
+        value_parser = choice::<SelectionRule>(),
+        default_value = "oomp",
+        help_heading = "Model"
+    )]
     pursuit: SelectionRule,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
     /// distances and outliers
@@ -88,7 +93,12 @@ pub struct RestoringArgs {
     status: bool,
     /// Where points stand on the bones they are named after: starts, as the joints of BVH files,
     /// or ends, as the joints of CMU and of the built-in model (default: by names and lengths)
-    #[arg(long, value_parser = choice::<BonePoints>(), value_name = "starts|ends", help_heading = "Input")]
+    #[arg(
+        long,
+        value_parser = choice::<BonePoints>(),
+        value_name = "starts|ends",
+        help_heading = "Input"
+    )]
     bones: Option<BonePoints>,
     /// Which points of the table are which of the model's: a shipped map (anatomical,
     /// bandai-namco, biped, cmu-bvh, coco, h36m, halpe, hik, kinect, lafan, makehuman, mediapipe,

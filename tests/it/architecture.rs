@@ -100,9 +100,7 @@ const CRATES: &[(&str, &[&str], &[&str])] = &[
         &[
             "prior/published",
             "metric/baselines",
-            "metric/boost",
             "metric/learners",
-            "metric/motion_matching",
             "evaluate",
         ],
         &[
@@ -191,10 +189,11 @@ fn sources() -> Vec<(String, String)> {
 /// The source without comments (line for line), so that documentation may link upwards, and without
 /// the unit tests at its foot, which may look around.
 fn code(source: &str) -> String {
-    let source = source
-        .split("\n#[cfg(test)]\nmod ")
-        .next()
-        .unwrap_or_default();
+    let tests =
+        ["mod ", "pub(super) mod ", "pub(crate) mod "].map(|m| format!("\n#[cfg(test)]\n{m}"));
+    let source = tests.iter().fold(source, |source, tests| {
+        source.split(&tests[..]).next().unwrap_or_default()
+    });
     let line = |line: &str| match line.find("//") {
         // `://` is an address in a text.
         Some(at) if !line[..at].ends_with(':') => line[..at].to_string(),

@@ -68,7 +68,12 @@ pub struct Args {
     #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
     output: OutputPath,
     /// Format of the results [default: that of each file, or by the extension of OUT]
-    #[arg(long, value_parser = choice::<OutputFormat>(), value_name = "FORMAT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_parser = choice::<OutputFormat>(),
+        value_name = "FORMAT",
+        help_heading = "Output"
+    )]
     to: Option<OutputFormat>,
     /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
     /// the ending .json

@@ -54,7 +54,12 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format, csv or npy (default: by FILE's extension, else csv)
-    #[arg(long, value_parser = choice::<TableFormat>(), value_name = "FORMAT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_parser = choice::<TableFormat>(),
+        value_name = "FORMAT",
+        help_heading = "Output"
+    )]
     to: Option<TableFormat>,
     #[command(flatten)]
     common: CommonArgs,

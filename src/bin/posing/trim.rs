@@ -71,7 +71,12 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Unit of length of the output (default: that of an input table, else cm)
-    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_parser = choice::<LengthUnit>(),
+        value_name = "UNIT",
+        help_heading = "Output"
+    )]
     out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(
