@@ -117,7 +117,7 @@ struct Part<'a> {
     measured: RepeatedFrames,
     /// Ranges of consecutive measured frames, within them.
     runs: Vec<Range<usize>>,
-    /// Measured frames a second.
+    /// Rows a second: measured frames, or all where these keep their times.
     rate: f64,
     like: &'a Templates,
 }
