@@ -46,8 +46,8 @@ const SECONDS: f64 = 1.0;
 /// in common than the limit; the least of 60 and more is .067.
 const LEAST_FRAMES: f64 = 60.0;
 const LEAST_TRACKS: usize = 6;
-/// Frames a second below which motion changes from one to the next as faults do: takes of 4 to 8 show as little power in common as noise, and labels of key poses at 4 seem
-/// exchanged.
+/// Frames a second below which motion changes from one to the next as faults do: takes of 4 to 8
+/// show as little power in common as noise, and labels of key poses at 4 seem exchanged.
 pub(crate) const LEAST_RATE: f64 = 9.5;
 /// Log power further off its median counts as this, nats: a value that is held, and a spike.
 const LOWEST: f64 = -4.0;
