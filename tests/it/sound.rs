@@ -121,6 +121,22 @@ fn frames_in_place_of_dropped_ones_are_only_told() {
         assert!(said.contains("held frames"), "{said}");
         let (bytes, code, said) = of("label", &["-q"], &file);
         assert!(bytes == table.as_bytes() && code == 0, "{said}");
+        let rotations = folder.path().join("take.bvh");
+        let motion = run("xyz2bvh", &["-q"], &walk);
+        let lines: Vec<&str> = motion.lines().collect();
+        let first = 1 + lines
+            .iter()
+            .position(|line| line.starts_with("Frame Time"))
+            .unwrap();
+        let line = |n: usize| match n > first && (n - first) % every == 3 {
+            true => format!("{}\n", lines[n - 1]),
+            false => format!("{}\n", lines[n]),
+        };
+        let motion: String = (0..lines.len()).map(line).collect();
+        fs::write(&rotations, &motion).unwrap();
+        let (cleaned, code, said) = of("clean", &[], &rotations);
+        assert!(cleaned == motion.as_bytes() && code == 3, "{every}: {said}");
+        assert!(said.contains("held frames"), "{said}");
     }
 }
 
