@@ -115,7 +115,7 @@
 //! speed.
 
 #[macro_use]
-mod names;
+extern crate posing_core;
 
 pub mod audit;
 pub mod body;
@@ -125,14 +125,11 @@ pub mod cli;
 pub mod cluster;
 pub mod draw;
 pub mod edit;
-pub mod error;
 pub mod evaluate;
 pub mod ik;
 pub mod io;
 pub mod label;
 pub mod metric;
-pub mod numeric;
-pub mod pose;
 pub mod prelude;
 pub mod prior;
 pub mod restore;
@@ -141,4 +138,5 @@ pub mod server;
 pub mod solve;
 pub mod sparse;
 
-pub use error::{Error, Place, Result};
+#[doc(inline)]
+pub use posing_core::{Error, Place, Result, error, numeric, pose};

@@ -1,0 +1,199 @@
+//! What can go wrong, and the exit code each kind of failure has.
+
+use std::fmt;
+use std::io;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// A shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A failure, told in one line that names the place, what is wrong there and, where there is one,
+/// the remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The input holds something that cannot be used (exit 1).
+    #[error("{place}: {}", with_options(what))]
+    Data {
+        /// Where in the input.
+        place: Place,
+        /// What is wrong, and what would mend it.
+        what: String,
+    },
+    /// What was given cannot be used; the caller knows the place ([`Error::at`]; exit 1).
+    #[error("{}", with_options(.0))]
+    Unfit(String),
+    /// The arguments do not fit together or are out of range (exit 2).
+    #[error("{}", with_options(.0))]
+    Usage(String),
+    /// Reading or writing failed (exit 1; a reader that closes the pipe is no failure at all).
+    #[error("{place}: {source}")]
+    Io {
+        /// The file, or `standard input` or `standard output`.
+        place: String,
+        /// The system's own word on it.
+        source: io::Error,
+    },
+}
+
+/// A place in an input: `walk.csv:118: lwrist.y`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file's name as the user gave it, or `standard input`.
+    pub file: String,
+    /// Line, counted from 1.
+    pub line: Option<u64>,
+    /// Column, bone or array inside that line or file.
+    pub part: Option<String>,
+}
+
+impl Place {
+    /// A whole file.
+    pub fn file(file: impl Into<String>) -> Self {
+        Place {
+            file: file.into(),
+            line: None,
+            part: None,
+        }
+    }
+    /// One line of a file, counted from 1.
+    pub fn line(file: impl Into<String>, line: u64) -> Self {
+        Place {
+            file: file.into(),
+            line: Some(line),
+            part: None,
+        }
+    }
+    /// The same place with a column, bone or array named.
+    #[must_use]
+    pub fn part(mut self, part: impl Into<String>) -> Self {
+        self.part = Some(part.into());
+        self
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if let Some(part) = &self.part {
+            write!(f, ": {part}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Error {
+    /// Unusable data at a place.
+    pub fn data(place: Place, what: impl Into<String>) -> Self {
+        Error::Data {
+            place,
+            what: what.into(),
+        }
+    }
+    /// Something unusable whose place the caller knows. Texts convert into it, too.
+    #[doc(hidden)]
+    pub fn unfit(what: impl Into<String>) -> Self {
+        Error::Unfit(what.into())
+    }
+    /// An [`Error::Unfit`] becomes [`Error::Data`] at `place`; others stay as they are.
+    #[must_use]
+    pub fn at(self, place: Place) -> Self {
+        match self {
+            Error::Unfit(what) => Error::Data { place, what },
+            other => other,
+        }
+    }
+    /// An [`Error::Unfit`] becomes [`Error::Usage`]: what was given are arguments. Others stay as
+    /// they are.
+    #[must_use]
+    pub fn into_usage(self) -> Self {
+        match self {
+            Error::Unfit(what) => Error::Usage(what),
+            other => other,
+        }
+    }
+    /// Arguments that cannot be used.
+    pub fn usage(what: impl Into<String>) -> Self {
+        Error::Usage(what.into())
+    }
+    /// A failed read or write of a file.
+    pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
+        Error::Io {
+            place: path.as_ref().display().to_string(),
+            source,
+        }
+    }
+    /// 2 for wrong usage, 1 for everything else.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Usage(_) => 2,
+            _ => 1,
+        }
+    }
+    /// Whether the reader of our output has gone away, which ends a command with success.
+    pub fn is_closed_pipe(&self) -> bool {
+        matches!(self, Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+impl From<String> for Error {
+    fn from(what: String) -> Self {
+        Error::Unfit(what)
+    }
+}
+
+impl From<&str> for Error {
+    fn from(what: &str) -> Self {
+        Error::Unfit(what.into())
+    }
+}
+
+/// Names an option for a user: set once by a program that has its own words for them.
+static OPTION_NAMES: OnceLock<fn(&str) -> String> = OnceLock::new();
+
+/// Lets messages name options as `name` does. A message of the library says ``the option `up z` ``,
+/// which is the field `up` of options with the value `z`; `name` gets what stands in the
+/// backquotes. A command names its flag instead.
+pub fn name_options(name: fn(&str) -> String) {
+    let _ = OPTION_NAMES.set(name);
+}
+
+/// The text of a message with its options named as [`name_options`] says.
+#[doc(hidden)]
+pub fn with_options(text: &str) -> String {
+    match OPTION_NAMES.get() {
+        Some(name) => replace_options(text, name),
+        None => text.to_string(),
+    }
+}
+
+fn replace_options(text: &str, name: impl Fn(&str) -> String) -> String {
+    let mut parts = text.split("the option `");
+    let mut out = parts.next().unwrap_or_default().to_string();
+    for part in parts {
+        match part.split_once('`') {
+            Some((option, rest)) => out += &(name(option) + rest),
+            None => out += part,
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::replace_options;
+
+    #[test]
+    fn options_get_the_names_that_a_program_has() {
+        let flag = |option: &str| format!("--{}", option.replace('_', "-"));
+        let text = "does not say its unit; give it with the option `units mm` (or cm), or the \
+                    option `max_gap`";
+        assert_eq!(
+            replace_options(text, flag),
+            "does not say its unit; give it with --units mm (or cm), or --max-gap"
+        );
+    }
+}

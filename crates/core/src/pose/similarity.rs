@@ -1,0 +1,284 @@
+//! The similarity that carries one set of points onto another (Horn 1987, by unit quaternions).
+
+use glam::{DMat3, DQuat, DVec3};
+
+/// `y = scale · rotation · x + shift`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Similarity {
+    /// A proper rotation.
+    pub rotation: DMat3,
+    /// Centimeters.
+    pub shift: DVec3,
+    /// Above zero.
+    pub scale: f64,
+}
+
+impl Default for Similarity {
+    fn default() -> Self {
+        Similarity::IDENTITY
+    }
+}
+
+impl Similarity {
+    /// Moves nothing.
+    pub const IDENTITY: Similarity = Similarity {
+        rotation: DMat3::IDENTITY,
+        shift: DVec3::ZERO,
+        scale: 1.0,
+    };
+
+    /// Where `x` is carried.
+    #[doc(hidden)]
+    pub fn apply(&self, x: DVec3) -> DVec3 {
+        self.rotation * x * self.scale + self.shift
+    }
+    /// Where `y` came from.
+    #[doc(hidden)]
+    pub fn undo(&self, y: DVec3) -> DVec3 {
+        self.rotation.transpose() * (y - self.shift) / self.scale
+    }
+    /// Applies the similarity to a pose of 3 J numbers (missing values stay missing).
+    pub fn apply_pose(&self, from: &[f64], to: &mut [f64]) {
+        for (x, y) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
+            y.copy_from_slice(&self.apply(DVec3::from_slice(x)).to_array());
+        }
+    }
+    /// Turns [`Similarity::apply_pose`] back.
+    pub fn undo_pose(&self, from: &[f64], to: &mut [f64]) {
+        for (y, x) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
+            x.copy_from_slice(&self.undo(DVec3::from_slice(y)).to_array());
+        }
+    }
+}
+
+/// The parameters of a fit besides the rotation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransformKind {
+    /// Nothing: both sets share their origin and scale.
+    Rotation,
+    /// The shift.
+    Rigid,
+    /// The shift and the scale.
+    Similarity,
+}
+
+/// The fit of [`fit_similarity`].
+#[derive(Debug, Clone, Copy)]
+pub struct SimilarityFit {
+    /// The transform of `from` onto `to`.
+    pub similarity: Similarity,
+    /// Sum of weighted squared distances left, cm².
+    pub error: f64,
+    /// Whether the points determine the rotation (they do not when they lie on a line or there are
+    /// too few).
+    pub determined: bool,
+}
+
+/// Minimizes `Σ wᵢ |s R fromᵢ + t − toᵢ|²` over the rotation R, and over t and s as `free` says.
+///
+/// Closed form: R is the eigenvector of a symmetric 4 x 4 matrix (B. K. P. Horn, JOSA A 4, 1987),
+/// so a reflection is never returned. `None` when no weight is positive.
+pub fn fit_similarity(
+    pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
+    free: TransformKind,
+) -> Option<SimilarityFit> {
+    let (mut weight, mut from, mut to) = (0.0, DVec3::ZERO, DVec3::ZERO);
+    for (a, b, w) in pairs.clone() {
+        weight += w;
+        from += a * w;
+        to += b * w;
+    }
+    if !(weight > 0.0) {
+        return None;
+    }
+    let (from, to) = if free == TransformKind::Rotation {
+        (DVec3::ZERO, DVec3::ZERO)
+    } else {
+        (from / weight, to / weight)
+    };
+    // M = Σ w a bᵀ, and the spreads of both sets.
+    let (mut m, mut spread_from, mut spread_to) = (DMat3::ZERO, 0.0, 0.0);
+    for (a, b, w) in pairs {
+        let (a, b) = (a - from, b - to);
+        m += DMat3::from_cols(a * (b.x * w), a * (b.y * w), a * (b.z * w));
+        spread_from += w * a.length_squared();
+        spread_to += w * b.length_squared();
+    }
+    let (rotation, gain, determined) = nearest_rotation(&m);
+    let scale = match free {
+        TransformKind::Similarity if spread_from > 0.0 && gain > 0.0 => gain / spread_from,
+        _ => 1.0,
+    };
+    let error = spread_to - 2.0 * scale * gain + scale * scale * spread_from;
+    let shift = to - rotation * from * scale;
+    let similarity = Similarity {
+        rotation,
+        shift,
+        scale,
+    };
+    Some(SimilarityFit {
+        similarity,
+        error: error.max(0.0),
+        determined,
+    })
+}
+
+/// The rotation R that maximizes `trace(R M)` for `M = Σ w a bᵀ`, that maximum, and whether R is
+/// unique.
+#[doc(hidden)]
+pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
+    // S_ab = Σ w a b in Horn's notation; glam is column-major, so col(b)[a] = S_ab.
+    let s = |a: usize, b: usize| m.col(b)[a];
+    let (xx, yy, zz) = (s(0, 0), s(1, 1), s(2, 2));
+    let n = [
+        [
+            xx + yy + zz,
+            s(1, 2) - s(2, 1),
+            s(2, 0) - s(0, 2),
+            s(0, 1) - s(1, 0),
+        ],
+        [
+            s(1, 2) - s(2, 1),
+            xx - yy - zz,
+            s(0, 1) + s(1, 0),
+            s(2, 0) + s(0, 2),
+        ],
+        [
+            s(2, 0) - s(0, 2),
+            s(0, 1) + s(1, 0),
+            yy - xx - zz,
+            s(1, 2) + s(2, 1),
+        ],
+        [
+            s(0, 1) - s(1, 0),
+            s(2, 0) + s(0, 2),
+            s(1, 2) + s(2, 1),
+            zz - xx - yy,
+        ],
+    ];
+    let (values, vectors) = eigen_symmetric(n);
+    let mut order = [0, 1, 2, 3];
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    let v = vectors[order[0]];
+    let gap = values[order[0]] - values[order[1]];
+    let size = values.iter().fold(0.0, |z: f64, v| z.max(v.abs()));
+    let q = DQuat::from_xyzw(v[1], v[2], v[3], v[0]).normalize();
+    (DMat3::from_quat(q), values[order[0]], gap > 1e-9 * size)
+}
+
+/// Eigenvalues and unit eigenvectors of a small symmetric matrix, by Jacobi's rotations.
+#[doc(hidden)]
+pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+    let mut v = [[0.0; N]; N];
+    for (i, row) in v.iter_mut().enumerate() {
+        row[i] = 1.0;
+    }
+    // Six sweeps suffice at these sizes (convergence is quadratic); thirty is a bound for odd
+    // input.
+    for _ in 0..30 {
+        let off: f64 = (0..N)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| a[i][j] * a[i][j])
+            .sum();
+        let diagonal: f64 = (0..N).map(|i| a[i][i] * a[i][i]).sum();
+        if !(off > 1e-30 * diagonal) {
+            break;
+        }
+        for p in 0..N {
+            for q in p + 1..N {
+                if a[p][q] == 0.0 {
+                    continue;
+                }
+                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                let s = t * c;
+                for k in 0..N {
+                    let (kp, kq) = (a[k][p], a[k][q]);
+                    a[k][p] = c * kp - s * kq;
+                    a[k][q] = s * kp + c * kq;
+                }
+                for k in 0..N {
+                    let (pk, qk) = (a[p][k], a[q][k]);
+                    a[p][k] = c * pk - s * qk;
+                    a[q][k] = s * pk + c * qk;
+                }
+                for row in &mut v {
+                    let (rp, rq) = (row[p], row[q]);
+                    row[p] = c * rp - s * rq;
+                    row[q] = s * rp + c * rq;
+                }
+            }
+        }
+    }
+    let values = std::array::from_fn(|i| a[i][i]);
+    let vectors = std::array::from_fn(|i| std::array::from_fn(|k| v[k][i]));
+    (values, vectors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rotation::{angle_between, from_rotation_vector};
+    use super::*;
+
+    fn cloud() -> Vec<DVec3> {
+        (0..7)
+            .map(|i| DVec3::new((i as f64).sin(), (i as f64 * 2.0).cos(), 0.3 * i as f64))
+            .collect()
+    }
+
+    #[test]
+    fn a_known_similarity_is_recovered() {
+        for v in [
+            DVec3::new(0.3, 2.0, -1.0),
+            DVec3::ZERO,
+            DVec3::new(0.0, std::f64::consts::PI, 0.0),
+        ] {
+            let want = Similarity {
+                rotation: from_rotation_vector(v),
+                shift: DVec3::new(3.0, -2.0, 9.0),
+                scale: 1.7,
+            };
+            let pairs = cloud().into_iter().map(|a| (a, want.apply(a), 2.0));
+            let fit = fit_similarity(pairs, TransformKind::Similarity).unwrap();
+            assert!(fit.determined);
+            assert!(fit.error <= 1e-12);
+            assert!(angle_between(&fit.similarity.rotation, &want.rotation) <= 1e-7);
+            assert!((fit.similarity.shift - want.shift).length() <= 1e-9);
+            assert!((fit.similarity.scale - 1.7).abs() <= 1e-12);
+            let x = DVec3::new(1.0, 2.0, 3.0);
+            assert!((want.undo(want.apply(x)) - x).length() <= 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_mirror_image_is_answered_by_a_rotation() {
+        let pairs = cloud()
+            .into_iter()
+            .map(|a| (a, DVec3::new(-a.x, a.y, a.z), 1.0));
+        let fit = fit_similarity(pairs, TransformKind::Rigid).unwrap();
+        assert!((fit.similarity.rotation.determinant() - 1.0).abs() <= 1e-12);
+        assert!(fit.error > 0.1);
+    }
+
+    #[test]
+    fn points_on_a_line_do_not_determine_a_rotation() {
+        let line = (0..5).map(|i| (DVec3::X * i as f64, DVec3::Y * i as f64, 1.0));
+        let fit = fit_similarity(line, TransformKind::Rigid).unwrap();
+        assert!(!fit.determined);
+        assert!(fit.error <= 1e-9);
+        assert!(fit_similarity(std::iter::empty(), TransformKind::Rigid).is_none());
+    }
+
+    #[test]
+    fn eigenvectors_are_right() {
+        let a = [[4.0, 1.0, 0.5], [1.0, -2.0, 0.25], [0.5, 0.25, 1.0]];
+        let (values, vectors) = eigen_symmetric(a);
+        for (value, v) in values.iter().zip(vectors) {
+            for (i, row) in a.iter().enumerate() {
+                let av: f64 = row.iter().zip(v).map(|(x, y)| x * y).sum();
+                assert!((av - value * v[i]).abs() <= 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! Units of length and up axes.
+
+use super::ASF_UNIT_CM;
+use crate::Result;
+use glam::{DMat3, DVec3};
+use ndarray::Array2;
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LengthUnit {
+    /// Centimeters
+    Cm,
+    /// Meters
+    M,
+    /// Millimeters
+    Mm,
+    /// Inches
+    In,
+    /// Raw units of CMU's ASF files, 5.644 cm
+    Asf,
+}
+
+names!(LengthUnit {
+    Cm = "cm",
+    M = "m",
+    Mm = "mm",
+    In = "in",
+    Asf = "asf",
+});
+
+impl LengthUnit {
+    /// Centimeters in one unit.
+    pub fn centimeters(self) -> f64 {
+        match self {
+            LengthUnit::Cm => 1.0,
+            LengthUnit::M => 100.0,
+            LengthUnit::Mm => 0.1,
+            LengthUnit::In => 2.54,
+            LengthUnit::Asf => ASF_UNIT_CM,
+        }
+    }
+
+    /// The unit of a word in a file, such as `mm` or `Millimeters`.
+    #[doc(hidden)]
+    pub fn of_word(word: &str) -> Option<LengthUnit> {
+        let word = word.trim().to_ascii_lowercase().replace("tre", "ter");
+        Some(match word.as_str() {
+            "mm" | "millimeters" | "millimeter" => LengthUnit::Mm,
+            "cm" | "centimeters" | "centimeter" => LengthUnit::Cm,
+            "m" | "meters" | "meter" => LengthUnit::M,
+            "in" | "inch" | "inches" => LengthUnit::In,
+            _ => return None,
+        })
+    }
+}
+
+/// A length with or without a unit: `3`, `3cm`, `1asf`, `0.02m`; centimeters when none is named.
+pub fn parse_length(text: &str) -> Result<f64> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[digits.len()..] {
+        "" => LengthUnit::Cm,
+        name => LengthUnit::ALL
+            .into_iter()
+            .find(|unit| unit.name().eq_ignore_ascii_case(name))
+            .ok_or_else(|| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
+    };
+    match digits.parse::<f64>().map(|v| v * unit.centimeters()) {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
+        _ => Err("expected a length such as 3, 3cm or 1asf".into()),
+    }
+}
+
+/// The axis that points up in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UpAxis {
+    /// X is up
+    X,
+    /// Y is up, as in pose tables
+    Y,
+    /// Z is up
+    Z,
+    /// X points down
+    MinusX,
+    /// Y points down, as in images
+    MinusY,
+    /// Z points down
+    MinusZ,
+}
+
+names!(UpAxis {
+    X = "x",
+    Y = "y",
+    Z = "z",
+    MinusX = "-x",
+    MinusY = "-y",
+    MinusZ = "-z",
+});
+
+impl UpAxis {
+    /// The axis of a word in a file, such as `+Z`. One that points down is none: programs write
+    /// `-Z` where z is up.
+    #[doc(hidden)]
+    pub fn of_word(word: &str) -> Option<UpAxis> {
+        Some(match word.trim().to_ascii_lowercase().as_str() {
+            "+x" | "x" => UpAxis::X,
+            "+y" | "y" => UpAxis::Y,
+            "+z" | "z" => UpAxis::Z,
+            _ => return None,
+        })
+    }
+
+    /// The direction that is up, in the file's axes.
+    pub(crate) fn direction(self) -> DVec3 {
+        DVec3::from_array(self.turn_from_y([0.0, 1.0, 0.0]))
+    }
+
+    /// The axis that is up along a direction.
+    #[doc(hidden)]
+    pub fn along(direction: DVec3) -> Option<UpAxis> {
+        let is_near = |up: &UpAxis| up.direction().dot(direction.normalize_or_zero()) > 0.9;
+        UpAxis::ALL.into_iter().find(is_near)
+    }
+
+    /// The rotation that carries the file's axes to y up.
+    pub fn rotation(self) -> DMat3 {
+        DMat3::from_cols_array_2d(
+            &[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|axis| self.to_y(axis)),
+        )
+    }
+
+    /// Turns a point of the file into one with y up (right-handed both).
+    pub(crate) fn to_y(self, p: [f64; 3]) -> [f64; 3] {
+        match self {
+            UpAxis::X => [-p[1], p[0], p[2]],
+            UpAxis::Y => p,
+            UpAxis::Z => [p[0], p[2], -p[1]],
+            UpAxis::MinusX => [p[1], -p[0], p[2]],
+            UpAxis::MinusY => [p[0], -p[1], -p[2]],
+            UpAxis::MinusZ => [p[0], -p[2], p[1]],
+        }
+    }
+
+    /// Turns a point with y up into one of the file.
+    pub(crate) fn turn_from_y(self, p: [f64; 3]) -> [f64; 3] {
+        match self {
+            UpAxis::X => [p[1], -p[0], p[2]],
+            UpAxis::Y => p,
+            UpAxis::Z => [p[0], -p[2], p[1]],
+            UpAxis::MinusX => [-p[1], p[0], p[2]],
+            UpAxis::MinusY => [p[0], -p[1], -p[2]],
+            UpAxis::MinusZ => [p[0], p[2], -p[1]],
+        }
+    }
+}
+
+/// The unit of length and the up axis of points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Units {
+    /// The unit.
+    pub unit: LengthUnit,
+    /// The axis.
+    pub up: UpAxis,
+}
+
+impl Units {
+    /// Centimeters, y up: what everything is computed in.
+    pub const CM_Y: Units = Units {
+        unit: LengthUnit::Cm,
+        up: UpAxis::Y,
+    };
+
+    /// Converts the points of a frame to centimeters, y up.
+    #[doc(hidden)]
+    pub fn read(self, xyz: &mut [f64]) {
+        if self != Units::CM_Y {
+            let scale = self.unit.centimeters();
+            for p in xyz.chunks_exact_mut(3) {
+                p.copy_from_slice(&self.up.to_y([p[0] * scale, p[1] * scale, p[2] * scale]));
+            }
+        }
+    }
+
+    /// Converts all frames (frames, 3 P) to centimeters, y up.
+    #[doc(hidden)]
+    pub fn read_frames(self, xyz: &mut Array2<f64>) {
+        Units::convert(xyz, |row| self.read(row));
+    }
+
+    /// Converts all frames (frames, 3 P) from centimeters, y up.
+    #[doc(hidden)]
+    pub fn write_frames(self, xyz: &mut Array2<f64>) {
+        Units::convert(xyz, |row| self.write(row));
+    }
+
+    fn convert(xyz: &mut Array2<f64>, convert: impl Fn(&mut [f64])) {
+        for mut row in xyz.rows_mut() {
+            let mut values = row.to_vec();
+            convert(&mut values);
+            row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+        }
+    }
+
+    /// Converts the points of a frame from centimeters, y up.
+    #[doc(hidden)]
+    pub fn write(self, xyz: &mut [f64]) {
+        if self != Units::CM_Y {
+            for p in xyz.chunks_exact_mut(3) {
+                let own = self.up.turn_from_y([p[0], p[1], p[2]]);
+                p.copy_from_slice(&own.map(|v| self.length(v)));
+            }
+        }
+    }
+
+    /// A length of so many centimeters.
+    pub fn length(self, cm: f64) -> f64 {
+        cm / self.unit.centimeters()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        assert_eq!(parse_length("3").unwrap(), 3.0);
+        assert_eq!(parse_length("2m").unwrap(), 200.0);
+        assert!((parse_length("1asf").unwrap() - 5.644).abs() <= 1e-3);
+        for bad in ["", "x", "3ft", "-1", "inf", "nan", "1e308m"] {
+            assert!(parse_length(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn up_axes_turn_to_y() {
+        for up in UpAxis::ALL {
+            let unit = match up {
+                UpAxis::X => [1.0, 0.0, 0.0],
+                UpAxis::Y => [0.0, 1.0, 0.0],
+                UpAxis::Z => [0.0, 0.0, 1.0],
+                UpAxis::MinusX => [-1.0, 0.0, 0.0],
+                UpAxis::MinusY => [0.0, -1.0, 0.0],
+                UpAxis::MinusZ => [0.0, 0.0, -1.0],
+            };
+            assert_eq!(up.to_y(unit)[1], 1.0);
+            assert_eq!(up.turn_from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
+            assert_eq!(up.direction().to_array(), unit);
+            assert_eq!(UpAxis::along(2.0 * up.direction()), Some(up));
+            // Right-handed stays right-handed: e1 x e2 = e3.
+            let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
+                .map(|e| glam::DVec3::from_array(up.to_y(e)));
+            assert_eq!(a.cross(b), c);
+        }
+    }
+
+    #[test]
+    fn units_and_axes_are_read_as_they_are_written() {
+        assert_eq!(LengthUnit::of_word(" MM "), Some(LengthUnit::Mm));
+        assert_eq!(
+            LengthUnit::of_word(&["Millime", "tres"].concat()),
+            Some(LengthUnit::Mm)
+        );
+        assert_eq!(LengthUnit::of_word("furlong"), None);
+        assert_eq!(UpAxis::of_word("+Z"), Some(UpAxis::Z));
+        assert_eq!(UpAxis::of_word("-Z"), None);
+    }
+}
