@@ -123,11 +123,9 @@ pub mod clean;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod cluster;
-pub mod draw;
 pub mod edit;
 pub mod evaluate;
 pub mod ik;
-pub mod io;
 pub mod label;
 pub mod metric;
 pub mod prelude;
@@ -140,3 +138,7 @@ pub mod sparse;
 
 #[doc(inline)]
 pub use posing_core::{Error, Place, Result, error, numeric, pose};
+#[doc(inline)]
+pub use posing_draw as draw;
+#[doc(inline)]
+pub use posing_io as io;

@@ -13,7 +13,7 @@
 //! # let wrist = take.points.iter().position(|p| p == "lwrist").unwrap();
 //! # take.xyz.slice_mut(ndarray::s![20..30, 3 * wrist..3 * wrist + 3]).fill(f64::NAN);
 //! # let walk = Table::from_poses(take);
-//! let model = Model::builtin()?;
+//! let model = builtin_model()?;
 //! // let walk = Table::open("walk.csv")?;
 //! let options = Complete { max_gap: Some(0.5), ..Default::default() };
 //! let done = Restorer::new(&model).complete(&walk, &options)?;
@@ -54,7 +54,7 @@ pub use crate::io::motion_file::{MotionFile, ReadOptions};
 pub use crate::io::{Amc, Asf, Bvh, Model, Table};
 pub use crate::pose::{Body, Observation, Poses, Skeleton, Space, UpAxis};
 pub use crate::prior::{
-    self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
+    self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want, builtin_model,
 };
 pub use crate::restore::{Complete, Denoise, Restoration, Restorer};
 pub use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, SparseCodes};

@@ -7,6 +7,7 @@ use crate::io::{Columns, PosesBuilder, Row, RowReader, Table, deviations};
 use crate::io::{Input, Model};
 use crate::numeric::statistics::span;
 use crate::pose::units::Units;
+use crate::prior::builtin_model;
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
 use std::io;
@@ -35,7 +36,7 @@ pub fn open_model(path: &Path) -> Result<Model> {
 pub fn open_model_or_builtin(path: Option<&Path>) -> Result<(Model, String)> {
     Ok(match path {
         Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (Model::builtin()?, "the built-in model".to_string()),
+        None => (builtin_model()?, "the built-in model".to_string()),
     })
 }
 

@@ -413,7 +413,7 @@ impl Problem<'_> {
 mod tests {
     use super::super::Session;
     use super::*;
-    use crate::io::Model;
+    use crate::prior::builtin_model;
 
     /// A start pose, turned, as a camera sees it: the joints from the root, and marks without
     /// noise.
@@ -452,7 +452,7 @@ mod tests {
 
     #[test]
     fn the_slope_of_the_likelihood_equals_differences() {
-        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let session = Session::of_model(&builtin_model().unwrap()).unwrap();
         let (_, marks) = seen(&session, 5, 1500.0, 400.0);
         let point = |k: usize| session.rig().model_points[k].unwrap();
         let problem = Problem {
@@ -486,7 +486,7 @@ mod tests {
 
     #[test]
     fn a_pose_is_found_from_its_picture_and_projects_onto_the_marks() {
-        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let session = Session::of_model(&builtin_model().unwrap()).unwrap();
         let (joints, marks) = seen(&session, 5, 1500.0, 400.0);
         let fit = fit_photograph(session.solver(), &marks, &session.state().pose, None).unwrap();
         let at = |k: usize| DVec3::from_slice(&fit.pose.xyz[3 * k..]);
@@ -512,7 +512,7 @@ mod tests {
 
     #[test]
     fn a_flipped_limb_is_on_the_other_side_in_depth() {
-        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let session = Session::of_model(&builtin_model().unwrap()).unwrap();
         let (_, marks) = seen(&session, 5, 1500.0, 400.0);
         let before = &session.state().pose;
         let fit = fit_photograph(session.solver(), &marks, before, None).unwrap();
@@ -535,7 +535,7 @@ mod tests {
 
     #[test]
     fn too_few_marks_and_marks_in_one_place_are_refused() {
-        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let session = Session::of_model(&builtin_model().unwrap()).unwrap();
         let (_, mut marks) = seen(&session, 0, 1500.0, 400.0);
         marks.at.values_mut().for_each(|at| *at = DVec2::ONE);
         let together = fit_photograph(session.solver(), &marks, &session.state().pose, None);

@@ -7,12 +7,10 @@ use crate::io::Model;
 /// The file as `make model` left it.
 static BYTES: &[u8] = include_bytes!("builtin.npz");
 
-impl Model {
-    /// The model that is compiled in.
-    ///
-    /// # Errors
-    /// None in a sound build.
-    pub fn builtin() -> Result<Model> {
-        Model::from_bytes(BYTES, "the built-in model")
-    }
+/// The model that is compiled in.
+///
+/// # Errors
+/// None in a sound build.
+pub fn builtin_model() -> Result<Model> {
+    Model::from_bytes(BYTES, "the built-in model")
 }

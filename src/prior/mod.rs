@@ -30,6 +30,7 @@ use crate::pose::{Observation, PoseTransform};
 use crate::sparse::SelectionRule;
 use ndarray::{Array2, ArrayView2};
 
+pub use builtin::builtin_model;
 pub use registry::{Kind, KindEntry, open, register};
 pub use sparse_coding::SparseCodingPrior;
 pub use training_set::{HoldBack, TrainOptions, TrainingSet};

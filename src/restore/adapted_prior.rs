@@ -217,12 +217,12 @@ fn measured_length(found: &Distance, noise: f64) -> Option<OwnLength> {
 mod tests {
     use super::*;
     use crate::io::Model;
-    use crate::prior::OpenOptions;
+    use crate::prior::{OpenOptions, builtin_model};
     use crate::restore::pose_model::PoseModel;
 
     #[test]
     fn models_that_do_not_say_which_way_is_up_have_no_upright_poses() {
-        let mut model = Model::builtin().unwrap();
+        let mut model = builtin_model().unwrap();
         let names = model.meta.points.clone();
         let pose = model.get("poses").unwrap().row(9).mapv(f64::from);
         let mut frame = pose.insert_axis(ndarray::Axis(0));

@@ -5,7 +5,7 @@
 //! use posing::io::Table;
 //! use posing::restore::{Complete, Restorer};
 //! # fn main() -> posing::Result<()> {
-//! let model = posing::io::Model::builtin()?;
+//! let model = posing::prior::builtin_model()?;
 //! # let text = "time,root.x,root.y,root.z\n";
 //! # let input = posing::io::Input::new("walk.csv", text.as_bytes())?;
 //! # let walk = Table::read(input, &Default::default())?;
@@ -51,8 +51,9 @@ pub struct Restorer<'m> {
 
 impl<'m> Restorer<'m> {
     /// Restores poses that stand anywhere in the world, by a model. Their points have the names of
-    /// the model's ([`Model::builtin`]: the joints of the CMU database), or are mapped to them by
-    /// [`Restorer::with_naming`]; for markers see [`Restorer::without_model`].
+    /// the model's ([`builtin_model`](crate::prior::builtin_model): the joints of the CMU
+    /// database), or are mapped to them by [`Restorer::with_naming`]; for markers see
+    /// [`Restorer::without_model`].
     pub fn new(model: &'m Model) -> Restorer<'m> {
         Restorer::with(Some(model))
     }

@@ -10,7 +10,8 @@ use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{browser, signals};
 use posing::edit;
-use posing::io::{Model, Table};
+use posing::io::Table;
+use posing::prior::builtin_model;
 use posing::restore::PoseModel;
 use posing::server::editor::{EditSource, Editor};
 use posing::server::figure::Figure;
@@ -79,7 +80,7 @@ pub fn work(args: &Args) -> Result<()> {
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {
         Some(path) => edit::open_model(&open_model(path)?, &path.display().to_string())?,
-        None => edit::open_model(&Model::builtin()?, "the built-in model")?,
+        None => edit::open_model(&builtin_model()?, "the built-in model")?,
     };
     let table = args
         .poses

@@ -6,6 +6,7 @@ use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, streams};
 use posing::io::Model;
+use posing::prior::builtin_model;
 use posing::solve::MarkerSet;
 use posing::{Error, Result};
 use serde_json::Value;
@@ -65,13 +66,13 @@ pub fn work(args: &Args) -> Result<()> {
         What::Info { model, json } => {
             let model = match model {
                 Some(path) => input::open_model(path)?,
-                None => Model::builtin()?,
+                None => builtin_model()?,
             };
             json.prepare_report();
             json.write_report(None, || summary(&model), json_of(&model)?)?;
         }
         What::Save { output } => {
-            streams::write_bytes(Some(output), &Model::builtin()?.to_bytes()?, true)?
+            streams::write_bytes(Some(output), &builtin_model()?.to_bytes()?, true)?
         }
     }
     Ok(())

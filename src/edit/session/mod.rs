@@ -57,9 +57,9 @@ pub type Pins = BTreeMap<usize, [Option<f64>; 3]>;
 ///
 /// ```
 /// use posing::edit::Session;
-/// use posing::io::Model;
+/// use posing::prior::builtin_model;
 /// # fn main() -> posing::Result<()> {
-/// let mut session = Session::of_model(&Model::builtin()?)?;
+/// let mut session = Session::of_model(&builtin_model()?)?;
 /// let feet = ["lfoot", "rfoot"].map(|name| session.joint(name).unwrap());
 /// for foot in feet {
 ///     session.pin(foot, session.position(foot).to_array().map(Some))?;
@@ -237,9 +237,10 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prior::builtin_model;
 
     pub(super) fn session() -> Session {
-        Session::of_model(&Model::builtin().unwrap()).unwrap()
+        Session::of_model(&builtin_model().unwrap()).unwrap()
     }
 
     pub(super) fn pins_of(session: &Session, names: &[&str]) -> Pins {
@@ -283,7 +284,7 @@ mod tests {
     #[test]
     fn limits_are_kept_when_asked_for() {
         let asf = crate::io::Asf::open("testdata/cmu/07/07.asf").unwrap();
-        let model = Model::builtin().unwrap();
+        let model = builtin_model().unwrap();
         let rig = Rig::new(asf.skeleton, &model.meta.points).unwrap();
         let mut session = Session::new(&model, "the model", rig).unwrap();
         // Some of its joints the model does not know: a release without a move is no step all the

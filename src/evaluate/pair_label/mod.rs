@@ -7,7 +7,7 @@
 mod motion;
 
 use crate::draw::html::{self, escape, script_json};
-use crate::draw::player::parts::{PAPER, Part, parts};
+use crate::draw::player::parts::{self, PAPER, Part, parts};
 use crate::metric::joint_map::{JOINTS, PARENTS, joint};
 use crate::metric::pair_proposal::{ProposedPair, TakeFrame};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -18,11 +18,8 @@ use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
-const STYLE: &str = concat!(
-    include_str!("../../draw/player/player.css"),
-    include_str!("../../draw/player/page.css"),
-    include_str!("label.css"),
-);
+static STYLE: LazyLock<String> =
+    LazyLock::new(|| [parts::STYLE, parts::PAGE_STYLE, include_str!("label.css")].concat());
 static SCRIPT: LazyLock<String> = LazyLock::new(|| {
     let view = parts(&[Part::View]);
     let (show, label) = (include_str!("show.js"), include_str!("label.js"));
@@ -50,7 +47,7 @@ pub fn page(
     };
     let data = script_json(&embedded(takes, pairs, seconds, height));
     let values = [("title", &*escape(title)), ("data", &data)];
-    html::page(PAGE, STYLE, &SCRIPT, &values)
+    html::page(PAGE, &STYLE, &SCRIPT, &values)
 }
 
 /// Everything the script reads.
@@ -208,7 +205,7 @@ mod tests {
         ] {
             assert!(!page.contains(loading), "{loading}");
         }
-        for source in [SCRIPT.as_str(), STYLE] {
+        for source in [SCRIPT.as_str(), STYLE.as_str()] {
             assert!(page.contains(&html::policy_hash(source)));
             assert!(!source.to_lowercase().contains("</s"));
         }

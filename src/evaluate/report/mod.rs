@@ -15,6 +15,7 @@ use super::benchmark::splits::Split;
 use super::benchmark::summary::{SummaryRow, summarize};
 use crate::Result;
 use crate::draw::html::{page, script_json};
+use crate::draw::plain_page::STYLE;
 use crate::draw::player;
 use crate::pose::ASF_UNIT_CM;
 use serde_json::json;
@@ -24,11 +25,6 @@ pub(super) use tables::short;
 
 /// The page around tables, charts and figures.
 const PAGE: &str = include_str!("report.html");
-/// The style of the page and of the players in it.
-const STYLE: &str = concat!(
-    include_str!("../../draw/player/player.css"),
-    include_str!("report.css")
-);
 /// Elements and tables, for the scripts of both pages.
 const HELPERS: &str = include_str!("helpers.js");
 /// The script that draws tables and charts, after that of the players.

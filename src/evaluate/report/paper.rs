@@ -4,9 +4,10 @@
 //! run of one subject with Tables 2 to 4. The page carries the numbers as JSON; its script draws
 //! the tables.
 
+use super::HELPERS;
 use super::tables::quoted;
-use super::{HELPERS, STYLE};
 use crate::draw::html::{page, script_json};
+use crate::draw::plain_page::STYLE;
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::SummaryRow;
 use crate::evaluate::benchmark::task::Task;

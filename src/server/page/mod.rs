@@ -1,16 +1,14 @@
 //! The page of `posing edit`: HTML, complete in itself; it talks to the program that served it and
 //! to nothing else.
 
-use crate::draw::player::parts::{PAPER, Part, parts};
+use crate::draw::player::parts::{self, PAPER, Part, parts};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
-const STYLE: &str = concat!(
-    include_str!("../../draw/player/player.css"),
-    include_str!("page.css"),
-);
+static STYLE: LazyLock<String> =
+    LazyLock::new(|| [parts::STYLE, include_str!("page.css")].concat());
 /// The scripts of this page alone.
 const OWN: &str = concat!(
     include_str!("core.js"),
@@ -47,7 +45,7 @@ static SCRIPT: LazyLock<String> = LazyLock::new(|| {
 
 /// The page, the same bytes always.
 pub fn page() -> String {
-    PAGE.replace("{{style}}", STYLE)
+    PAGE.replace("{{style}}", &STYLE)
         .replace("{{script}}", &SCRIPT)
 }
 
@@ -60,7 +58,7 @@ pub fn policy() -> String {
          connect-src 'self'; \
          frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
         hash(&SCRIPT),
-        hash(STYLE),
+        hash(&STYLE),
     )
 }
 
@@ -89,7 +87,7 @@ mod tests {
         }
         assert_eq!(page.matches("<script").count(), 1);
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
-        for source in [SCRIPT.as_str(), STYLE] {
+        for source in [SCRIPT.as_str(), STYLE.as_str()] {
             assert!(page.contains(source));
             assert!(
                 !source.to_lowercase().contains("</s"),

@@ -23,12 +23,12 @@ impl<'a> Observation<'a> {
     /// Checks the numbers of an observation.
     ///
     /// ```
-    /// use posing::pose::Observation;
+    /// use posing_core::pose::Observation;
     ///
     /// let seen = Observation::new(&[1.0, 2.0, f64::NAN], &[0.0, 0.5, f64::INFINITY])?;
     /// assert_eq!(seen.dimension(), 3);
     /// assert!(Observation::new(&[1.0], &[-1.0]).is_err());
-    /// # Ok::<(), posing::Error>(())
+    /// # Ok::<(), posing_core::Error>(())
     /// ```
     ///
     /// # Errors
