@@ -114,31 +114,68 @@
 //! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures
 //! speed.
 
-#[macro_use]
-extern crate posing_core;
-
-pub mod audit;
-pub mod body;
-pub mod clean;
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod cluster;
-pub mod edit;
-pub mod evaluate;
-pub mod ik;
-pub mod label;
-pub mod metric;
 pub mod prelude;
-pub mod prior;
-pub mod restore;
-#[cfg(feature = "server")]
-pub mod server;
-pub mod solve;
-pub mod sparse;
 
+/// Pose models behind one trait, with those that papers compare with.
+pub mod prior {
+    #[doc(inline)]
+    pub use posing_models::prior::*;
+    #[cfg(feature = "published")]
+    #[doc(inline)]
+    pub use posing_papers::published;
+}
+
+/// How alike two poses are: descriptors, metrics, transitions; with the distances and learners that
+/// papers compare with.
+pub mod metric {
+    #[doc(inline)]
+    pub use posing_likeness::*;
+    #[cfg(feature = "published")]
+    #[doc(inline)]
+    pub use posing_papers::{Baseline, PublishedLearner, baselines};
+}
+
+/// Inverse kinematics: a skeleton's degrees of freedom from the positions of its joints.
+pub mod ik {
+    #[doc(inline)]
+    pub use posing_joints::ik::*;
+    #[doc(inline)]
+    pub use posing_likeness::{Blend, Blender};
+}
+
+/// Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.
+pub mod evaluate {
+    #[doc(inline)]
+    pub use posing_likeness::pair_label;
+    #[cfg(feature = "published")]
+    #[doc(inline)]
+    pub use posing_papers::{benchmark, report, retrieval};
+    #[doc(inline)]
+    pub use posing_score::*;
+}
+
+#[doc(inline)]
+pub use posing_body as body;
+#[doc(inline)]
+pub use posing_clean::{audit, clean};
 #[doc(inline)]
 pub use posing_core::{Error, Place, Result, error, numeric, pose};
 #[doc(inline)]
 pub use posing_draw as draw;
 #[doc(inline)]
+pub use posing_edit::edit;
+#[cfg(feature = "server")]
+#[doc(inline)]
+pub use posing_edit::server;
+#[doc(inline)]
 pub use posing_io as io;
+#[doc(inline)]
+pub use posing_joints::solve;
+#[doc(inline)]
+pub use posing_label as label;
+#[doc(inline)]
+pub use posing_models::{cluster, sparse};
+#[doc(inline)]
+pub use posing_restore as restore;

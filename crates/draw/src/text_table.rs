@@ -24,3 +24,9 @@ pub fn aligned(rows: &[Vec<String>]) -> String {
     }
     out
 }
+
+/// Three digits that count, never an exponent above 1e-5.
+pub fn short(v: f64) -> String {
+    let digits = (2 - v.abs().max(1e-5).log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{v:.digits$}")
+}

@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn a_skeleton_comes_back() {
         let read = |bytes: Vec<u8>| Asf::read(Input::new("t", Cursor::new(bytes)).unwrap(), None);
-        let text = include_bytes!("../../../src/solve/skeleton.asf").to_vec();
+        let text = include_bytes!("../../joints/src/solve/skeleton.asf").to_vec();
         let asf = read(text).unwrap();
         let again = read(asf.to_bytes()).unwrap();
         let both = asf.skeleton.bones().iter().zip(again.skeleton.bones());

@@ -1,0 +1,18 @@
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+//! Posing by hand: sessions of drags, pins and key poses ([`edit`]), and with the feature `server`
+//! the page and the local server behind it.
+//!
+//! ```
+//! ```
+
+use posing_core::{Error, Place, Result, numeric, pose};
+use posing_draw as draw;
+use posing_io as io;
+use posing_joints::ik;
+use posing_models::prior;
+use posing_restore as restore;
+
+pub mod edit;
+#[cfg(feature = "server")]
+pub mod server;

@@ -1,0 +1,454 @@
+//! A take of markers solved: joints, how sure they are, and the skeleton's values.
+
+use super::body::template;
+use super::fitted::Fitted;
+use super::landmarks::JointSet;
+use super::marker_sets::{MarkerSet, NamedMarker};
+use super::person::{Calibrated, calibrated};
+use super::solved_take::{SolvedTake, UsedMarker};
+use super::tuning::*;
+use super::unseen_limbs::SeenBones;
+use crate::io::Asf;
+use crate::label::people::named_people;
+use crate::label::unlabeled::is_unlabeled;
+use crate::pose::zeros::Zeros;
+use crate::pose::{Poses, Skeleton, point_at};
+use crate::{Error, Result};
+use ndarray::{Array2, s};
+use std::ops::Range;
+
+/// How a take is solved.
+#[derive(Default)]
+pub struct SolveSettings<'a> {
+    /// The joints that are asked for.
+    pub joints: JointSet,
+    /// The marker set; `None`: the built-in one that knows most of the markers.
+    pub set: Option<&'a MarkerSet>,
+    /// The skeleton of the person, with CMU's bones, where it is known.
+    pub skeleton: Option<&'a Skeleton>,
+    /// A static take of the person, with the same markers and others.
+    pub statics: Option<&'a Poses>,
+    /// Whether deviations are asked for.
+    pub deviations: bool,
+}
+
+/// Solves a take of labeled markers, y up.
+///
+/// # Errors
+/// [`Error::Unfit`]: fewer than eight markers are known, or most of a body's tracks have no label.
+/// [`Error::Usage`]: the skeleton has not CMU's bones, or the names tell several people.
+pub fn solve(
+    poses: &Poses,
+    settings: &SolveSettings<'_>,
+    watch: &mut dyn FnMut(usize),
+) -> Result<SolvedTake> {
+    let set = (settings.set.or_else(|| MarkerSet::of(&poses.points)))
+        .ok_or_else(|| Error::usage("no marker set"))?;
+    if named_people(&poses.points) > 1 {
+        let what = "the points are of several people by their names; take one out with the \
+                    command `trim` and its option `person`";
+        return Err(Error::usage(what));
+    }
+    let all = AllMarkers::new(poses, settings.statics);
+    let is_seen = |m: &NamedMarker| {
+        let of = |xyz: &Array2<f64>| {
+            (0..xyz.nrows()).any(|t| point_at(xyz.view(), t, m.point).is_finite())
+        };
+        [of(&all.take), all.statics.as_ref().is_some_and(of)]
+    };
+    let known = set.markers(&all.points).into_iter();
+    let known: Vec<(NamedMarker, [bool; 2])> = known
+        .map(|m| (is_seen(&m), m))
+        .map(|(s, m)| (m, s))
+        .collect();
+    let in_take = known.iter().filter(|(_, seen)| seen[0]).count();
+    if in_take < FEWEST_MARKERS {
+        return Err(too_few(set, in_take));
+    }
+    if let Some(doubt) = doubt(poses, set) {
+        return Err(Error::unfit(doubt));
+    }
+    let named: Vec<NamedMarker> = known
+        .into_iter()
+        .filter(|(_, seen)| seen.contains(&true))
+        .map(|(m, _)| m)
+        .collect();
+    let calibrated = calibrated(
+        &named,
+        (&all.take.view(), FRAMES),
+        all.statics.as_ref(),
+        settings.joints,
+        settings.skeleton,
+    )?;
+    let Calibrated {
+        body,
+        prior,
+        xyz,
+        numbers,
+        precision,
+    } = &calibrated;
+    let fitted = Fitted {
+        body,
+        prior,
+        skeleton: body.skeleton(numbers)?,
+        xyz,
+        rate: poses.rate(),
+    };
+    let mut sequence = fitted.sequence(watch)?;
+    let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count() / 3 >= 3;
+    let solved: Vec<bool> = (0..poses.frames()).map(seen).collect();
+    let (names, bones) = fitted.named_bones(settings.joints)?;
+    let mut joints = fitted.ends(&sequence, &bones)?;
+    for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
+        joints.row_mut(t).fill(f64::NAN);
+    }
+    let mut sd = match settings.deviations {
+        true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
+        false => None,
+    };
+    let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
+    let by_markers = SeenBones {
+        bones: body.template.bones(),
+        marked: &markers,
+        xyz,
+        rate: poses.rate(),
+    };
+    let unseen = by_markers.unseen(&solved);
+    let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
+    empty(&mut joints, &mut sd, &ends, &unseen);
+    let never = |bone: &usize| unseen[*bone].iter().any(|run| run.len() == poses.frames());
+    for bone in (0..unseen.len()).filter(never) {
+        let dofs = s![.., fitted.skeleton.dofs_of(bone)];
+        sequence.values.slice_mut(dofs).fill(0.0);
+    }
+    let of_take = |(m, _): &(usize, &NamedMarker)| sequence.by_target[*m].1 > 0;
+    let name_of = |m: usize| all.points[named[m].point].clone();
+    let used = named.iter().enumerate().filter(of_take).map(|(m, _)| {
+        let (sum, count) = sequence.by_target[m];
+        UsedMarker {
+            name: name_of(m),
+            bone: body.template.bones()[body.markers[m].bone].name.clone(),
+            distance: sum / count.max(1) as f64,
+            deviations: calibrated.deviations(m),
+            exchanged_with: calibrated.exchanged_with(m).map(name_of),
+        }
+    });
+    let of_static = named.iter().enumerate().filter(|m| !of_take(m));
+    let of_static = of_static.map(|(_, marker)| all.points[marker.point].clone());
+    let is_used = |p: &usize| named.iter().any(|m| m.point == *p);
+    let left_out = (0..poses.points.len()).filter(|p| !is_used(p));
+    Ok(SolvedTake {
+        joints: Poses {
+            points: names,
+            xyz: joints,
+            time: poses.time.clone(),
+            take: poses.take.clone(),
+        },
+        sd,
+        skeleton: Asf {
+            skeleton: body.bare_skeleton(numbers)?,
+            ..template()?
+        },
+        set: set.name.clone(),
+        used: used.collect(),
+        of_static: of_static.collect(),
+        left_out: left_out.map(|p| poses.points[p].clone()).collect(),
+        unseen: by_markers.limbs(&ends, &unseen),
+        unsolved: solved.iter().filter(|s| !**s).count(),
+        unsettled: sequence.unconverged,
+        values: sequence.values,
+    })
+}
+
+/// Empties joints, which are at the `ends` of bones, and their deviations where these are unseen.
+fn empty(
+    joints: &mut Array2<f64>,
+    sd: &mut Option<Array2<f64>>,
+    ends: &[(String, usize)],
+    unseen: &[Vec<Range<usize>>],
+) {
+    for (j, (_, bone)) in ends.iter().enumerate() {
+        for run in &unseen[*bone] {
+            let own = s![run.clone(), 3 * j..3 * j + 3];
+            joints.slice_mut(own).fill(f64::NAN);
+            if let Some(sd) = sd {
+                sd.slice_mut(s![run.clone(), j]).fill(f64::NAN);
+            }
+        }
+    }
+}
+
+/// Why the labels of a take are no body that can be solved: a good part of the set's markers has no
+/// track, and as many tracks have no label. Then labels may be of several people.
+pub fn doubt(poses: &Poses, set: &MarkerSet) -> Option<String> {
+    let all = set.all().0.len();
+    let of_points = |points: &[usize]| {
+        let of_point = |&p: &usize| {
+            let is_seen = |t: &usize| point_at(poses.xyz.view(), *t, p).is_finite();
+            (0..poses.frames()).filter(is_seen).count()
+        };
+        points.iter().map(of_point).collect::<Vec<usize>>()
+    };
+    let known: Vec<usize> = set.markers(&poses.points).iter().map(|m| m.point).collect();
+    let loose: Vec<usize> = (0..poses.points.len())
+        .filter(|p| is_unlabeled(&poses.points[*p]))
+        .collect();
+    let (known, loose) = (of_points(&known), of_points(&loose));
+    let named = known.iter().filter(|seen| **seen > 0).count();
+    let are_few = (FEWEST_MARKERS as f64..SHARE_NAMED * all as f64).contains(&(named as f64));
+    let are_many = loose.iter().sum::<usize>() >= known.iter().sum::<usize>();
+    (are_few && are_many).then(|| {
+        format!(
+            "{named} of the {all} markers of the set {} have a track, and as many tracks have no \
+             label: their names may be of several people; label them, or leave out what is not of \
+             the person (the command `trim`, the option `points`)",
+            set.name
+        )
+    })
+}
+
+/// The markers of a take, and of a static one, by the same points.
+struct AllMarkers {
+    points: Vec<String>,
+    take: Array2<f64>,
+    statics: Option<Array2<f64>>,
+}
+
+impl AllMarkers {
+    fn new(poses: &Poses, statics: Option<&Poses>) -> AllMarkers {
+        let mut points = poses.points.clone();
+        let is_other = |p: &&String| !poses.points.contains(p);
+        points.extend(
+            statics
+                .iter()
+                .flat_map(|s| s.points.iter().filter(is_other))
+                .cloned(),
+        );
+        let ordered = |own: &Poses| {
+            let own = Zeros::emptied(own);
+            let mut xyz = Array2::from_elem((own.frames(), 3 * points.len()), f64::NAN);
+            for (p, name) in own.points.iter().enumerate() {
+                if let Some(to) = points.iter().position(|n| n == name) {
+                    let from = own.xyz.slice(s![.., 3 * p..3 * p + 3]);
+                    xyz.slice_mut(s![.., 3 * to..3 * to + 3]).assign(&from);
+                }
+            }
+            xyz
+        };
+        AllMarkers {
+            take: ordered(poses),
+            statics: statics.map(ordered),
+            points,
+        }
+    }
+}
+
+/// The error of a take that has so few markers of a set.
+pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
+    Error::unfit(format!(
+        "too few markers: the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; \
+         give a set that knows them: a file of lines such as LKNE = \"KNL\"",
+        set.name
+    ))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::body::{BONES, Body};
+    use super::*;
+    use crate::pose::joints::CMU;
+    use crate::prior::rotations::RotationPrior;
+    const NAMES: &str = "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN LSHO RSHO LUPA RUPA LELB RELB LFRM \
+                         RFRM LWRA RWRA LWRB RWRB LFIN RFIN LFWT RFWT LBWT RBWT LTHI RTHI LKNE \
+                         RKNE LSHN RSHN LANK RANK LHEE RHEE LMT5 RMT5 LTOE RTOE";
+
+    /// A person's markers, who moves, and the joints.
+    pub(in crate::solve) fn person(frames: usize) -> (Poses, Array2<f64>) {
+        let points: Vec<String> = NAMES.split_whitespace().map(String::from).collect();
+        let named = MarkerSet::find("cmu41").unwrap().markers(&points);
+        let prior = RotationPrior::builtin().unwrap();
+        let body = Body::new(&named, JointSet::Cmu, prior.bones().unwrap(), None).unwrap();
+        let mut numbers = body.mean.clone();
+        for (n, v) in numbers.iter_mut().enumerate() {
+            // A tall person; markers are off by some.
+            *v *= if n < BONES { 1.04 } else { 1.0 };
+            *v += if n < BONES {
+                0.0
+            } else {
+                0.6 * (1.3 * n as f64).sin()
+            };
+        }
+        let skeleton = body.skeleton(&numbers).unwrap();
+        let (mut xyz, mut joints) = (Vec::new(), Vec::new());
+        for t in 0..frames {
+            let time = t as f64 / 60.0;
+            let mut q = vec![0.0; skeleton.dof_count()];
+            for (b, bone) in skeleton.bones().iter().enumerate() {
+                // As people move: collar bones of CMU's do not.
+                let size = match &bone.name[..] {
+                    "lclavicle" | "rclavicle" | "ltoes" | "rtoes" | "lhand" | "rhand" => 0.0,
+                    name if name.ends_with("back") || name.ends_with("neck") => 0.05,
+                    _ => 0.25,
+                };
+                for i in skeleton.dofs_of(b) {
+                    q[i] = size * (2.0 * time + i as f64).sin();
+                }
+            }
+            (q[0], q[1], q[4]) = (40.0 * time, 95.0, 1.5 + time);
+            let posture = skeleton.posture(&q);
+            let markers = body.marker_bones();
+            xyz.extend(markers.iter().flat_map(|b| posture.ends[*b].to_array()));
+            let ends = CMU.map(|n| posture.ends[skeleton.find(n).unwrap()]);
+            joints.extend(ends.iter().flat_map(|e| e.to_array()));
+        }
+        let shaped = |v: Vec<f64>| Array2::from_shape_vec((frames, v.len() / frames), v).unwrap();
+        let poses = Poses {
+            points,
+            xyz: shaped(xyz),
+            time: Some((0..frames).map(|t| t as f64 / 60.0).collect()),
+            ..Poses::default()
+        };
+        (poses, shaped(joints))
+    }
+
+    /// The mean distance of joints, cm.
+    fn apart(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
+        let far = |(a, b): (ndarray::ArrayView1<'_, f64>, ndarray::ArrayView1<'_, f64>)| {
+            (0..a.len() / 3)
+                .map(|j| {
+                    (0..3)
+                        .map(|c| (a[3 * j + c] - b[3 * j + c]).powi(2))
+                        .sum::<f64>()
+                })
+                .map(f64::sqrt)
+                .collect::<Vec<f64>>()
+        };
+        let all: Vec<f64> = a.rows().into_iter().zip(b.rows()).flat_map(far).collect();
+        all.iter().sum::<f64>() / all.len() as f64
+    }
+
+    fn solved(poses: &Poses, deviations: bool) -> SolvedTake {
+        let settings = SolveSettings {
+            deviations,
+            ..SolveSettings::default()
+        };
+        solve(poses, &settings, &mut |_| ()).unwrap()
+    }
+
+    #[test]
+    fn joints_come_from_markers_missing_and_exchanged_ones_too() {
+        let (poses, joints) = person(90);
+        let found = solved(&poses, true);
+        assert_eq!((found.set.as_str(), found.used.len()), ("cmu41", 40));
+        assert_eq!(found.joints.points, CMU);
+        let off = apart(&found.joints.xyz, &joints);
+        assert!(off <= 2.0, "{off}");
+        let sd = found.sd.unwrap();
+        assert!(sd.iter().all(|sd| *sd > 0.05 && *sd < 5.0), "{sd:?}");
+        // The values are those of the joints.
+        let skeleton = &found.skeleton.skeleton;
+        let posture = skeleton.posture(&found.values.row(40).to_vec());
+        let knee = posture.ends[skeleton.find("lfemur").unwrap()];
+        assert!(knee.abs_diff_eq(point_at(found.joints.xyz.view(), 40, 2), 1e-9));
+        let mut harmed = poses.clone();
+        for t in 0..90 {
+            let drawn = |p: usize| (31 * t + 17 * p + 1).wrapping_mul(2_654_435_761) >> 13;
+            for p in (0..40).filter(|p| drawn(*p) % 4 == 0) {
+                (0..3).for_each(|c| harmed.xyz[[t, 3 * p + c]] = f64::NAN);
+            }
+            let (a, b) = (t % 40, (3 * t + 11) % 40);
+            (0..3).for_each(|c| harmed.xyz.swap([t, 3 * a + c], [t, 3 * b + c]));
+        }
+        let worse = apart(&solved(&harmed, false).joints.xyz, &joints);
+        assert!(worse <= off + 0.6, "{off} {worse}");
+    }
+
+    #[test]
+    fn a_learned_set_knows_where_the_markers_are() {
+        let (poses, xyz) = person(60);
+        let joints = Poses {
+            points: CMU.map(String::from).to_vec(),
+            xyz: xyz.clone(),
+            ..Poses::default()
+        };
+        let both = [(&poses, Some(&joints)), (&poses, Some(&joints))];
+        let learned = MarkerSet::learn("mine", &both, None).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), learned.to_json().unwrap()).unwrap();
+        let again = MarkerSet::open(file.path()).unwrap();
+        let with = |set: Option<&MarkerSet>| {
+            let settings = SolveSettings {
+                set,
+                ..SolveSettings::default()
+            };
+            let found = solve(&poses, &settings, &mut |_| ()).unwrap();
+            apart(&found.joints.xyz, &xyz)
+        };
+        let (plain, own) = (with(None), with(Some(&again)));
+        assert!(own < 0.95 * plain, "{plain} {own}");
+        assert!(MarkerSet::learn("mine", &[(&poses, Some(&poses))], None).is_err());
+        std::fs::write(file.path(), "{}").unwrap();
+        let error = MarkerSet::open(file.path()).unwrap_err().to_string();
+        assert!(error.contains("marker set"), "{error}");
+    }
+
+    #[test]
+    fn exchanged_markers_are_told() {
+        let (poses, _) = person(60);
+        assert_eq!(solved(&poses, false).findings(), [""; 0]);
+        for pair in [["LFWT", "RFWT"], ["LBWT", "RBWT"], ["LKNE", "RKNE"]] {
+            let mut harmed = poses.clone();
+            let [a, b] = pair.map(|name| poses.points.iter().position(|p| p == name).unwrap());
+            harmed.points.swap(a, b);
+            let found = solved(&harmed, false);
+            let told: Vec<&str> = (found.used.iter())
+                .filter(|m| m.is_suspect())
+                .map(|m| m.name.as_str())
+                .collect();
+            assert!(
+                pair.iter().all(|name| told.contains(name)),
+                "{pair:?} {told:?}"
+            );
+            assert!(told.len() <= 3, "{pair:?} {told:?}");
+        }
+    }
+
+    #[test]
+    fn labels_beside_as_many_nameless_tracks_are_doubtful() {
+        let (mut poses, _) = person(10);
+        let set = MarkerSet::find("cmu41").unwrap();
+        assert_eq!(doubt(&poses, set), None);
+        // A few ghosts are none of a body; half of the body's tracks are.
+        for p in 0..poses.points.len() {
+            if p % 10 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert_eq!(doubt(&poses, set), None);
+        for p in 0..poses.points.len() {
+            if p % 2 == 0 {
+                poses.points[p] = format!("*{p}");
+            }
+        }
+        assert!(doubt(&poses, set).unwrap().contains("several people"));
+        assert!(solve(&poses, &SolveSettings::default(), &mut |_| ()).is_err());
+    }
+
+    #[test]
+    fn frames_without_markers_stay_empty() {
+        let (mut poses, _) = person(60);
+        poses.xyz.row_mut(20).fill(f64::NAN);
+        let found = solved(&poses, false);
+        assert_eq!(found.unsolved, 1);
+        assert!(found.joints.xyz.row(20).iter().all(|v| v.is_nan()));
+        assert!(found.joints.xyz.row(21).iter().all(|v| v.is_finite()));
+        assert!(found.values.iter().all(|v| v.is_finite()));
+        poses.points.truncate(7);
+        poses.xyz = poses.xyz.slice(s![.., ..21]).to_owned();
+        let error = solve(&poses, &SolveSettings::default(), &mut |_| ()).unwrap_err();
+        assert!(
+            error.to_string().contains("knows 7 of its points"),
+            "{error}"
+        );
+    }
+}

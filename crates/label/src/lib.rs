@@ -1,0 +1,57 @@
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+//! Which track is which point: what the distances within a body say of the labels of a take.
+//!
+//! ```
+//! ```
+
+use posing_core::{Error, Place, Result, error, numeric, pose};
+use posing_io as io;
+
+#[doc(hidden)]
+pub mod changes;
+mod chirality;
+#[doc(hidden)]
+pub mod distances;
+mod evidence;
+#[doc(hidden)]
+pub mod exchanges;
+mod file;
+mod handedness;
+mod hosts;
+mod identities;
+mod label_model;
+mod labeled_take;
+mod links;
+mod loose_tracks;
+mod mirror;
+mod named_tracks;
+#[doc(hidden)]
+pub mod naming;
+#[doc(hidden)]
+pub mod out_and_back;
+mod paths;
+#[doc(hidden)]
+pub mod people;
+pub(crate) mod pieces;
+#[doc(hidden)]
+pub mod relabeling;
+pub(crate) mod repair;
+#[doc(hidden)]
+pub mod sides;
+mod template;
+#[doc(hidden)]
+pub mod templates;
+mod tuning;
+#[doc(hidden)]
+pub mod unlabeled;
+mod whole_take;
+
+pub use changes::ChangeKind;
+pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
+pub use label_model::{FittedLabels, LabelModel, NamedFrame};
+pub use named_tracks::{FoundLabel, MovedPiece, NamedTracks, UnsureTrack};
+pub use people::points_of_person;
+pub use relabeling::LabelSettings;
+pub use sides::SideBy;
+pub use templates::Templates;

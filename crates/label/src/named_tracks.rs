@@ -1,0 +1,201 @@
+//! The names that tracks got from nothing, and what is to be told of them.
+
+use super::label_model::LabelModel;
+use super::loose_tracks::{LooseTracks, PathLabels};
+use super::tuning::naming::MISSING;
+use crate::io::PointMove;
+use serde::Serialize;
+use std::collections::BTreeSet;
+
+/// The names of tracks, each of which had none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct NamedTracks {
+    /// Pieces of tracks that are another's.
+    #[serde(skip)]
+    #[doc(hidden)]
+    pub moves: Vec<PointMove>,
+    /// The tracks that then are labels.
+    #[serde(skip)]
+    #[doc(hidden)]
+    pub names: Vec<(usize, String)>,
+    /// The labels that were found.
+    pub labels: Vec<FoundLabel>,
+    /// The labels that are no track's.
+    pub missing: Vec<String>,
+    /// Pieces of tracks that moved to the columns of others.
+    pub moved: Vec<MovedPiece>,
+    /// Pieces of tracks that may be a label and are not sure.
+    pub unsure: Vec<UnsureTrack>,
+    /// Tracks that are seen in most of the take and have no label.
+    pub others: Vec<String>,
+    /// Labels that the model cannot tell apart, which no track gets.
+    pub alike: Vec<String>,
+}
+
+/// A piece of a track in the column of another.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MovedPiece {
+    /// The track, by the name that it had.
+    pub track: String,
+    /// The first frame, from 0, and the one after the last.
+    pub frames: [usize; 2],
+    /// The track in whose column it is, by the name that that had; `None`: no column was free, and
+    /// it was taken out.
+    pub to: Option<String>,
+}
+
+/// Tracks that a line names.
+const SHOWN: usize = 5;
+
+/// A label that was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FoundLabel {
+    /// The label's name.
+    pub label: String,
+    /// The tracks that it was, by the names that they had.
+    pub tracks: Vec<String>,
+    /// In how many frames it is.
+    pub frames: usize,
+}
+
+/// A piece of a track that may be a label.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UnsureTrack {
+    /// The track in whose column it is in the result, by its name.
+    pub track: String,
+    /// The first frame, from 0, and the one after the last.
+    pub frames: [usize; 2],
+    /// The label that is most likely.
+    pub label: String,
+}
+
+impl NamedTracks {
+    pub(super) fn new(
+        moves: Vec<PointMove>,
+        names: Vec<(usize, String)>,
+        points: &[String],
+    ) -> NamedTracks {
+        let moved = moves.iter().map(|m| MovedPiece {
+            track: points[m.from].clone(),
+            frames: [m.frames.start, m.frames.end],
+            to: m.to.map(|to| points[to].clone()),
+        });
+        NamedTracks {
+            moved: moved.collect(),
+            moves,
+            names,
+            ..NamedTracks::default()
+        }
+    }
+
+    /// Whether something is not sure.
+    pub fn is_unsure(&self) -> bool {
+        !self.unsure.is_empty() || self.is_other_set()
+    }
+
+    /// Whether so many labels are no track's that these may be of another marker set.
+    fn is_other_set(&self) -> bool {
+        self.missing.len() as f64 > MISSING * (self.labels.len() + self.missing.len()) as f64
+    }
+
+    /// Lines for people: what was named, and what somebody should look at.
+    pub fn lines(&self) -> Vec<String> {
+        let count = self.labels.len() + self.missing.len() + self.alike.len();
+        let tracks: usize = self.labels.iter().map(|l| l.tracks.len()).sum();
+        let found = self.labels.len();
+        let mut lines = vec![format!(
+            "{found} of {count} labels named, from {tracks} tracks"
+        )];
+        if !self.missing.is_empty() {
+            lines.push(format!("no track is {}", self.missing.join(", ")));
+        }
+        if self.is_other_set() {
+            let what = "so many labels are no track's: it may be another set, and names be wrong";
+            lines.push(what.to_string());
+        }
+        if !self.alike.is_empty() {
+            lines.push(format!(
+                "{} cannot be told apart by the set; learn it from a labeled take, or give that as \
+                 the option `like`",
+                self.alike.join(", ")
+            ));
+        }
+        let of_piece = |piece: &UnsureTrack| {
+            let [start, end] = piece.frames;
+            let UnsureTrack { track, label, .. } = piece;
+            let last = end - 1;
+            format!(
+                "{track} in frames {start} to {last} may be {label}: not sure, so it has no label"
+            )
+        };
+        if !self.others.is_empty() {
+            let (count, some) = (self.others.len(), self.others.iter().take(SHOWN));
+            let some = some.map(String::as_str).collect::<Vec<_>>().join(", ");
+            let more = if count > SHOWN { ", …" } else { "" };
+            lines.push(format!(
+                "no label fits {count} tracks that are seen in most of the take ({some}{more}): \
+                 other markers, or another person?"
+            ));
+        }
+        let lost = self.moved.iter().filter(|m| m.to.is_none()).count();
+        if lost > 0 {
+            lines.push(format!(
+                "{lost} pieces of tracks are no label's, and no column was free for them: taken out"
+            ));
+        }
+        lines.extend(self.unsure.iter().map(of_piece));
+        lines
+    }
+
+    /// Tells which of `labels` are which of `points`; of the two ways to label paths the first is
+    /// sure.
+    pub(super) fn tell(
+        &mut self,
+        tracks: &LooseTracks<'_>,
+        [sure, likely]: [&PathLabels; 2],
+        model: &dyn LabelModel,
+        points: &[String],
+    ) {
+        let labels = model.labels();
+        let is_other =
+            |path: &usize| likely[*path].is_none() && 2 * tracks.frames(*path) > tracks.xyz.nrows();
+        let others = (0..likely.len()).filter(is_other);
+        self.others = others
+            .flat_map(|path| tracks.tracks_of(path).take(1))
+            .map(|t| points[t].clone())
+            .collect();
+        for (l, label) in labels.iter().enumerate() {
+            let own: Vec<usize> = (0..sure.len()).filter(|p| sure[*p] == Some(l)).collect();
+            let frames = own.iter().map(|path| tracks.frames(*path)).sum();
+            let of: BTreeSet<usize> = own
+                .iter()
+                .flat_map(|path| tracks.tracks_of(*path))
+                .collect();
+            match frames {
+                0 if model.is_one_of_several(l) => self.alike.push(label.clone()),
+                0 => self.missing.push(label.clone()),
+                _ => self.labels.push(FoundLabel {
+                    label: label.clone(),
+                    tracks: of.into_iter().map(|track| points[track].clone()).collect(),
+                    frames,
+                }),
+            }
+        }
+        for (path, label) in likely
+            .iter()
+            .enumerate()
+            .filter(|(path, _)| sure[*path].is_none())
+        {
+            let Some(label) = label else { continue };
+            for piece in tracks.pieces_of(path) {
+                let is_it = |m: &&PointMove| (m.from, &m.frames) == (piece.track, &piece.frames);
+                let moved = self.moves.iter().find(is_it).and_then(|m| m.to);
+                self.unsure.push(UnsureTrack {
+                    track: points[moved.unwrap_or(piece.track)].clone(),
+                    frames: [piece.frames.start, piece.frames.end],
+                    label: labels[*label].clone(),
+                });
+            }
+        }
+    }
+}

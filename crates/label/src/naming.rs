@@ -1,0 +1,365 @@
+//! Labels from nothing: the tracks of a take named as the markers of a set.
+//!
+//! 1. Tracks are cut to pieces, and these linked to paths, each of which is one marker
+//!    ([`super::loose_tracks`]).
+//! 2. A model of the labels names the points of some frames, each by itself, and these vote for the
+//!    labels of the paths.
+//! 3. Some rounds: the model is fitted to the take as it is labeled then, and says where each label
+//!    is in every frame; each path is the label that it stays nearest to.
+//! 4. What is not sure has no label.
+
+use super::hosts::Hosts;
+use super::label_model::{FittedLabels, LabelModel, NamedFrame};
+use super::loose_tracks::{LooseTracks, PathLabels};
+use super::named_tracks::NamedTracks;
+use super::tuning::naming::*;
+use crate::Result;
+use crate::numeric::assignment::assign;
+use crate::numeric::parallel::map_chunks;
+use crate::pose::zeros::Zeros;
+use crate::pose::{Poses, point_at};
+use glam::DVec3;
+use ndarray::{Array2, Axis};
+use std::cmp::Reverse;
+
+/// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
+/// than `sure` (0 to 1) keeps none.
+///
+/// # Errors
+/// Those of the model.
+pub fn name_tracks(
+    poses: &Poses,
+    rate: f64,
+    model: &dyn LabelModel,
+    sure: f64,
+) -> Result<NamedTracks> {
+    let poses = &*Zeros::emptied(poses);
+    let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
+    let naming = Naming {
+        tracks: &tracks,
+        model,
+        labels: model.labels().len(),
+        frames: tracks.frames_of_all(RATE, FEWEST_PLACES),
+    };
+    let votes = naming.votes()?;
+    let all = naming.elected(&votes);
+    if (0..naming.labels)
+        .filter(|l| all.contains(&Some(*l)))
+        .count()
+        < FEWEST_LABELS
+    {
+        let what = "no body with these labels is found in its tracks; is it another marker set, or \
+                    does another axis point up (the option `up`)?";
+        return Err(what.into());
+    }
+    let best = naming.improved(naming.fitted(all, ROUNDS)?)?;
+    let least = sure.max(0.5);
+    let mut labels = best.sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| !model.is_one_of_several(*l)));
+    let hosts = Hosts::new(&tracks, &labels, naming.labels);
+    // A label without a column of its own has nowhere to go.
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
+    let moves = hosts.moves(&tracks, &labels);
+    let names = hosts.names(model.labels());
+    let mut named = NamedTracks::new(moves, names, &poses.points);
+    named.tell(&tracks, [&labels, &best.labels], model, &poses.points);
+    Ok(named)
+}
+
+/// The names of one frame by its paths, and how much they count.
+struct Vote {
+    weight: f64,
+    named: Vec<(usize, Option<usize>)>,
+}
+
+/// Labels of paths, and the model that is fitted by them.
+struct Run {
+    labels: PathLabels,
+    /// How far each path is from each label: nats a frame by which it is likelier than none.
+    nats: Array2<f64>,
+    /// How far each label is from where such labels are mostly, standard deviations.
+    deviations: Vec<f64>,
+    /// The nats of all paths.
+    score: f64,
+}
+
+struct Naming<'a> {
+    tracks: &'a LooseTracks<'a>,
+    model: &'a dyn LabelModel,
+    labels: usize,
+    /// The frames that the model is fitted to.
+    frames: Vec<usize>,
+}
+
+impl Naming<'_> {
+    /// Frames in which the longest paths are seen, one of each of equal stretches.
+    fn key_frames(&self) -> Vec<usize> {
+        let tracks = self.tracks;
+        let count = tracks.xyz.nrows();
+        let length = |t: usize| tracks.seen(t).map(|(path, _)| tracks.frames(path)).sum();
+        let of_stretch = |n: usize| {
+            let stretch = n * count / KEY_FRAMES..(n + 1) * count / KEY_FRAMES;
+            let step = stretch.len().div_ceil(LOOKED_AT).max(1);
+            stretch
+                .step_by(step)
+                .max_by_key(|t| -> (usize, usize) { (length(*t), usize::MAX - t) })
+        };
+        (0..KEY_FRAMES).filter_map(of_stretch).collect()
+    }
+
+    /// Names frames by themselves.
+    fn votes(&self) -> Result<Vec<Vote>> {
+        let tracks = self.tracks;
+        let longest = (0..tracks.paths.len())
+            .map(|path| tracks.frames(path))
+            .max();
+        let shortest = ((SHORTEST * tracks.rate) as usize).min(longest.unwrap_or(1) / 2);
+        let of_frame = |t: usize| {
+            let long = tracks
+                .seen(t)
+                .filter(|(path, _)| tracks.frames(*path) > shortest);
+            long.collect::<Vec<(usize, DVec3)>>()
+        };
+        let seen: Vec<Vec<(usize, DVec3)>> = self.key_frames().into_iter().map(of_frame).collect();
+        let points = seen.iter().map(|s| s.iter().map(|(_, at)| *at).collect());
+        let named = self.model.name_frames(&points.collect::<Vec<_>>())?;
+        let least = named.iter().map(|n| n.cost).fold(f64::INFINITY, f64::min);
+        let vote = |(seen, named): (Vec<(usize, DVec3)>, &NamedFrame)| Vote {
+            weight: (-WEIGHT * (named.cost - least) / least).exp(),
+            named: seen
+                .iter()
+                .map(|(path, _)| *path)
+                .zip(named.labels.iter().copied())
+                .collect(),
+        };
+        Ok(seen.into_iter().zip(&named).map(vote).collect())
+    }
+
+    /// The labels for which some frames vote.
+    fn elected(&self, votes: &[Vote]) -> PathLabels {
+        let mut sums = Array2::zeros((self.tracks.paths.len(), self.labels + 1));
+        for vote in votes {
+            for (path, label) in &vote.named {
+                sums[[*path, label.unwrap_or(self.labels)]] += vote.weight;
+            }
+        }
+        self.tracks.elect(&sums)
+    }
+
+    /// Fits the model, and labels by it, in so many rounds at most.
+    fn fitted(&self, mut labels: PathLabels, rounds: usize) -> Result<Run> {
+        let mut round = 0;
+        loop {
+            let known = self
+                .tracks
+                .places(&labels, self.labels)
+                .select(Axis(0), &self.frames);
+            let fit = self.model.fit(known.view())?;
+            let mut costs = self.costs(&fit);
+            let mut next = self.nearest(&costs);
+            self.drop_needless(&mut costs, &mut next);
+            round += 1;
+            // Nothing changes, and what is new is of labels that the fit knew.
+            let is_settled = labels.iter().zip(&next).all(|(was, is)| match (was, is) {
+                (None, Some(_)) => labels.contains(is),
+                _ => was == is,
+            });
+            labels = next;
+            if is_settled || round == rounds {
+                let nats = costs.mapv(nats);
+                return Ok(Run {
+                    score: self.score(&labels, &costs),
+                    labels,
+                    nats,
+                    deviations: fit.deviations,
+                });
+            }
+        }
+    }
+
+    /// Improves a run: one that has fitted itself to wrong names sees no better ones, so long paths
+    /// without a label are given one near them that is not in its usual place.
+    fn improved(&self, mut best: Run) -> Result<Run> {
+        let long = self.tracks.xyz.nrows() as f64 * LONG;
+        let is_left =
+            |path: &usize| best.labels[*path].is_none() && self.tracks.frames(*path) as f64 >= long;
+        let mut left: Vec<usize> = (0..best.labels.len()).filter(is_left).collect();
+        left.sort_by_key(|path| Reverse(self.tracks.frames(*path)));
+        for path in left.into_iter().take(TRIED) {
+            let near = self.unusual_near(&best, path);
+            let Some(label) = near.filter(|_| best.labels[path].is_none()) else {
+                continue;
+            };
+            let run = self.fitted(self.given(&best.labels, path, label), 1)?;
+            if run.score > best.score {
+                best = self.fitted(run.labels, ROUNDS - 1)?;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The label nearest to a path that nobody has or that is not in its usual place.
+    fn unusual_near(&self, run: &Run, path: usize) -> Option<usize> {
+        let is_near = |l: &usize| {
+            run.nats[[path, *l]] > nats(FARTHEST * FARTHEST)
+                && (run.deviations[*l] >= UNUSUAL || !run.labels.contains(&Some(*l)))
+        };
+        let nearer = |a: &usize, b: &usize| run.nats[[path, *a]].total_cmp(&run.nats[[path, *b]]);
+        (0..self.labels).filter(is_near).max_by(nearer)
+    }
+
+    /// The labels with one given to a path, by those that have it in its frames.
+    fn given(&self, labels: &PathLabels, path: usize, label: usize) -> PathLabels {
+        let holders = self.tracks.holders(labels, self.labels);
+        let mut labels = labels.clone();
+        for other in self.tracks.held(&holders, label, path) {
+            labels[other] = None;
+        }
+        labels[path] = Some(label);
+        labels
+    }
+
+    /// Does without labels where others, which no path has, fit their paths hardly worse.
+    fn drop_needless(&self, costs: &mut Array2<f64>, labels: &mut PathLabels) {
+        for label in 0..self.labels {
+            let own: Vec<usize> = (0..labels.len())
+                .filter(|path| labels[*path] == Some(label))
+                .collect();
+            let held: usize = own.iter().map(|path| self.tracks.frames(*path)).sum();
+            let holders = self.tracks.holders(labels, self.labels);
+            // Nobody has it, or somebody for a short while.
+            let is_free = |path: usize, other: usize| {
+                let held = self.tracks.held(&holders, other, path).into_iter();
+                let held: usize = held.map(|q| self.tracks.frames(q)).sum();
+                other != label && held * SHORT <= self.tracks.frames(path)
+            };
+            let is_near = |path: &usize| {
+                let own = nats(costs[[*path, label]]);
+                (0..self.labels)
+                    .filter(|l| nats(costs[[*path, *l]]) >= own - NEEDLESS)
+                    .any(|l| is_free(*path, l))
+            };
+            if !own.iter().any(is_near) {
+                continue;
+            }
+            let mut without = costs.clone();
+            without.column_mut(label).fill(FARTHEST * FARTHEST);
+            let others = self.nearest(&without);
+            let lost = self.score(labels, costs) - self.score(&others, &without);
+            if lost <= NEEDLESS * held as f64 {
+                (*costs, *labels) = (without, others);
+            }
+        }
+    }
+
+    /// The nats of all paths, frame by frame.
+    fn score(&self, labels: &PathLabels, costs: &Array2<f64>) -> f64 {
+        let own = labels.iter().enumerate();
+        let own = own.filter_map(|(path, l)| Some((path, nats(costs[[path, (*l)?]]))));
+        own.map(|(path, nats)| self.tracks.frames(path) as f64 * nats)
+            .sum()
+    }
+
+    /// The mean squared distance of each path from each label, cm² (paths, L); less of a label
+    /// that may be anywhere.
+    fn costs(&self, fit: &FittedLabels) -> Array2<f64> {
+        let tracks = self.tracks;
+        let wider = |sd: &f64| REJECTED / (REJECTED + WIDER * sd * sd);
+        let wider: Vec<f64> = fit.sd.iter().map(wider).collect();
+        // A place that may be anywhere is less likely to be this one.
+        let anywhere: Vec<f64> = wider.iter().map(|w| -3.0 * SD * SD * w.ln()).collect();
+        let row_of = |t: usize| self.frames.binary_search(&t).ok();
+        let rows = map_chunks(tracks.paths.len(), 4, |range| {
+            let row = |path: usize| {
+                let (mut sums, mut count) = (vec![0.0; self.labels], 0.0);
+                let known = tracks
+                    .places_of(path)
+                    .filter_map(|(t, at)| Some((row_of(t)?, at)));
+                for (n, at) in known {
+                    count += 1.0;
+                    for (label, sum) in sums.iter_mut().enumerate() {
+                        let far = point_at(fit.places.view(), n, label).distance_squared(at);
+                        *sum += (far * wider[label] + anywhere[label]).min(FARTHEST * FARTHEST);
+                    }
+                }
+                sums.into_iter().map(move |s| s / count)
+            };
+            range.flat_map(row).collect::<Vec<f64>>()
+        });
+        let all = rows.concat();
+        let shape = (tracks.paths.len(), self.labels);
+        Array2::from_shape_fn(shape, |(path, label)| all[path * self.labels + label])
+    }
+
+    /// The labels of the paths that are nearest to them: of all that are seen in a frame together.
+    fn nearest(&self, costs: &Array2<f64>) -> PathLabels {
+        let tracks = self.tracks;
+        let step = ((EVERY * tracks.rate) as usize).max(1);
+        let frames: Vec<usize> = (0..tracks.xyz.nrows()).step_by(step).collect();
+        let found = map_chunks(frames.len(), 8, |range| {
+            let of = |t: usize| {
+                let seen: Vec<usize> = tracks.seen(t).map(|(path, _)| path).collect();
+                let cost = |label: usize, n: usize| costs[[seen[n], label]];
+                let of_labels = assign(self.labels, seen.len(), REJECTED, cost);
+                let mut named: Vec<(usize, usize)> =
+                    seen.iter().map(|path| (*path, self.labels)).collect();
+                for (label, n) in of_labels.into_iter().enumerate() {
+                    if let Some(n) = n {
+                        named[n].1 = label;
+                    }
+                }
+                named
+            };
+            range.flat_map(|n| of(frames[n])).collect::<Vec<_>>()
+        });
+        let mut votes = Array2::zeros((tracks.paths.len(), self.labels + 1));
+        for (path, label) in found.into_iter().flatten() {
+            votes[[path, label]] += 1.0;
+        }
+        tracks.elect(&votes)
+    }
+}
+
+/// The nats a frame by which a path is likelier a label, at some mean squared distance, than none.
+fn nats(cost: f64) -> f64 {
+    (REJECTED - cost) / (2.0 * SD * SD)
+}
+
+impl Run {
+    /// The labels by which the paths are more likely by so many nats than with any other that is
+    /// free then or that another path gives for theirs.
+    fn sure(&self, tracks: &LooseTracks<'_>, least: f64) -> PathLabels {
+        let holders = tracks.holders(&self.labels, self.nats.ncols());
+        let rare = tracks.xyz.nrows() as f64 * RARE;
+        let is_rare = |label: usize| (holders.row(label).iter().flatten().count() as f64) < rare;
+        let is_rare: Vec<bool> = (0..self.nats.ncols()).map(is_rare).collect();
+        let of = |(path, label): (usize, &Option<usize>)| {
+            let label = (*label).filter(|l| self.deviations[*l] < ODD && !is_rare[*l])?;
+            let own = tracks.weight(path) * self.nats[[path, label]];
+            let loss = |other: usize| {
+                let held = tracks.held(&holders, other, path);
+                let give = |q: usize| {
+                    let [theirs, mine] = [other, label].map(|l| self.nats[[q, l]]);
+                    tracks.weight(q) * (theirs - mine.max(0.0))
+                };
+                let lost: f64 = held.into_iter().map(give).sum();
+                own - tracks.weight(path) * self.nats[[path, other]] + lost
+            };
+            let others = (0..self.nats.ncols()).filter(|l| *l != label);
+            let gain = others.map(loss).fold(own, f64::min);
+            // A path without a label may be it as well.
+            let rivals = tracks
+                .seen_with(path)
+                .into_iter()
+                .filter(|q| self.labels[*q].is_none());
+            let rival = rivals.map(|q| self.nats[[q, label]]).fold(0.0, f64::max);
+            let gain = gain.min(own - tracks.weight(path) * rival);
+            (gain >= least).then_some(label)
+        };
+        self.labels.iter().enumerate().map(of).collect()
+    }
+}

@@ -1,0 +1,281 @@
+//! Takes described once by a metric, to be searched again and again; as a model file of kind
+//! `pose-index`: the arrays of the metric, and `vectors`, a row for each frame.
+//!
+//! A metric that compares three frames of a window side by side is kept as vectors of one frame:
+//! windows are put together where they are needed, and motions need none.
+
+use super::body_frame::BodyFramePoses;
+use super::pairs::FrameRef;
+use super::pose_metric::{PoseMetric, window_frames};
+use crate::io::Model;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// The kind of a model file that holds an index.
+pub(crate) const KIND: &str = "pose-index";
+
+/// What an index knows of a take besides its vectors.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct IndexedTake {
+    /// Its name.
+    pub name: String,
+    /// Its frames.
+    pub frames: usize,
+    /// Frames a second.
+    pub rate: Option<f64>,
+    /// The first frame of each run of consecutive frames, and the time there, seconds.
+    pub(super) runs: Vec<(usize, f64)>,
+}
+
+impl IndexedTake {
+    /// A take whose frames are at the times `time`, seconds; without them its frames count from
+    /// time 0.
+    pub fn new(name: &str, take: &BodyFramePoses, time: Option<&[f64]>) -> IndexedTake {
+        let own = |t: usize| t as f64 / take.rate.unwrap_or(1.0);
+        let at = |t: usize| time.map_or(own(t), |time| time[t]);
+        IndexedTake {
+            name: name.into(),
+            frames: take.frames(),
+            rate: take.rate,
+            runs: take.runs.iter().map(|r| (r.start, at(r.start))).collect(),
+        }
+    }
+
+    /// The runs of consecutive frames.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Range<usize>> {
+        let starts = self.runs.iter().map(|(start, _)| *start);
+        let ends = starts.clone().skip(1).chain([self.frames]);
+        starts.zip(ends).map(|(start, end)| start..end)
+    }
+
+    /// The position of the run that a frame is in.
+    fn run_at(&self, frame: usize) -> Option<usize> {
+        self.runs
+            .partition_point(|(start, _)| *start <= frame)
+            .checked_sub(1)
+    }
+
+    fn run_of(&self, frame: usize) -> Range<usize> {
+        let Some(k) = self.run_at(frame) else {
+            return frame..frame + 1;
+        };
+        let end = self
+            .runs
+            .get(k + 1)
+            .map_or(self.frames, |(start, _)| *start);
+        self.runs[k].0..end
+    }
+
+    /// The time of a frame, seconds; `None` where the take has no rate.
+    pub fn time(&self, frame: usize) -> Option<f64> {
+        let rate = self.rate?;
+        let (start, time) = self.runs[self.run_at(frame)?];
+        // Sums of decimal times have more digits than were measured.
+        Some(((time + (frame - start) as f64 / rate) * 1e6).round() / 1e6)
+    }
+}
+
+/// Takes described by a metric.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseIndex {
+    /// The metric.
+    pub metric: PoseMetric,
+    /// The takes.
+    pub takes: Vec<IndexedTake>,
+    /// A row for each frame, take after take (frames, dimensions); NaN where joints are missing.
+    vectors: Array2<f32>,
+}
+
+impl PoseIndex {
+    /// Describes takes; of metrics that look at windows as a whole every `every`-th frame alone,
+    /// and others are NaN.
+    pub fn new(
+        metric: &PoseMetric,
+        takes: &[(IndexedTake, &BodyFramePoses)],
+        every: usize,
+    ) -> PoseIndex {
+        let one = metric.of_one_frame();
+        let describe = |poses: &BodyFramePoses| match &one {
+            Some(one) => one.embed(poses),
+            None if every == 1 => metric.embed(poses),
+            None => {
+                let frames: Vec<usize> = (0..poses.frames()).step_by(every).collect();
+                let mut all = Array2::from_elem((poses.frames(), metric.dimensions()), f32::NAN);
+                let own = metric.embed_frames(poses, &frames);
+                let mut rows = all.slice_mut(s![..;every, ..]);
+                rows.assign(&own);
+                all
+            }
+        };
+        let parts: Vec<Array2<f32>> = takes.iter().map(|(_, poses)| describe(poses)).collect();
+        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
+        PoseIndex {
+            metric: metric.clone(),
+            takes: takes.iter().map(|(take, _)| take.clone()).collect(),
+            // All have the metric's dimensions.
+            vectors: concatenate(Axis(0), &views).unwrap_or_default(),
+        }
+    }
+
+    /// The vectors of a take's frames (frames, dimensions) for the comparison of motions, frame
+    /// by frame.
+    pub(crate) fn motion(&self, take: usize) -> ArrayView2<'_, f32> {
+        let start: usize = self.takes[..take].iter().map(|t| t.frames).sum();
+        let end = start + self.takes[take].frames;
+        self.vectors.slice(s![start..end, ..])
+    }
+
+    /// Every `every`-th frame of each take: which they are, and their vectors (frames,
+    /// dimensions), whose distances by the metric's norm are those of the poses.
+    pub fn poses(&self, every: usize) -> (Vec<FrameRef>, Array2<f32>) {
+        let is_one = self.metric.of_one_frame().is_some();
+        let (mut frames, mut parts) = (Vec::new(), Vec::new());
+        for (k, take) in self.takes.iter().enumerate() {
+            let chosen: Vec<usize> = (0..take.frames).step_by(every).collect();
+            let rows = self.motion(k);
+            parts.push(match is_one {
+                true => self.windows(take, rows, &chosen),
+                false => rows.select(Axis(0), &chosen),
+            });
+            frames.extend(chosen.into_iter().map(|frame| FrameRef { take: k, frame }));
+        }
+        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
+        (frames, concatenate(Axis(0), &views).unwrap_or_default())
+    }
+
+    /// The rows of the frames of windows, side by side.
+    fn windows(
+        &self,
+        take: &IndexedTake,
+        rows: ArrayView2<'_, f32>,
+        frames: &[usize],
+    ) -> Array2<f32> {
+        let width = rows.ncols();
+        let mut out = Array2::zeros((frames.len(), 3 * width));
+        for (mut row, t) in out.rows_mut().into_iter().zip(frames) {
+            let run = take.run_of(*t);
+            let window = window_frames(&run, take.rate, *t, self.metric.window);
+            for (k, at) in window.into_iter().enumerate() {
+                let mut to = row.slice_mut(s![k * width..(k + 1) * width]);
+                to.assign(&rows.row(at));
+            }
+        }
+        out
+    }
+
+    /// The index as a model, without a history.
+    pub fn to_model(&self) -> Model {
+        let mut model = self.metric.to_model();
+        model.meta.kind = KIND.into();
+        let takes = serde_json::to_value(&self.takes).unwrap_or_default();
+        model.meta.details.insert("takes".into(), takes);
+        model.insert("vectors", self.vectors.clone());
+        model
+    }
+
+    /// The index of a model; `source` names it in errors.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the model is of another kind, or its arrays and settings do not belong
+    /// together.
+    pub fn from_model(model: &Model, source: &str) -> Result<PoseIndex> {
+        let fail = |what: String| Error::data(Place::file(source), what);
+        if model.meta.kind != KIND {
+            return Err(fail(format!(
+                "is a model of kind {}, no index; retrieve makes one of a table",
+                model.meta.kind
+            )));
+        }
+        let metric = PoseMetric::from_parts(model, source)?;
+        let takes = model.meta.details.get("takes").cloned().unwrap_or_default();
+        let takes: Vec<IndexedTake> =
+            serde_json::from_value(takes).map_err(|_| fail("is a damaged index".into()))?;
+        let vectors = model.array("vectors", source)?.into_owned();
+        if vectors.iter().any(|v| v.is_infinite()) {
+            let what = "has infinite values: make it anew of its table, with the option `database`";
+            return Err(fail(what.into()));
+        }
+        let index = PoseIndex {
+            metric,
+            takes,
+            vectors,
+        };
+        match index.is_sound() {
+            true => Ok(index),
+            false => Err(fail("is a damaged index".into())),
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        let is_whole = |take: &IndexedTake| {
+            let starts = self.runs_in_order(take);
+            starts && take.rate.is_none_or(|rate| rate > 0.0 && rate.is_finite())
+        };
+        let frames = self
+            .takes
+            .iter()
+            .try_fold(0usize, |sum, t| sum.checked_add(t.frames));
+        let one = self.metric.of_one_frame();
+        let width = one.as_ref().unwrap_or(&self.metric).dimensions();
+        frames == Some(self.vectors.nrows())
+            && self.vectors.ncols() == width
+            && self.takes.iter().all(is_whole)
+    }
+
+    /// Whether runs begin at frame 0 and go on.
+    fn runs_in_order(&self, take: &IndexedTake) -> bool {
+        let starts: Vec<usize> = take.runs.iter().map(|(start, _)| *start).collect();
+        starts.first().copied().unwrap_or(0) == 0
+            && starts.is_sorted_by(|a, b| a < b)
+            && starts.last().is_none_or(|last| *last < take.frames)
+            && take.runs.iter().all(|(_, time)| time.is_finite())
+            && (take.frames == 0) == starts.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip::tests::stroll;
+    use crate::testdata::own_names;
+
+    fn index(frames: usize) -> (PoseIndex, BodyFramePoses) {
+        let clip = stroll(frames, 30.0, 0.0);
+        let take = BodyFramePoses::new(&clip.poses, Some(30.0), &own_names()).unwrap();
+        let metric = PoseMetric::of_coordinates(own_names());
+        let indexed = IndexedTake::new("a", &take, clip.poses.time.as_deref());
+        (PoseIndex::new(&metric, &[(indexed, &take)], 1), take)
+    }
+
+    #[test]
+    fn windows_put_together_are_what_the_metric_gives() {
+        let (index, take) = index(40);
+        let (frames, vectors) = index.poses(3);
+        let own = index.metric.embed(&take);
+        for (at, row) in frames.iter().zip(vectors.rows()) {
+            assert_eq!(row, own.row(at.frame));
+        }
+        assert_eq!(index.takes[0].time(15), Some(0.5));
+    }
+
+    #[test]
+    fn an_index_is_the_same_after_writing_and_reading() {
+        let (index, _) = index(20);
+        let model = index.to_model();
+        assert_eq!(PoseIndex::from_model(&model, "i").unwrap(), index);
+        let mut cut = model.clone();
+        cut.insert("vectors", Array2::zeros((3, 2)));
+        assert!(PoseIndex::from_model(&cut, "i").is_err());
+        assert!(PoseIndex::from_model(&index.metric.to_model(), "m").is_err());
+        for (name, told) in [("vectors", "infinite values"), ("scale", "damaged")] {
+            let mut bad = model.clone();
+            let mut values = model.array(name, "i").unwrap().into_owned();
+            values[[0, 0]] = f32::INFINITY;
+            bad.insert(name, values);
+            let said = PoseIndex::from_model(&bad, "i").unwrap_err().to_string();
+            assert!(said.contains(told), "{said}");
+        }
+    }
+}

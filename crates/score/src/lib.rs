@@ -1,0 +1,30 @@
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+//! How good a restoration is: damage of a known kind, and scores against the truth.
+//!
+//! [`damage`] puts noise and gaps into clean poses, [`Score`] compares restored poses with the truth
+//! (position, [`error_breakdown`] by joint and by what was damaged, [`motion_quality`]), and
+//! [`restoration`] cuts gaps into the user's own takes, restores them and reports what is left.
+//!
+//! ```
+//! use posing_core::pose::Poses;
+//! use posing_io::Table;
+//! use posing_score::Score;
+//! ```
+
+use posing_core::{Error, Place, Result, error, numeric, pose};
+use posing_draw as draw;
+use posing_io as io;
+use posing_models::prior;
+use posing_restore as restore;
+
+pub mod alignment;
+pub mod damage;
+pub mod error_breakdown;
+pub mod error_stats;
+pub mod motion_quality;
+pub mod restoration;
+pub mod score;
+mod score_report;
+
+pub use score::{Score, ScoreReport};

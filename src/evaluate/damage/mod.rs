@@ -1,7 +1,0 @@
-//! Seeded damage to poses: noise and missing points frame by frame, and gaps in time.
-
-pub(in crate::evaluate) mod gaps;
-mod noise;
-
-pub use gaps::GapInjection;
-pub use noise::{Corruption, Corruptor, MAX_NOISE};
