@@ -27,7 +27,7 @@ test: needs
 	  { echo; echo "Skipped:"; sed 's/^/  /'; }; fi
 
 lint: needs
-	$(CARGO) fmt --check
+	$(CARGO) fmt --all --check
 	$(CARGO) clippy --all-targets -- -D warnings
 	$(CARGO) clippy --lib --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps
@@ -46,7 +46,7 @@ needs:
 # Trains the built-in model on every fourth frame of the CMU takes, and the prior of rotations.
 model: build
 	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
-	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz src/prior/rotations.npz
+	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" crates/models/src/prior/builtin.npz crates/models/src/prior/rotations.npz
 
 # Measures the paper's Tables 1 to 4: target/tables/tables.html, and a report of every run. Finished results are kept.
 tables: build

@@ -67,29 +67,48 @@
 //!
 //! # Modules
 //!
-//! | module | contents | imports |
-//! |---|---|---|
-//! | [`numeric`] | linear algebra, Gaussians, SIMD, deterministic parallelism | |
-//! | [`pose`] | poses, skeletons, kinematics, rotations, placements, units | `numeric` |
-//! | [`io`] | motion files (ASF, AMC, BVH, C3D, TRC, CSV, NPY), meshes, models | `pose` |
-//! | [`cluster`] | k-means, hierarchical k-means | `pose` |
-//! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms | `pose` |
-//! | [`metric`] | pose descriptors, how alike two poses are, transitions | `pose` |
-//! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
-//! | [`ik`] | joint angles of a skeleton from positions of its joints | `io` |
-//! | [`prior`] | pose models behind one trait; a registry by name | `cluster`, `sparse` |
-//! | [`label`] | which track is which point: swaps, pieces without a label | `io` |
-//! | [`restore`] | completion, denoising, outliers, gaps, rigid distances | `prior` |
-//! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps | `restore`, `draw` |
-//! | [`clean`] | whole takes of any format, cleaned, with a record beside each | `audit`, `ik` |
-//! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore`, `ik` |
-//! | [`server`] | the page of posing by hand, and the local server behind it | `edit`, `draw` |
-//! | [`draw`] | figures as SVG, pages that play poses and meshes | `io` |
-//! | [`evaluate`] | damage, scores, benchmark, report, page of pairs to label | `restore`, `draw` |
-//! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
+//! | module | contents |
+//! |---|---|
+//! | [`numeric`] | linear algebra, Gaussians, SIMD, deterministic parallelism |
+//! | [`pose`] | poses, skeletons, kinematics, rotations, placements, units |
+//! | [`io`] | motion files (ASF, AMC, BVH, C3D, TRC, CSV, NPY), meshes, models |
+//! | [`draw`] | figures as SVG, pages that play poses and meshes |
+//! | [`cluster`] | k-means, hierarchical k-means |
+//! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms |
+//! | [`prior`] | pose models behind one trait, a registry by name |
+//! | [`label`] | which track is which point: swaps, pieces without a label |
+//! | [`restore`] | completion, denoising, outliers, gaps, rigid distances |
+//! | [`ik`] | joint angles of a skeleton from its joints, clean rotations, other rigs |
+//! | [`solve`] | joints and their angles under markers |
+//! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps |
+//! | [`clean`] | whole takes of any format, cleaned, with a record beside each |
+//! | [`metric`] | pose descriptors, how alike two poses are, transitions |
+//! | [`body`] | body meshes: parts, pose and shape, skinning |
+//! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs |
+//! | [`server`] | the page of posing by hand, and the local server behind it |
+//! | [`evaluate`] | damage, scores, benchmark, report, page of pairs to label |
+//! | [`cli`] | arguments, streams, messages, manual pages of the commands |
 //!
-//! A module may also import what its imports import; tests/it/architecture.rs checks this. Only
-//! [`cli`] and the binaries read arguments, read standard input, or print.
+//! Each is shown from a crate of the workspace, by whose name the examples call it:
+//! `posing_io::Table` is `posing::io::Table`.
+//!
+//! | crate | modules | imports |
+//! |---|---|---|
+//! | posing-core | error, numeric, pose |  |
+//! | posing-io | io | core |
+//! | posing-draw | draw | core, io |
+//! | posing-models | cluster, prior, sparse | core, io |
+//! | posing-label | label | core, io |
+//! | posing-restore | restore | core, io, label, models |
+//! | posing-joints | ik, solve | core, draw, io, label, models |
+//! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
+//! | posing-likeness | metric | core, draw, io |
+//! | posing-body | body | core, io |
+//! | posing-edit | edit, server | core, draw, io, joints, models, restore |
+//! | posing-score | evaluate | core, draw, io, models, restore |
+//! | posing-papers | evaluate, metric, prior | core, draw, io, likeness, models, restore, score |
+//!
+//! Only [`cli`] and the program read arguments, read standard input, or print.
 //!
 //! Random numbers are seeded, and parallel work is split into fixed chunks that are combined in
 //! order ([`numeric::parallel`]). The same input and seed therefore give the same bytes with any
@@ -107,8 +126,8 @@
 //! # Contributing
 //!
 //! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags,
-//! `src/restore/denoise.rs` is the method, `tests/it/denoise.rs` tests the command, `man/denoise.1`
-//! is its manual page. A new pose model is a file in [`prior`] and a line in its registry. A new
+//! `crates/restore/src/denoise.rs` is the method, `tests/it/denoise.rs` tests the command,
+//! `man/denoise.1` is its manual page. A new pose model is a file in [`prior`] and a line in its registry. A new
 //! format is a file in [`io`].
 //!
 //! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures

@@ -39,7 +39,7 @@ fn files(folder: &Path, out: &mut Vec<PathBuf>) {
 fn texts() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths = Vec::new();
-    for folder in ["src", "man", "tests/it"] {
+    for folder in ["src", "crates", "man", "tests/it"] {
         files(&root.join(folder), &mut paths);
     }
     paths.extend(
@@ -82,7 +82,9 @@ fn a_british_word_is_seen() {
 
 #[test]
 fn lines_of_code_have_at_most_100_columns() {
-    let is_source = |name: &str| name.starts_with("src/") && name.ends_with(".rs");
+    let is_source = |name: &str| {
+        ["src/", "crates/"].iter().any(|f| name.starts_with(f)) && name.ends_with(".rs")
+    };
     let mut wide = Vec::new();
     for (name, text) in texts().iter().filter(|(name, _)| is_source(name)) {
         let lines = text

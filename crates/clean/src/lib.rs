@@ -7,6 +7,14 @@
 //! solves joints, and writes a record beside each result.
 //!
 //! ```
+//! use posing_clean::audit::{FindingKind, Limits, audit};
+//! use posing_core::pose::Poses;
+//!
+//! let mut poses = Poses { points: vec!["head".into()], ..Poses::default() };
+//! poses.xyz = ndarray::Array2::from_elem((40, 3), 100.0);
+//! poses.xyz.row_mut(7).fill(0.0);
+//! let takes = audit(&poses, Some(120.0), &Limits::default());
+//! assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
 //! ```
 
 #[macro_use]

@@ -4,6 +4,16 @@
 //! the page and the local server behind it.
 //!
 //! ```
+//! use posing_edit::edit::Session;
+//! use posing_models::prior::builtin_model;
+//!
+//! let mut session = Session::of_model(&builtin_model()?)?;
+//! let wrist = session.joint("lwrist").unwrap();
+//! let target = session.position(wrist) + glam::DVec3::Y * 10.0;
+//! session.drag(wrist, target)?;
+//! session.release();
+//! assert!((session.position(wrist) - target).length() < 0.5);
+//! # Ok::<(), posing_core::Error>(())
 //! ```
 
 use posing_core::{Error, Place, Result, numeric, pose};

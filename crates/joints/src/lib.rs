@@ -7,6 +7,15 @@
 //! noise are taken out ([`ik::rotation_cleaning`]), and motion on another rig ([`ik::retarget`]).
 //!
 //! ```
+//! use posing_io::{Amc, Asf};
+//! use posing_joints::ik::SkeletonFit;
+//!
+//! let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+//! let take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
+//! let fit = SkeletonFit::new(&asf.skeleton).fit(&take.slice(0..3))?;
+//! assert!(fit.sequence.mean <= 0.1); // centimeters
+//! let bvh = fit.to_bvh()?;
+//! # Ok::<(), posing_core::Error>(())
 //! ```
 
 use posing_core::{Error, Place, Result, numeric, pose};

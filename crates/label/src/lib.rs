@@ -3,6 +3,11 @@
 //! Which track is which point: what the distances within a body say of the labels of a take.
 //!
 //! ```
+//! // Two people in one capture, told apart by what stands before the names of their markers.
+//! let points = ["Ann:LFHD", "Ann:RFHD", "Bob:LFHD", "Bob:RFHD"].map(String::from);
+//! let ann = posing_label::points_of_person(&points, "Ann")?;
+//! assert_eq!(ann, [(0, "LFHD".to_string()), (1, "RFHD".to_string())]);
+//! # Ok::<(), posing_core::Error>(())
 //! ```
 
 use posing_core::{Error, Place, Result, error, numeric, pose};

@@ -15,6 +15,11 @@
 //! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.
 //!
 //! ```
+//! use posing_likeness::{JointMap, PoseMetric};
+//!
+//! // The rival of every metric: the distance of the joints, without learning.
+//! let metric = PoseMetric::of_coordinates(JointMap::cmu());
+//! assert!(metric.is_of_coordinates() && !metric.needs_rate());
 //! ```
 
 #[macro_use]

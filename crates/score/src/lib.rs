@@ -7,9 +7,15 @@
 //! [`restoration`] cuts gaps into the user's own takes, restores them and reports what is left.
 //!
 //! ```
+//! use ndarray::array;
 //! use posing_core::pose::Poses;
-//! use posing_io::Table;
 //! use posing_score::Score;
+//!
+//! let table = |xyz| Poses { points: vec!["root".into()], xyz, ..Poses::default() };
+//! let truth = table(array![[0.0, 90.0, 0.0], [1.0, 90.0, 0.0]]);
+//! let result = table(array![[0.0, 90.0, 0.0], [1.0, 90.0, 3.0]]);
+//! assert_eq!(Score::new(&truth, &result)?.finish().all.max, Some(3.0));
+//! # Ok::<(), posing_core::Error>(())
 //! ```
 
 use posing_core::{Error, Place, Result, error, numeric, pose};

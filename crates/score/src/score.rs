@@ -56,7 +56,7 @@ pub struct PointErrors {
 ///
 /// ```
 /// use ndarray::array;
-/// use posing_papers::evaluate::Score;
+/// use posing_score::Score;
 /// use posing_core::pose::Poses;
 ///
 /// let table = |xyz| Poses { points: vec!["root".into()], xyz, ..Poses::default() };

@@ -84,8 +84,8 @@ impl AmcFrames {
 /// ```
 /// use posing_io::{Amc, Asf};
 ///
-/// let asf = Asf::open("testdata/cmu/09/09.asf")?;
-/// let take = Amc::open("testdata/cmu/09/09_06.amc", &asf)?;
+/// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+/// let take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?;
 /// let poses = take.to_poses(120.0)?;
 /// assert_eq!(poses.points[0], "root");
 /// assert_eq!(poses.frames(), take.frames.numbers.len());

@@ -20,8 +20,8 @@ use ndarray::ArrayView2;
 /// use posing_io::{Amc, Asf};
 /// use posing_joints::ik::SkeletonFit;
 ///
-/// let asf = Asf::open("testdata/cmu/09/09.asf")?;
-/// let mut take = Amc::open("testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
+/// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+/// let mut take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
 /// take = take.slice(0..3);
 /// let fit = SkeletonFit::new(&asf.skeleton).fit(&take)?;
 /// assert!(fit.sequence.mean <= 0.1); // centimeters

@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn limits_are_kept_when_asked_for() {
-        let asf = crate::io::Asf::open("testdata/cmu/07/07.asf").unwrap();
+        let asf = crate::io::Asf::open("../../testdata/cmu/07/07.asf").unwrap();
         let model = builtin_model().unwrap();
         let rig = Rig::new(asf.skeleton, &model.meta.points).unwrap();
         let mut session = Session::new(&model, "the model", rig).unwrap();
