@@ -4,7 +4,7 @@ This package runs the program ``posing``, which the same wheel installs, and
 passes takes as NumPy arrays.
 
 >>> import posing
->>> take = posing.read("gait.c3d")                # C3D, TRC, BVH, AMC, CSV, NPY, NPZ
+>>> take = posing.read("gaps.c3d")                # C3D, TRC, BVH, AMC, CSV, NPY, NPZ
 >>> take["LANK"], take[10:50], len(take), take.fps
 >>> whole = posing.complete(take, max_gap=0.5)
 >>> whole.sd[whole.status == "inferred"].max()

@@ -97,6 +97,12 @@ class Page(str):
 FOR_FILES = "output is for files; write(output, ...) writes a take"
 
 
+def _check_one(data: Any) -> None:
+    several = isinstance(data, (list, tuple)) and any(is_path(one) for one in data)
+    if several or (is_path(data) and os.path.isdir(data)):
+        raise ValueError("expected one take; clean(files, output=folder) is for several")
+
+
 @contextmanager
 def _files(
     *data: Any, names: Sequence[str] | None = None, fps: float | None = None
@@ -264,7 +270,7 @@ def clean(
     --------
     >>> take = posing.clean("gaps.c3d")
     >>> take.record["filled"], take.record["outliers"]
-    (216, 0)
+    (20, 0)
     >>> night = posing.clean("captures/", output="cleaned/", up="y")
     >>> [file["file"] for file in night["files"] if file["findings"]]
     """
@@ -302,6 +308,7 @@ def _recorded(
     """What label or clean makes of a take, read again."""
     if output is not None and not is_path(data):
         raise ValueError(FOR_FILES)
+    _check_one(data)
     with _files(data, names=names, fps=fps) as (folder, (file,)):
         of_file: dict[str, Any] = {"units": units, "up": up, "fps": fps if is_path(data) else None}
         out = Path(output) if output is not None else folder / f"out{file.suffix}"
@@ -312,7 +319,10 @@ def _recorded(
         (record,) = json.loads((folder / "json").read_bytes())["files"]
         if file.suffix.lower() == ".amc":
             of_file["asf"] = skeleton_beside(file)
-        take = read(out, **of_file)
+        try:
+            take = read(out, **of_file)
+        except PosingError:  # a rate is for files that do not say it
+            take = read(out, **{**of_file, "fps": None})
     take.notes[:0] = done.notes
     return Recorded(**vars(take), record=record)
 
@@ -378,7 +388,7 @@ def solve(
 
     From arrays, without a file:
 
-    >>> motion = posing.solve(xyz, names=["LASI", "RASI", ...], fps=100, units="mm", up="z")
+    >>> motion = posing.solve(xyz, names=names, fps=100, units="cm", up="y")
     >>> hero = posing.retarget(motion, "hero.bvh")
     """
     with _files(xyz, names=names, fps=fps) as (folder, (file,)):
@@ -462,6 +472,7 @@ def retarget(
     >>> posing.write("hero-walk.bvh", hero)
     >>> hero.record["scale"]
     """
+    _check_one(xyz)
     with _files(xyz if is_path(xyz) else np.empty((0, 1, 3))) as (folder, (file,)):
         if isinstance(to, Motion):
             Path(folder, "rig.bvh").write_text(to.bvh)

@@ -397,7 +397,7 @@ def write(
     Examples
     --------
     >>> posing.write("gait.trc", posing.read("gait.c3d"))
-    >>> posing.write("walk.npz", xyz, names=["hip", "knee"], fps=100)
+    >>> posing.write("walk.npz", xyz, names=names, fps=100)
     >>> posing.write("walk.bvh", posing.solve("gait.c3d"))
     """
     command = WRITERS.get(Path(path).suffix.lower())

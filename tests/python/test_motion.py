@@ -1,10 +1,13 @@
 """Labels, joints, rigs, pages: the functions against the program's own files."""
 
 import dataclasses
+import doctest
 import html
+import inspect
 import json
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -152,6 +155,7 @@ def test_labels_are_put_right(gait, tmp_path):
     files = posing.label(tmp_path / "swapped.c3d", output=tmp_path / "right.c3d")
     assert np.array_equal(files.xyz, posing.read(tmp_path / "right.c3d").xyz)
     assert (tmp_path / "right.c3d.json").is_file()
+    assert posing.label(tmp_path / "swapped.c3d", fps=50).fps == 60  # as the file says
     with pytest.raises(ValueError, match="write"):
         posing.label(swapped, output=tmp_path / "x.csv")
 
@@ -176,6 +180,10 @@ def test_a_folder_is_cleaned(gaps, tmp_path):
     outcomes = {Path(file["file"]).name: file["outcome"] for file in done["files"]}
     assert outcomes == {"gaps.c3d": "cleaned", "bad.c3d": "failed"}
     assert np.isfinite(posing.read(tmp_path / "clean/gaps.c3d").xyz).all()
+    for several in (raw, [raw / "gaps.c3d", raw / "bad.c3d"]):
+        for function in (posing.clean, posing.label):
+            with pytest.raises(ValueError, match="expected one take"):
+                function(several)
     with pytest.raises(posing.Error, match="bad.c3d"):
         posing.clean(raw / "bad.c3d", output=tmp_path / "bad.c3d")
 
@@ -261,6 +269,52 @@ def test_errors_speak_python(gait):
         assert in_python(line) == said
 
 
+DOCUMENTED = {name: getattr(posing, name) for name in posing.__all__}
+DOCUMENTED = {"posing": posing, "angle": posing.Take.angle, **DOCUMENTED}
+
+
+@pytest.fixture
+def files(gaps, motion, tmp_path, monkeypatch):
+    """The files that examples name, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("captures").mkdir()
+    for file in ("gait.c3d", "raw.c3d"):
+        shutil.copy(GAIT, file)
+    for file in ("hero.bvh", "rig.bvh"):
+        shutil.copy(RIG, file)
+    for file in ("gaps.c3d", "captures/gaps.c3d", "walk.csv"):
+        posing.write(file, gaps)
+    posing.write("walk.bvh", motion)
+
+
+def test_the_example_of_the_readme_runs(files, capsys):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    known = {}
+    exec(readme.split("```python\n")[1].split("```")[0], known)
+    assert known["flexion"].shape == (158,) and Path("cleaned/clean.html").is_file()
+    assert posing.read("hero.bvh").names == posing.read("rig.bvh").names
+
+
+class Shown(doctest.OutputChecker):
+    """Compares what an example prints where the docs show it."""
+
+    def check_output(self, want, got, flags):
+        return not want or super().check_output(want, got, flags)
+
+
+@pytest.mark.parametrize("name", [n for n in DOCUMENTED if ">>>" in (DOCUMENTED[n].__doc__ or "")])
+def test_examples_of_the_docs_run(name, gait, gaps, files):
+    if name.endswith("Error"):
+        Path("gait.c3d").unlink()
+    known = {"posing": posing, "np": np, "gaps": gaps, "truth": gait, "take": gaps}
+    known.update(xyz=gait.xyz, names=gait.names, whole=posing.complete(gaps))
+    text = inspect.getdoc(DOCUMENTED[name])
+    examples = doctest.DocTestParser().get_doctest(text, known, name, None, None)
+    said = []
+    done = doctest.DocTestRunner(Shown(), verbose=False).run(examples, out=said.append)
+    assert done.attempted and not done.failed, "".join(said)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux ends a child with its parent")
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_the_program_ends_with_the_interpreter(end, tmp_path):
@@ -270,9 +324,14 @@ def test_the_program_ends_with_the_interpreter(end, tmp_path):
     python = subprocess.Popen([sys.executable, "-c", script, fifo], stderr=subprocess.DEVNULL)
 
     def children():
-        found = subprocess.run(["ps", "-o", "pid=,args=", "-A"], capture_output=True, text=True)
-        lines = [line.split(None, 1) for line in found.stdout.splitlines()]
-        return [pid for pid, args in lines if str(fifo) in args and int(pid) != python.pid]
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                is_child = str(fifo).encode() in (process / "cmdline").read_bytes()
+            except OSError:  # it has ended
+                continue
+            found += [process.name] * (is_child and int(process.name) != python.pid)
+        return found
 
     def waited(what):
         until = time.monotonic() + 20
@@ -280,7 +339,9 @@ def test_the_program_ends_with_the_interpreter(end, tmp_path):
             time.sleep(0.02)
         return what()
 
-    assert waited(children)
-    python.send_signal(end)
-    python.wait(20)
+    try:
+        assert waited(children)
+    finally:
+        python.send_signal(end)
+        python.wait(20)
     assert waited(lambda: not children())
