@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import difflib
+import html
 import io
 import json
 import os
 import re
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posing._program import Finished, PosingError, flags, run
+from posing._program import PosingError, call, flags
 
 if TYPE_CHECKING:
+    from typing_extensions import TypeGuard
+
     import pandas  # type: ignore[import-untyped,unused-ignore]
 
-    Data = Union["Take", pandas.DataFrame, ArrayLike]
+    Data = Union["Take", pandas.DataFrame, ArrayLike, "os.PathLike[str]"]
 
 Floats = NDArray[np.float64]
 Texts = NDArray[np.str_]
@@ -39,9 +43,18 @@ WRITERS = {
 }
 
 
+def is_path(data: object) -> TypeGuard[StrPath]:
+    return isinstance(data, (str, os.PathLike))
+
+
 @dataclass(eq=False, repr=False)
 class Take:
     """Positions of points over time, in centimeters, y up.
+
+    ``take["RANK"]`` is a point, an array (frames, 3), or a further column, an array
+    (frames,); ``take[["RANK", "LANK"]]`` the take of these points; ``take[10:50]``
+    that of these frames, and so with a mask; ``take[10]`` a pose (points, 3);
+    ``len(take)`` the number of frames. Points and slices are views, as NumPy's are.
 
     Attributes
     ----------
@@ -59,6 +72,12 @@ class Take:
         Further columns of the file, as they stand in it: angles, forces.
     notes : list of str
         What the program remarked on.
+
+    Examples
+    --------
+    >>> take = posing.read("gait.c3d")
+    >>> take["RANK"][:, 1].min()         # the least height of the ankle, cm
+    >>> second = take[take.time >= 1.0]
     """
 
     xyz: Floats
@@ -76,6 +95,87 @@ class Take:
             f"<{type(self).__name__}: {frames} frames, {points} points, "
             f"{self.fps or 'unknown'} fps, {missing:.1%} missing>"
         )
+
+    def _repr_html_(self) -> str:
+        """The take in a notebook: a line, and what is missing of each point."""
+        missing = np.isnan(self.xyz).any(axis=2).mean(axis=0) if len(self) else []
+        rows = [
+            f"<tr><td>{html.escape(name)}</td><td>{share:.1%}</td></tr>"
+            for name, share in zip(self.names, missing)
+        ]
+        table = f"<table><tr><th>point</th><th>missing</th></tr>{''.join(rows)}</table>"
+        return f"<details><summary>{html.escape(repr(self))}</summary>{table}</details>"
+
+    @property
+    def rate(self) -> float | None:
+        """Frames per second: ``fps`` by its other name."""
+        return self.fps
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names or name in self.columns
+
+    @overload
+    def __getitem__(self, key: str | int) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self: T, key: slice | list[str] | NDArray[Any]) -> T: ...
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            return self.columns[key] if key in self.columns else self.xyz[:, self._point(key)]
+        if isinstance(key, (int, np.integer)):
+            return self.xyz[key]
+        if isinstance(key, list) and key and all(isinstance(name, str) for name in key):
+            points = [self._point(name) for name in key]
+            of = {n: v[:, points] for n, v in self._arrays().items() if v.ndim > 1}
+            return replace(self, names=list(key), **of)
+        time = self.time
+        if time is None and self.fps:
+            time = np.arange(len(self)) / self.fps
+        shown = {name: values[key] for name, values in self._arrays().items()}
+        shown["time"] = None if time is None else time[key]
+        fps = self.fps
+        if fps and shown["time"] is not None and len(shown["time"]) > 1:  # every second frame, say
+            fps /= max(1, round(abs(float(np.median(np.diff(shown["time"])))) * fps))
+        columns = {name: values[key] for name, values in self.columns.items()}
+        return replace(self, fps=fps, columns=columns, **shown)
+
+    def _point(self, name: str) -> int:
+        if name not in self.names:
+            near = difflib.get_close_matches(name, self.names) or self.names[:5]
+            raise KeyError(f"no point {name}; there are {', '.join(near)}, …")
+        return self.names.index(name)
+
+    def _arrays(self) -> dict[str, Any]:
+        """The arrays with a row for each frame."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: values for name, values in found.items() if isinstance(values, np.ndarray)}
+
+    def angle(self, first: str, middle: str, last: str) -> Floats:
+        """The angle at a point between two others, in degrees.
+
+        Parameters
+        ----------
+        first, middle, last : str
+            Names of points; the angle is at ``middle``.
+
+        Returns
+        -------
+        float64 array, shape (frames,)
+            0 to 180; NaN where a point is missing.
+
+        Examples
+        --------
+        Flexion of the left knee, from a C3D file of markers:
+
+        >>> centers = posing.solve("gait.c3d", joints="anatomical")
+        >>> flexion = 180 - centers.angle("LHJC", "LKJC", "LAJC")
+        """
+        one, other = self[first] - self[middle], self[last] - self[middle]
+        across = np.linalg.norm(np.cross(one, other), axis=1)
+        turns: Floats = np.degrees(np.arctan2(across, (one * other).sum(axis=1)))
+        return turns
 
     def to_frame(self) -> pandas.DataFrame:
         """The positions as a pandas DataFrame, a row per frame.
@@ -208,31 +308,39 @@ def read(
 
     Raises
     ------
-    PosingError
+    FileNotFoundError
+        The file is not there.
+    ValueError
         The file cannot be read, or does not say what a keyword has to.
+
+    Examples
+    --------
+    >>> take = posing.read("gait.c3d")
+    >>> take.xyz.shape, take.fps, take.names[:3]
+    ((158, 39, 3), 60.0, ['LFHD', 'RFHD', 'LBHD'])
     """
     file = os.fspath(path)
     to = ["--to=npz", "--out-units=cm", "--out-up=y"]
     command = "trim"
     given = flags(units=units, up=up, fps=fps, joints=joints, asf=asf, **options)
     try:
-        done = run(command, *to, "--", file)
+        done = call(command, *to, "--", file)
     except PosingError as error:  # trim knows every format, and names its command
         named: list[str] = re.findall(r"\b[a-z0-9]+2xyz\b", str(error).replace(file, ""))
         command = named[-1] if named else command
         if not named and not given:
             raise
     if command == "amc2xyz" and asf is None:
-        given += flags(asf=_skeleton(Path(file)))
+        given += flags(asf=skeleton_beside(Path(file)))
     if command != "trim" or given:
-        done = run(command, *to, *given, "--", file)
-    take = _load(Take, done)
+        done = call(command, *to, *given, "--", file)
+    take = load(Take, done.stdout, notes=done.notes)
     if take.fps is None and fps is not None:
         take.fps = float(fps)
     return take.to_frame() if frame else take
 
 
-def _skeleton(take: Path) -> Path | None:
+def skeleton_beside(take: Path) -> Path | None:
     """The ASF file beside an AMC file, of the longest name that begins the take's."""
     beside = [f for f in take.parent.glob("*.[aA][sS][fF]") if take.name.startswith(f.stem)]
     return max(beside, key=lambda f: len(f.stem), default=None)
@@ -268,7 +376,8 @@ def write(
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the file that points up. Default: y; z for C3D.
     skeleton : str or path, optional
-        ASF or BVH file to fit, for BVH and GLB. Default: measured from the take.
+        ASF or BVH file to fit, for BVH and GLB. Default: measured from the take; a
+        motion of `solve` or `retarget` is written to BVH with its own.
     into : str or path, optional
         C3D or BVH file whose points are replaced; all else in it is kept.
     **options
@@ -284,8 +393,17 @@ def write(
     ------
     ValueError, PosingError
         As for `complete`; the extension is not known.
+
+    Examples
+    --------
+    >>> posing.write("gait.trc", posing.read("gait.c3d"))
+    >>> posing.write("walk.npz", xyz, names=names, fps=100)
+    >>> posing.write("walk.bvh", posing.solve("gait.c3d"))
     """
     command = WRITERS.get(Path(path).suffix.lower())
+    if command == "xyz2bvh" and hasattr(xyz, "bvh") and not (units or up or skeleton or into):
+        Path(path).write_text(xyz.bvh)
+        return []
     if command is None:
         raise ValueError(f"{os.fspath(path)}: the extension is none of {' '.join(WRITERS)}")
     if command == "trim":
@@ -293,7 +411,7 @@ def write(
     else:
         given = flags(units=units, up=up, skeleton=skeleton, into=into, **options)
     given += flags(output=os.fspath(path))
-    return run(command, *given, input=_archive(xyz, names, fps)).notes
+    return call(command, *given, input=archive_of(xyz, names, fps)).notes
 
 
 def complete(
@@ -314,8 +432,9 @@ def complete(
 
     Parameters
     ----------
-    xyz : Take, DataFrame, or array of shape (frames, points, 3)
-        Positions; NaN is missing.
+    xyz : Take, DataFrame, path, or array of shape (frames, points, 3)
+        Positions; NaN is missing. A file is read as `read` does, with ``units``, ``up``
+        and ``fps`` for what it does not say; its result is in centimeters, y up.
     names : list of str, optional
         Names of the points. Default: those of the take; the 23 joints of CMU for
         an array of 23 points.
@@ -349,21 +468,30 @@ def complete(
     ------
     ValueError
         ``xyz`` is not (frames, points, 3) or has infinities; ``names`` or ``fps``
-        do not fit.
-    PosingError
-        The program refused the data.
+        do not fit; the program refused the data.
+    FileNotFoundError
+        A file is not there.
+
+    Notes
+    -----
+    Where no known skeleton has the points, as with markers, they are filled from the
+    take itself, as with ``self=True``; the first of ``notes`` says so.
+
+    Examples
+    --------
+    >>> whole = posing.complete("gaps.c3d", max_gap=0.5)
+    >>> whole.sd[whole.status == "inferred"].max()    # cm
+    >>> whole = posing.complete(xyz, names=names, fps=120)
     """
-    given = flags(
+    given = dict(
         max_gap=max_gap,
         observe=observe,
         self=self,
         model=model,
         map=map,
-        units=units,
-        up=up,
         **options,
     )
-    return _restore("complete", given, _archive(xyz, names, fps))
+    return _restore("complete", xyz, names, fps, units, up, given)
 
 
 def denoise(
@@ -404,21 +532,24 @@ def denoise(
 
     Raises
     ------
-    ValueError, PosingError
+    ValueError, FileNotFoundError
         As for `complete`.
+
+    Examples
+    --------
+    >>> smooth = posing.denoise("gait.c3d", noise="1mm")
+    >>> np.abs(smooth.xyz - posing.read("gait.c3d").xyz).max()    # cm
     """
-    given = flags(
+    given = dict(
         noise=noise,
         outliers=outliers,
         fill=fill,
         self=self,
         model=model,
         map=map,
-        units=units,
-        up=up,
         **options,
     )
-    return _restore("denoise", given, _archive(xyz, names, fps))
+    return _restore("denoise", xyz, names, fps, units, up, given)
 
 
 def audit(
@@ -461,34 +592,68 @@ def audit(
 
     Raises
     ------
-    ValueError, PosingError
+    ValueError, FileNotFoundError
         As for `complete`.
+
+    Examples
+    --------
+    >>> for file in posing.audit("captures/", up="y"):
+    ...     print(file["file"], [found["kind"] for found in file["takes"][0]["findings"]])
     """
-    given = ["--json", *flags(max_gap=max_gap, **options)]
-    for labeled in [like] if isinstance(like, (str, os.PathLike)) else like or []:
-        given += flags(like=labeled)
-    files: Any = [xyz] if isinstance(xyz, (str, os.PathLike)) else xyz
+    given = ["--json", *flags(max_gap=max_gap, like=like, **options)]
+    files: Any = [xyz] if is_path(xyz) else xyz
     first = files[0] if isinstance(files, (list, tuple)) and files else None
-    if not isinstance(first, (str, os.PathLike)):
+    if not is_path(first):
         given += flags(units=units or "cm", up=up or "y")
-        return json.loads(run("audit", *given, input=_archive(files, names, fps)).stdout)
+        return json.loads(call("audit", *given, input=archive_of(files, names, fps)).stdout)
     given += [*flags(units=units, up=up, fps=fps), "--", *map(os.fspath, files)]
+    return json.loads(report("audit", given, lambda found: found))
+
+
+def report(command: str, given: list[str], files: Callable[[Any], Any]) -> bytes:
+    """The report of a command, also where some of its files failed, but not all."""
     try:
-        return json.loads(run("audit", *given).stdout)
-    except PosingError as error:  # one of the files could not be read
-        found = json.loads(error.stdout or "[]")
-        if all("error" in file for file in found):
+        return call(command, *given).stdout
+    except PosingError as error:
+        found = files(json.loads(error.stdout or b"null")) or []
+        if all(file.get("error") for file in found):
             raise
-        return found
+        return error.stdout
 
 
-def _restore(command: str, given: list[str], archive: bytes) -> Restored:
-    return _load(Restored, run(command, "--status", "--to=npz", *given, input=archive))
+def _restore(
+    command: str,
+    data: Data,
+    names: Sequence[str] | None,
+    fps: float | None,
+    units: str | None,
+    up: str | None,
+    options: dict[str, Any],
+) -> Restored:
+    if is_path(data):
+        data = read(data, units=units, up=up, fps=fps)
+        units = up = fps = None
+    archive = archive_of(data, names, fps)
+    given = ["--status", "--to=npz", *flags(units=units, up=up, **options)]
+    try:
+        done = call(command, *given, input=archive)
+    except PosingError as error:
+        if "use self=True" not in str(error) or options["model"] or options["map"]:
+            raise
+        done = call(command, "--self", *given, input=archive)
+        done.notes.insert(0, str(error))
+    return load(Restored, done.stdout, notes=done.notes)
 
 
-def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes:
+def archive_of(
+    data: Any, names: Sequence[str] | None = None, fps: float | None = None, status: bool = False
+) -> bytes:
     """A take as an NPZ archive, which every command reads; checks shapes first."""
     more: dict[str, Any] = {}
+    marks = ("status", "method") if status and isinstance(data, Restored) else ()
+    marked = {key: getattr(data, key) for key in marks}
+    if is_path(data):
+        data, fps = read(data, fps=fps), None
     if hasattr(data, "iloc"):
         data = Take.from_frame(data)
     if isinstance(data, Take):
@@ -501,7 +666,7 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
                 more[key] = more[key].astype(np.float64)
         more["time"] = data.time if fps is None else None
         more["take"] = data.take
-        more["sd"] = data.sd if isinstance(data, Restored) else None
+        more["sd"] = getattr(data, "sd", None)
         fps = fps if fps is not None else data.fps
         data = data.xyz
     if isinstance(data, np.ma.MaskedArray):
@@ -522,6 +687,7 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
     for key, values in more.items():
         if values is not None and len(values) != len(xyz):
             raise ValueError(f"{key} has {len(values)} values for {len(xyz)} frames")
+    more.update(marked)
     more["names"] = None if names is None else np.array(list(names), dtype=np.str_)
     more["fps"] = None if fps is None else np.float64(fps)
     more["posing"] = np.int32(1)  # says that it is a table, in centimeters, y up
@@ -534,13 +700,13 @@ def _archive(data: Any, names: Sequence[str] | None, fps: float | None) -> bytes
     return file.getvalue()
 
 
-def _load(kind: type[T], done: Finished) -> T:
+def load(kind: type[T], archive: bytes, **more: Any) -> T:
     """The archive that a command wrote, as a take."""
-    with np.load(io.BytesIO(done.stdout)) as arrays:
+    with np.load(io.BytesIO(archive)) as arrays:
         found: dict[str, Any] = {"fps": None, "time": None, "take": None, **arrays}
     found.pop("posing", None)
-    own = {field.name for field in fields(kind)} - {"columns", "notes"}
+    own = {field.name for field in fields(kind)} - {"columns", *more}
     columns = {name: found.pop(name) for name in list(found) if name not in own}
     found["names"] = found["names"].tolist()
     found["fps"] = None if found["fps"] is None else float(found["fps"])
-    return kind(**found, columns=columns, notes=done.notes)
+    return kind(**found, columns=columns, **more)

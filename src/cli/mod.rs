@@ -82,6 +82,8 @@ where
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
+    #[cfg(target_os = "linux")]
+    signals::end_with_parent();
     let parsed = command
         .try_get_matches_from_mut(words)
         .and_then(|matches| Ok((A::from_arg_matches(&matches)?, matches)));

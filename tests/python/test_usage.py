@@ -7,6 +7,7 @@ import re
 import pytest
 
 import posing
+from posing._program import ONE_BY_ONE
 
 TABLES = ["c3d2xyz", "trc2xyz", "bvh2xyz", "amc2xyz", "csv2xyz", "trim"]
 FILES = ["xyz2c3d", "xyz2trc", "xyz2bvh", "xyz2glb", "xyz2amc", "trim"]
@@ -16,6 +17,12 @@ COMMANDS = {
     posing.audit: ["audit"],
     posing.read: TABLES,
     posing.write: FILES,
+    posing.label: ["label"],
+    posing.clean: ["clean"],
+    posing.solve: ["solve"],
+    posing.retarget: ["retarget"],
+    posing.plot: ["plot"],
+    posing.score: ["score"],
 }
 
 
@@ -72,9 +79,18 @@ def test_a_keyword_is_described_as_it_is(usage, function, commands, parameter):
         assert usage[commands[0]][parameter.name]["default"] in text
 
 
-def test_a_list_can_be_joined_by_commas(usage):
-    """But for labeled takes, which audit gives one by one."""
+def test_a_list_is_joined_by_commas_or_given_one_by_one(usage):
     for command in sum(COMMANDS.values(), []):
         for name, flag in usage[command].items():
-            joined = flag.get("commas") or not flag["repeats"] or name == "to"
-            assert joined or (command, name) == ("audit", "like")
+            if name != "to":
+                assert name in ONE_BY_ONE or flag.get("commas") or not flag["repeats"], name
+            if name in ONE_BY_ONE:
+                assert flag["repeats"] and not flag.get("commas"), (command, name)
+
+
+def test_every_function_has_an_example_that_calls_it():
+    for name in posing.__all__:
+        made = getattr(posing, name)
+        if inspect.isfunction(made) and name != "program":
+            example = rf"(?s)Examples\n-+\n.*>>>.*posing\.{name}\("
+            assert re.search(example, inspect.getdoc(made)), name

@@ -27,6 +27,22 @@ pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
     watch();
 }
 
+/// Lets this process end with the one that started it, as by SIGTERM, where the variable
+/// `POSING_PARENT` has the number of that one or of one before it: however a wrapper ends, its
+/// child does too. On Linux only.
+#[cfg(target_os = "linux")]
+pub(crate) fn end_with_parent() {
+    use rustix::process::{Pid, Signal, set_parent_process_death_signal, test_kill_process};
+    let number = std::env::var("POSING_PARENT").unwrap_or_default();
+    let Some(parent) = number.parse().ok().and_then(Pid::from_raw) else {
+        return;
+    };
+    let _ = set_parent_process_death_signal(Some(Signal::TERM));
+    if test_kill_process(parent).is_err() {
+        std::process::exit(1); // it ended before the signal was set
+    }
+}
+
 /// Handles a signal: calls what `on_stop` was given, else removes unfinished files and lets `end`
 /// end the process.
 fn handle_one(end: impl FnOnce()) {
