@@ -9,10 +9,10 @@
 //!     over triangles k1, k2 of one part that share an edge
 //! ```
 //!
-//! with w_s = c ρ², ρ the mean length of the template's edges: the paper's 0.001 ρ depends on the
-//! unit. c = 0.007 leaves some 0.02 mm of a body. A term 10⁻⁶ ρ² |Q_k - I|² holds what edges leave
-//! open, as those of a flat part do. The matrix depends on the template alone; it is factored once,
-//! and the three rows of all Q are solved for at once.
+//! with w_s = c ρ², ρ the mean length of the template's edges: 0.001 ρ, as Anguelov et al. have
+//! it, depends on the unit. c = 0.007 leaves some 0.02 mm of a body. A term 10⁻⁶ ρ² |Q_k - I|²
+//! holds what edges leave open, as those of a flat part do. The matrix depends on the template
+//! alone; it is factored once, and the three rows of all Q are solved for at once.
 
 use super::template::Template;
 use crate::numeric::parallel;

@@ -6,8 +6,8 @@
 //! stays bounded where Q is nearly singular.
 //!
 //! The principal components are orthogonal in the VERTICES that the S give to the template's pose,
-//! not in the S themselves (the paper's choice, [`Metric::Matrices`]): the error of five components
-//! falls from 6 mm to 4.
+//! not in the S themselves (as Anguelov et al. have it, [`Metric::Matrices`]): the error of five
+//! components falls from 6 mm to 4.
 
 use super::decomposition::{Decomposer, synthesize};
 use super::pose_model::PoseModel;
@@ -30,7 +30,7 @@ pub enum Metric {
     /// The vertices that the matrices give in the template's pose.
     #[default]
     Vertices,
-    /// The numbers of the matrices (the paper).
+    /// The numbers of the matrices (Anguelov et al.).
     Matrices,
 }
 

@@ -10,10 +10,10 @@
 //!
 //! A dragged root carries along those that no pinned or standing joint is below.
 //!
-//! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion
-//! (P has the pins alone). The pose is found in three steps: the placement follows that of the pose
-//! before ([`PlacementSolver::follow`]); the prior's posterior of all joints; and P2 over the
-//! skeleton's own degrees of freedom, which keeps bone lengths:
+//! So `rest` runs from Lai et al.'s free dragging (P is the identity; section 4.4) to its
+//! completion (P has the pins alone). The pose is found in three steps: the placement follows that
+//! of the pose before ([`PlacementSolver::follow`]); the prior's posterior of all joints; and P2
+//! over the skeleton's own degrees of freedom, which keeps bone lengths:
 //!
 //! ```text
 //! min over q   Σ wₖ |fₖ(q) − mₖ|²,

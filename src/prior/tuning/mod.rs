@@ -1,9 +1,9 @@
-//! The weight between a prior and what is observed (the paper's lambda), found on poses held back
+//! The weight between a prior and what is observed (Lai et al.'s lambda), found on poses held back
 //! from the training.
 //!
-//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and
+//! A prior's covariance is multiplied by an **inflation** (1 / lambda in Lai et al.'s (1)), and
 //! where the noise is unknown an equal noise of every coordinate is assumed. Both are searched task
-//! by task on a grid, as the paper says, and beyond its edges where that is better, on a part of
+//! by task on a grid, as Lai et al. do, and beyond its edges where that is better, on a part of
 //! the *training* poses that the prior under test did not learn from; test poses are never seen.
 //! The whole curve is kept ([`Tuning::curve`]) and goes into the model (`Tuning::write`).
 //!
@@ -24,12 +24,12 @@ pub use super::training_set::HoldBack;
 pub(crate) use search::{Grid, tune};
 pub(crate) use tuned_prior::TunedPrior;
 
-/// The paper's unit of variance, cm²: its "standard" noise.
+/// Lai et al.'s unit of variance, cm²: its "standard" noise.
 pub(crate) const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// Noise of a variance from here on in every coordinate is dense noise, (0.3 asf)².
 const DENSE_FROM: f64 = 0.09 * ASF2;
 
-/// What is asked of a prior: the tests of the paper's section 4.2.
+/// What is asked of a prior: the tests of Lai et al.'s section 4.2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
