@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array2, Axis};
 
 /// The weight λ that draws S to the identity.
-const TOWARDS_IDENTITY: f64 = 1e-4;
+const TOWARD_IDENTITY: f64 = 1e-4;
 /// Components whose variance is below this share of the first are noise.
 const LEAST_VARIANCE: f64 = 1e-9;
 
@@ -143,7 +143,7 @@ pub(crate) fn matrices_of_person(
 ) -> Vec<f32> {
     let a = decomposer.deformations(vertices, rotations);
     let q = pose.deformations(template, rotations);
-    let identity = DMat3::IDENTITY * TOWARDS_IDENTITY;
+    let identity = DMat3::IDENTITY * TOWARD_IDENTITY;
     (a.iter().zip(&q))
         .flat_map(|(a, q)| {
             let back = q.transpose();

@@ -22,7 +22,7 @@
 //! ```
 //!
 //! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The
-//! prior draws a pose towards those it was trained on; with λ = exp(−d / L), d how far the drag has
+//! prior draws a pose toward those it was trained on; with λ = exp(−d / L), d how far the drag has
 //! come, that happens little by little, and a touch alone moves nothing. L is 20 cm and the largest
 //! |a − p₀|.
 //!
@@ -89,7 +89,7 @@ pub struct Constraints {
     pub drags: Vec<Option<(DVec3, f64)>>,
     /// The standard deviation of the other joints about where they were, cm.
     pub rest: f64,
-    /// Joints that forget where they were (K): the prior alone says.
+    /// Joints that are reset (K): the prior alone places them.
     pub forgotten: Vec<bool>,
     /// The lowest y of each joint (K), cm; `None`: no floor. See [`floor_under`].
     pub floor: Option<Vec<f64>>,

@@ -221,7 +221,7 @@ impl PoseCode<'_> {
         }
     }
 
-    /// Goes towards the minimum for the present signs; a weight that reaches 0 on the way stays
+    /// Goes toward the minimum for the present signs; a weight that reaches 0 on the way stays
     /// there, and the rest goes on.
     fn step_to_signs(&mut self) {
         let m = self.working.len();

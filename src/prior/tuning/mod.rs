@@ -29,7 +29,8 @@ pub(crate) const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// Noise of a variance from here on in every coordinate is dense noise, (0.3 asf)².
 const DENSE_FROM: f64 = 0.09 * ASF2;
 
-/// What is asked of a prior: the tests of Lai et al.'s section 4.2.
+/// What is asked of a prior, and so which of its tuned settings it uses. The first three are the
+/// tests of Lai et al., section 4.2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
