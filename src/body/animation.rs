@@ -46,8 +46,8 @@ pub enum Offsets {
     Learned,
 }
 
-/// Fits a take of one person, frame after frame, each from the fit of the frame before. The shape is
-/// learned first, from frames spread over the take that have the most markers.
+/// Fits a take of one person, each frame from the fit of the frame before. The shape is learned
+/// first, from frames spread over the take that have the most markers.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no frame has markers enough.

@@ -192,7 +192,6 @@ fn the_paper_says_which() {
         if unchecked.contains(&name.as_str()) {
             continue;
         }
-
         let text = words(&text)
             .replace("on the paper", "")
             .replace("The paper", "the paper");
