@@ -48,7 +48,7 @@ model: build
 	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
 	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" crates/models/src/prior/builtin.npz crates/models/src/prior/rotations.npz
 
-# Measures the paper's Tables 1 to 4: target/tables/tables.html, and a report of every run. Finished results are kept.
+# Measures Lai et al.'s Tables 1 to 4: target/tables/tables.html, and a report of every run. Finished results are kept.
 tables: build
 	@POSING_BIN=$(BIN) sh testdata/examples/tables.sh $(if $(QUICK),--quick) \
 	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)

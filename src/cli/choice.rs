@@ -85,13 +85,13 @@ choices!(TableFormat {
 
 choices!(SelectionRule {
     Oomp "oomp": "Optimized orthogonal matching pursuit, the more accurate";
-    Omp "omp": "Orthogonal matching pursuit, as in the paper";
+    Omp "omp": "Orthogonal matching pursuit, as Lai et al. use";
 });
 
 choices!(Space {
     World "world": "As captured";
     Root "root": "Root at the origin, global rotation kept";
-    Body "body": "Root at the origin, no global rotation, as in the paper";
+    Body "body": "Root at the origin, no global rotation, as Lai et al. train";
 });
 
 choices!(BonePoints {

@@ -1,5 +1,5 @@
 #!/bin/sh
-# The paper's Tables 1 to 4 again: tables.sh [--quick] CMU OUT writes a report of each run and OUT/tables.html beside them.
+# Lai et al.'s Tables 1 to 4 again: tables.sh [--quick] CMU OUT writes a report of each run and OUT/tables.html beside them.
 # Goes on where it was stopped. MODELS, SEEDS and FRAMES may be set; --quick: less of everything, in a few minutes.
 set -eu
 bin=${POSING_BIN:-}
@@ -12,7 +12,7 @@ if [ ! -d "$cmu" ]; then
   exit 2
 fi
 
-# The paper's models, its own with either pursuit, and the default one, as it answers and by poses alone; SIK for single subjects, as in the paper.
+# The models of Lai et al., their own with either pursuit, and the default one, as it answers and by poses alone; SIK for single subjects, as in Lai et al.
 models=${MODELS:-multiscale+treated,multiscale,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
 # Every n-th frame: of single subjects, and of all together.
 if [ "$quick" ]; then
@@ -46,7 +46,7 @@ one() {
 }
 for subject in $subjects; do
   [ -f "$poses/$subject.csv" ] || continue
-  # Error against sparsity and size, for the paper's first subject.
+  # Error against sparsity and size, for Lai et al.'s first subject.
   more=; if [ "$subject" = 07 ]; then more=$sweep; fi
   one "$subject" "$models,sik$more" "$poses/$subject.csv"
 done

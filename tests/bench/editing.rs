@@ -506,9 +506,8 @@ impl Jumps {
                 continue;
             };
             let k = random.random_range(0..solver.rig.joints());
-            let towards =
-                DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
-            let towards = towards.try_normalize().unwrap_or(DVec3::X);
+            let toward = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+            let toward = toward.try_normalize().unwrap_or(DVec3::X);
             let from = place(&pose.xyz, k);
             let mut asked = Constraints::none(solver.rig.joints());
             if i % 2 == 0 {
@@ -521,7 +520,7 @@ impl Jumps {
             asked.drags[k] = Some((from, DRAG_SD));
             let reference = solver.reference(&asked, &pose);
             for step in 1..=STEPS {
-                let to = from + towards * step as f64;
+                let to = from + toward * step as f64;
                 asked.drags[k] = Some((to, DRAG_SD));
                 let began = Instant::now();
                 let next = solver.follow(&asked, &reference, &pose, 1.0);

@@ -1,4 +1,4 @@
-//! The paper's scale, from poses to codes: `make scale` (`make scale POSES=20000`: a hundredth of
+//! Lai et al.'s scale, from poses to codes: `make scale` (`make scale POSES=20000`: a hundredth of
 //! it).
 //!
 //! 2,075,000 poses are clustered, a dictionary is learned of each cluster, the dictionaries are
@@ -77,7 +77,7 @@ struct Size {
 }
 
 impl Size {
-    /// What `--poses N` asks for, else the paper's.
+    /// What `--poses N` asks for, else Lai et al.'s.
     fn asked() -> Size {
         let mut flags = std::env::args().skip_while(|a| a != "--poses").skip(1);
         let poses = flags

@@ -95,7 +95,7 @@ fn finished_runs_stand_beside_the_papers_tables() {
     let columns = data["columns"].as_array().unwrap().iter();
     let measured = |c: &&Value| !c["measured"].as_array().unwrap().is_empty();
     assert_eq!(columns.filter(measured).count(), 6);
-    // The paper's figure and the measured one in one line.
+    // Lai et al.'s figure and the measured one in one line.
     let line = |start: &str| csv.lines().find(|l| l.starts_with(start)).unwrap();
     let json: Value = serde_json::from_str(&dir.read("single/results.json")).unwrap();
     let rows = json["summary"].as_array().unwrap();

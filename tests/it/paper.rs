@@ -1,6 +1,6 @@
-//! The paper's own tests on subject 07 and the learning error on subject 01, with the published
+//! Lai et al.'s own tests on subject 07 and the learning error on subject 01, with the published
 //! estimate: figures are printed (`cargo test --release --test paper -- --nocapture`) and held to
-//! bounds. In raw ASF units squared, as the paper's are. Needs the larger collection of takes.
+//! bounds. In raw ASF units squared, as Lai et al.'s are. Needs the larger collection of takes.
 
 use crate::common::{command, shared, text};
 use ndarray::{Array2, Axis};
@@ -110,7 +110,7 @@ fn the_papers_split_on_subject_07() {
     let restore =
         |model: &Path, name: &str, damaged: &Array2<f64>, flags: &[&str], published: bool| {
             write(&at("in.npy"), damaged);
-            // The best sparsity, as the paper searches kappa.
+            // The best sparsity, as Lai et al. search kappa.
             let errors = (1..=4).map(|k| {
                 command(name)
                     .args([

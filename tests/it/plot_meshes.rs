@@ -53,7 +53,7 @@ fn files_folders_and_archives_become_a_picture() {
     assert!(
         svg.starts_with("<svg") && svg.contains(">scan</text>") && svg.contains(">body</text>")
     );
-    // Two sides of each octahedron are towards the viewer and above, two below.
+    // Two sides of each octahedron are toward the viewer and above, two below.
     assert_eq!(svg.matches("<g transform").count(), 2);
     assert!(
         !svg.contains(" cm<") && !svg.contains(" m<"),

@@ -1,6 +1,8 @@
-//! The recipes of README.md, run as they are printed, in folders that hold the files they name.
+//! The recipes of README.md and testdata/RECIPES.md, run as they are printed, in folders that hold
+//! the files they name.
 
 use crate::common::examples::{BVH, SETUP, SMALLER, must, until_ready};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -81,9 +83,66 @@ fn recipes(readme: &str) -> Vec<String> {
             out.push(format!("posing {}", command.replace("\\|", "|")));
         }
     }
-    // The head of a table stands in such a block too.
-    out.retain(|recipe| !recipe.starts_with("take,"));
+    // Some stand on both pages.
+    let mut seen = BTreeSet::new();
+    out.retain(|recipe| seen.insert(recipe.clone()));
     out
+}
+
+fn page(path: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+}
+
+/// Where the links and pictures of a page lead, without web pages.
+fn links(page: &str) -> Vec<&str> {
+    let ends = page.split("](").skip(1);
+    let links = ends.filter_map(|rest| rest.split(')').next());
+    links.filter(|link| !link.contains("://")).collect()
+}
+
+/// The name by which a link finds a heading.
+fn anchor(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || " -".contains(*c);
+    heading
+        .to_lowercase()
+        .chars()
+        .filter(kept)
+        .collect::<String>()
+        .replace(' ', "-")
+}
+
+#[test]
+fn links_lead_to_files_and_headings() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in [
+        "README.md",
+        "testdata/FIGURES.md",
+        "testdata/RECIPES.md",
+        "CONTRIBUTING.md",
+    ] {
+        let text = page(name);
+        for link in links(&text) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = match file {
+                "" => root.join(name),
+                _ => root.join(name).parent().unwrap().join(file),
+            };
+            assert!(target.exists(), "{name} links {link}");
+            let has = |line: &str| anchor(line.trim_start_matches('#').trim()) == heading;
+            let found = heading.is_empty()
+                || (fs::read_to_string(&target).unwrap().lines())
+                    .any(|line| line.starts_with('#') && has(line));
+            assert!(found, "{name} links {link}");
+        }
+    }
+}
+
+#[test]
+fn readme_is_short_and_counts_the_commands() {
+    let readme = page("README.md");
+    assert!(readme.split_whitespace().count() <= 2500);
+    let commands = format!("{} commands", crate::common::command_names().len());
+    assert!(readme.contains(&commands), "{commands}");
 }
 
 /// A recipe in a form that ends: a server is stopped, and exit code 3, findings, is success.
@@ -109,11 +168,11 @@ fn script(recipe: &str) -> String {
 
 #[test]
 fn recipes_run_as_printed() {
-    let readme = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
-    let recipes = recipes(&readme);
-    assert!(recipes.len() > 40, "{recipes:?}");
+    let pages = page("README.md") + "\n" + &page("testdata/RECIPES.md");
+    let recipes = recipes(&pages);
+    assert!(recipes.len() > 60, "{recipes:?}");
     for (start, _) in NOT_RUN {
-        assert!(readme.contains(start), "{start} is not in README.md");
+        assert!(pages.contains(start), "no page has {start}");
     }
     let base = tempfile::tempdir().unwrap();
     let base = base.path();

@@ -34,20 +34,20 @@ pub struct Animation {
     pub fits: Vec<Option<Fit>>,
 }
 
-/// The markers of a frame; `None` is missing.
+/// The markers of a frame, in the model's order, cm; `None` is missing.
 pub type MarkerFrame = Vec<Option<DVec3>>;
 
-/// Whether markers are where their model says.
+/// Whether markers sit on the body where [`MarkerModel`] has them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Offsets {
-    /// Markers are where the model says.
+    /// They do.
     Known,
-    /// Each has an offset of its own, which is learned from the take.
+    /// Each is off by a constant offset of its own, which is learned from the take.
     Learned,
 }
 
-/// Fits a take. The shape is learned first, from frames spread over the take that have the most
-/// markers.
+/// Fits a take of one person, each frame from the fit of the frame before. The shape is learned
+/// first, from frames spread over the take that have the most markers.
 ///
 /// # Errors
 /// [`crate::Error::Unfit`]: no frame has markers enough.

@@ -9,10 +9,10 @@
 //!     over triangles k1, k2 of one part that share an edge
 //! ```
 //!
-//! with w_s = c ρ², ρ the mean length of the template's edges: the paper's 0.001 ρ depends on the
-//! unit. c = 0.007 leaves some 0.02 mm of a body. A term 10⁻⁶ ρ² |Q_k - I|² holds what edges leave
-//! open, as those of a flat part do. The matrix depends on the template alone; it is factored once,
-//! and the three rows of all Q are solved for at once.
+//! with w_s = c ρ², ρ the mean length of the template's edges: 0.001 ρ, as Anguelov et al. have
+//! it, depends on the unit. c = 0.007 leaves some 0.02 mm of a body. A term 10⁻⁶ ρ² |Q_k - I|²
+//! holds what edges leave open, as those of a flat part do. The matrix depends on the template
+//! alone; it is factored once, and the three rows of all Q are solved for at once.
 
 use super::template::Template;
 use crate::numeric::parallel;
@@ -24,7 +24,7 @@ use ndarray::Array2;
 /// The weight of smoothness, in squared mean edge lengths.
 pub const SMOOTHNESS: f64 = 0.007;
 /// The weight that draws Q to the identity, in squared mean edge lengths.
-const TOWARDS_IDENTITY: f64 = 1e-6;
+const TOWARD_IDENTITY: f64 = 1e-6;
 
 /// Decomposes meshes of a template.
 #[derive(Debug, Clone)]
@@ -38,7 +38,7 @@ impl<'a> Decomposer<'a> {
     /// positive definite.
     pub fn new(template: &'a Template, c: f64) -> Option<Decomposer<'a>> {
         let square = template.resolution().powi(2);
-        let (weight, hold) = (c * square, TOWARDS_IDENTITY * square);
+        let (weight, hold) = (c * square, TOWARD_IDENTITY * square);
         let mut entries = Vec::with_capacity(12 * template.faces.len());
         for (k, edges) in template.edges.iter().enumerate() {
             for a in 0..3 {
@@ -65,7 +65,7 @@ impl<'a> Decomposer<'a> {
     /// The Q of each triangle of a mesh, given the rotation of each part.
     pub fn deformations(&self, vertices: &[DVec3], rotations: &[DMat3]) -> Vec<DMat3> {
         let template = self.template;
-        let hold = TOWARDS_IDENTITY * template.resolution().powi(2);
+        let hold = TOWARD_IDENTITY * template.resolution().powi(2);
         let identity = |(row, column)| if row % 3 == column { hold } else { 0.0 };
         let mut right = Array2::from_shape_fn((3 * template.faces.len(), 3), identity);
         let edges = template.edges_of(vertices);
@@ -168,7 +168,7 @@ mod tests {
         let q = decomposer.deformations(&moved, &rotations);
         let weight = c * template.resolution().powi(2);
         let edges = template.edges_of(&moved);
-        let hold = TOWARDS_IDENTITY * template.resolution().powi(2);
+        let hold = TOWARD_IDENTITY * template.resolution().powi(2);
         let mut gradient: Vec<DMat3> = q.iter().map(|q| (*q - DMat3::IDENTITY) * hold).collect();
         for k in 0..q.len() {
             let r = rotations[template.face_parts[k]];

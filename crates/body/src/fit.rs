@@ -9,9 +9,10 @@
 //! is least over the rotations R and the shape β, by damped Gauss-Newton steps
 //! (Levenberg-Marquardt), every one of which lowers it. σ is what the markers and the model itself
 //! miss: it is estimated from the fit. Markers that are many σ off are left out: their weights fall
-//! first as those of Geman and McClure do. The paper's energy lets the markers pull the surface off
-//! the model at no cost for low frequencies, so that more markers make the model's place worse; and
-//! its block descent takes hundreds of rounds, between which its energy rises.
+//! first as those of Geman and McClure do. The energy of Anguelov et al. lets
+//! the markers pull the surface off the model at no cost for low frequencies, so that more markers
+//! make the model's pose worse; and its block descent takes hundreds of rounds, between which its
+//! energy rises.
 
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};

@@ -5,7 +5,7 @@ use super::template::Template;
 use glam::DVec3;
 
 /// Where each of the points named by `joints` (part, point) is on the body: the first point of a
-/// part where the part begins, at its border towards the root; a second one at its far end, the
+/// part where the part begins, at its border toward the root; a second one at its far end, the
 /// vertex farthest from there. The root's first point is its middle.
 pub fn joint_markers(template: &Template, joints: &[(usize, String)]) -> Vec<Marker> {
     let is_second = |k: usize| joints[..k].iter().any(|(part, _)| *part == joints[k].0);

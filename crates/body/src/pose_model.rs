@@ -3,8 +3,9 @@
 //!
 //! The twist of a joint is the rotation vector of R_aᵀ R_b, of its two parts. Each of the nine
 //! numbers of Q_k is an affine function of the twists of the joints nearest to the TRIANGLE, or of
-//! the entries of their R_aᵀ R_b, learned by least squares from decomposed poses. (The paper takes
-//! the twists of the two joints nearest to the triangle's part, which errs three times as much.)
+//! the entries of their R_aᵀ R_b, learned by least squares from decomposed poses. (Anguelov et al.
+//! take the twists of the two joints nearest to the triangle's part, which errs three times as
+//! much.)
 
 use super::template::Template;
 use crate::Result;
@@ -22,7 +23,7 @@ use std::collections::BTreeMap;
 pub enum Follows {
     /// The joints nearest to the triangle: this many.
     OfTriangle(usize),
-    /// The joints nearest to the middle of the triangle's part (the paper's two).
+    /// The joints nearest to the middle of the triangle's part (Anguelov et al.'s two).
     OfPart(usize),
 }
 

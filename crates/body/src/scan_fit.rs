@@ -4,7 +4,7 @@
 //! point of the present surface, and a Gauss-Newton step on rotations, shape and shift lowers the
 //! distances to the planes there, with priors on twists and shape. Pairs farther apart than a
 //! threshold that shrinks, or whose normals disagree, do not count. Last the surface is warped
-//! towards the scan, as little as possible in its edges.
+//! toward the scan, as little as possible in its edges.
 
 use super::body_model::BodyModel;
 use super::fit::{BodyState, FitProblem};
@@ -43,7 +43,7 @@ pub struct ScanFit {
     pub state: BodyState,
     /// The vertices of the model, centimeters.
     pub predicted: Vec<DVec3>,
-    /// These, warped towards the scan.
+    /// These, warped toward the scan.
     pub completed: Vec<DVec3>,
     /// The root mean square distance of the scan's points from the predicted surface, centimeters,
     /// of those that count at the end.

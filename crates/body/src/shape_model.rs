@@ -6,8 +6,8 @@
 //! stays bounded where Q is nearly singular.
 //!
 //! The principal components are orthogonal in the VERTICES that the S give to the template's pose,
-//! not in the S themselves (the paper's choice, [`Metric::Matrices`]): the error of five components
-//! falls from 6 mm to 4.
+//! not in the S themselves (as Anguelov et al. have it, [`Metric::Matrices`]): the error of five
+//! components falls from 6 mm to 4.
 
 use super::decomposition::{Decomposer, synthesize};
 use super::pose_model::PoseModel;
@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array2, Axis};
 
 /// The weight λ that draws S to the identity.
-const TOWARDS_IDENTITY: f64 = 1e-4;
+const TOWARD_IDENTITY: f64 = 1e-4;
 /// Components whose variance is below this share of the first are noise.
 const LEAST_VARIANCE: f64 = 1e-9;
 
@@ -30,7 +30,7 @@ pub enum Metric {
     /// The vertices that the matrices give in the template's pose.
     #[default]
     Vertices,
-    /// The numbers of the matrices (the paper).
+    /// The numbers of the matrices (Anguelov et al.).
     Matrices,
 }
 
@@ -143,7 +143,7 @@ pub(crate) fn matrices_of_person(
 ) -> Vec<f32> {
     let a = decomposer.deformations(vertices, rotations);
     let q = pose.deformations(template, rotations);
-    let identity = DMat3::IDENTITY * TOWARDS_IDENTITY;
+    let identity = DMat3::IDENTITY * TOWARD_IDENTITY;
     (a.iter().zip(&q))
         .flat_map(|(a, q)| {
             let back = q.transpose();

@@ -45,7 +45,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The paper's: two joints of each part, components of the matrices, of the people alone.
+    /// Those of Anguelov et al.: two joints of each part, components of the matrices, of the people
+    /// alone.
     pub fn paper() -> Settings {
         Settings {
             follows: Follows::OfPart(2),

@@ -57,7 +57,7 @@ impl Columns {
     }
 
     /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the
-    /// paper's 2-D input.
+    /// 2-D input of Lai et al.
     ///
     /// # Errors
     /// [`Error::Data`]: two columns with one name, or no point.

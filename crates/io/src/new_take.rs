@@ -34,7 +34,7 @@ impl NewTake {
     /// The bytes of a C3D file.
     ///
     /// # Errors
-    /// As `NewC3d::bytes`.
+    /// [`crate::Error::Usage`]: no points or frames, or more than the format counts.
     pub fn c3d(&self) -> Result<Vec<u8>> {
         let name = self.units.up.name().to_uppercase();
         let up = match name.starts_with('-') {
@@ -58,7 +58,7 @@ impl NewTake {
     /// The bytes of a TRC file.
     ///
     /// # Errors
-    /// As `NewTrc::bytes`.
+    /// [`crate::Error::Usage`]: no points or frames, or a name that the format cannot hold.
     pub fn trc(&self) -> Result<Vec<u8>> {
         let name = self.poses.take.as_ref().and_then(|names| names.first());
         NewTrc {

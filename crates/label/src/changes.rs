@@ -6,21 +6,21 @@ use serde::Serialize;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// What kind of change it is.
+/// What a change of labels does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ChangeKind {
-    /// Two labels changed places.
+    /// Two labels that were exchanged for some frames go back.
     Swap,
-    /// Three or more did.
+    /// Three or more labels that were exchanged in a ring go back.
     Cycle,
-    /// A track without a label is a label's.
+    /// A track without a label gets the label of its marker.
     Joined,
-    /// A label's places are another's.
+    /// Positions move from a label to the label of their marker.
     Moved,
-    /// Two labels are exchanged in every frame.
+    /// Two labels that were exchanged in every frame go back.
     WholeTake,
-    /// A label's places are no label's.
+    /// Positions of no marker, such as a reflection, lose their label.
     #[serde(rename = "taken-out")]
     Out,
 }

@@ -50,12 +50,14 @@ impl Alignment {
     }
 }
 
-/// A clip that goes over into another.
+/// A clip that goes over into another: points are blended linearly, with a weight that rises
+/// smoothly over `2 half` frames. The second clip is turned about the vertical and moved on the
+/// ground, so that the hips meet at the transition.
 #[derive(Debug, Clone, Copy)]
 pub struct CrossFade<'a> {
     /// The clips: first a, then b.
     pub clips: [&'a Clip; 2],
-    /// The frame of each clip at which the transition is.
+    /// The frame of each clip at which the transition is, from 0.
     pub frames: [usize; 2],
     /// Frames of the cross-fade before and after the transition, one at least.
     pub half: usize,

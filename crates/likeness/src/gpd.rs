@@ -13,7 +13,7 @@
 //! | `PP_a` | angle between two planes' normals | 10 |
 //! | `J_k` | velocity and acceleration of the coordinates of `J_c` | 92 |
 //!
-//! Lengths are in body heights, angles in radians, 0 to π. (The paper's Table 1 has the counts of
+//! Lengths are in body heights, angles in radians, 0 to π. (Chen et al.'s Table 1 has the counts of
 //! `LL_a` and `JP_d` exchanged.) The lines are the 15 limbs, the 5 lines from an end of the body to
 //! the joint two before it, and the 10 lines between two ends; the planes are those of trunk, arms
 //! and legs.

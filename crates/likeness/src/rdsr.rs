@@ -9,8 +9,8 @@
 //! S_W = mean of (x_k - x_l)(x_k - x_l)ᵀ over pairs that are alike     (13)
 //! ```
 //!
-//! Both terms of B are means, so that α means the same for any number of poses and pairs. The paper
-//! maximizes the ratio of traces tr(WᵀAW) / tr(WᵀBW) with orthonormal W
+//! Both terms of B are means, so that α means the same for any number of poses and pairs. Chen et
+//! al. maximize the ratio of traces tr(WᵀAW) / tr(WᵀBW) with orthonormal W
 //! ([`Criterion::TraceRatio`]). Without much of a ridge its columns are the directions in which
 //! B is nearly 0, whatever A is there: neighbors across people are then hardly better than chance.
 //! The default is the ratio trace, A w = λ B w, WᵀBW = I ([`Criterion::RatioTrace`]): each
@@ -27,7 +27,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 /// What W maximizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Criterion {
-    /// The ratio of traces, W orthonormal: the paper's (26).
+    /// The ratio of traces, W orthonormal: Chen et al.'s (26).
     TraceRatio,
     /// The trace of the ratio, WᵀBW = I.
     RatioTrace,

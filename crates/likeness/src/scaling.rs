@@ -21,7 +21,7 @@ pub enum ScalingRule {
     /// standard deviation of .3. Rotations and their velocities are as coordinates are. Groups
     /// of game features have equal variance each. All have mean 0.
     Balanced,
-    /// Each feature to [0, 1] by its range, then each pose to unit length: the paper's (38).
+    /// Each feature to [0, 1] by its range, then each pose to unit length: Chen et al.'s (38).
     UnitLength,
     /// Each feature to mean 0 and variance 1.
     Standard,

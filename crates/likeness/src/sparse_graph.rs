@@ -7,8 +7,8 @@
 //! 1/2 |x_i - Σ_j a_ij x_j|² + γ_i Σ_j |a_ij|,   a_ii = 0,   γ_i = γ max_{j≠i} |x_jᵀ x_i|
 //! ```
 //!
-//! The paper's (16) prints the length without the square; this is the lasso, which it cites. γ is
-//! relative to the largest correlation, so that it means the same on any data: from 1 on all
+//! Chen et al. print the length in (16) without the square; this is the lasso, which they cite. γ
+//! is relative to the largest correlation, so that it means the same on any data: from 1 on all
 //! weights are 0.
 //!
 //! Only inner products are needed. Coordinate descent runs on a working set of poses, to which
@@ -221,7 +221,7 @@ impl PoseCode<'_> {
         }
     }
 
-    /// Goes towards the minimum for the present signs; a weight that reaches 0 on the way stays
+    /// Goes toward the minimum for the present signs; a weight that reaches 0 on the way stays
     /// there, and the rest goes on.
     fn step_to_signs(&mut self) {
         let m = self.working.len();

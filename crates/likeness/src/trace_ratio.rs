@@ -8,7 +8,7 @@
 //! for symmetric A and B (d, d), B positive definite. With f(η) = max tr(Wᵀ (A - η B) W), the sum
 //! of the r largest eigenvalues, the optimum is the root of f, which falls. Each step is one
 //! eigendecomposition, O(d³): η becomes the ratio at the best W for the η before, a Newton step on
-//! f (Jia, Nie, Zhang 2009), some five steps. (The paper bisects between (29) and (30), some 50.)
+//! f (Jia, Nie, Zhang 2009), some five steps. (Chen et al. bisect between (29) and (30), some 50.)
 
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array2, s};

@@ -160,8 +160,8 @@ impl TrainSettings {
         self.features.needs_rate() || self.window > 0.0 || has_reach
     }
 
-    /// The paper's: all features of one frame, scaled by (38), the pairs as labeled, the ratio of
-    /// traces. What the paper leaves open is the ridge: 1e-6.
+    /// Those of Chen et al.: all features of one frame, scaled by (38), the pairs as labeled, the
+    /// ratio of traces. What Chen et al. leave open is the ridge: 1e-6.
     pub fn paper(map: JointMap) -> TrainSettings {
         let default = TrainSettings::new(map);
         TrainSettings {
@@ -347,7 +347,7 @@ impl Training<'_> {
         Ok((learned.w, used))
     }
 
-    /// The unlabeled poses that are complete, in a basis (N, d). The paper's are not centered.
+    /// The unlabeled poses that are complete, in a basis (N, d). Chen et al.'s are not centered.
     fn unlabeled(&self, basis: &PoseMetric) -> Array2<f64> {
         let vectors = reduction::embed(basis, self.takes, &self.sample);
         let x = reduction::complete_rows(vectors.view()).mapv(f64::from);

@@ -1,4 +1,4 @@
-//! The distances that the paper compares with (section 5.3), and the one that game engines ship.
+//! The distances that Chen et al. compare with (section 5.3), and the one that game engines ship.
 //!
 //! | name | what | from pairs |
 //! |---|---|---|
@@ -10,7 +10,7 @@
 //! | `rgf-boost` | differences of chosen geometric features: (45) | the choice |
 //! | `game` | ends of the body and the path ahead, scaled by their spreads | |
 //!
-//! The paper leaves open: how rotations are compared (here by 2 sin(θ/2), see `features`;
+//! Chen et al. leave open: how rotations are compared (here by 2 sin(θ/2), see `features`;
 //! fitted to the joints, without the twist about a bone), the units (body heights and seconds, λ =
 //! 1), and the pool of `rgf-boost` (the geometric pose descriptor, each feature of variance 1). The
 //! hip's place is compared by its height alone, as place is removed. Distances are the roots of

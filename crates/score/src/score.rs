@@ -1,8 +1,8 @@
 //! How far a result is from the truth.
 //!
 //! Let t be a coordinate of the truth, r of the result, d of the damaged table that the result was
-//! made from. Over a set of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in
-//! asf²). A coordinate that is missing in t does not count. One that is missing in r counts as
+//! made from. Over a set of coordinates, MSE = mean of (r - t)², as in Lai et al.'s tables (there
+//! in asf²). A coordinate that is missing in t does not count. One that is missing in r counts as
 //! still missing and is in no mean.
 
 use super::alignment::point_order;

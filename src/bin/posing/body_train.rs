@@ -102,7 +102,8 @@ pub struct Args {
         value_parser = clap::value_parser!(u16).range(1..=500)
     )]
     components: u16,
-    /// The model as published: two joints a part, components of the matrices; less accurate
+    /// The model as Anguelov et al. (2005) published it: two joints a part, components of the
+    /// matrices; less accurate
     #[arg(long)]
     paper: bool,
     /// Output file

@@ -10,9 +10,10 @@ use posing::restore::Denoise;
 /// Remove noise and outliers from poses
 ///
 /// In a take (a table with times, or with --fps), smooths the path of each point as strongly as its
-/// motion bears, and draws it towards a pose model's estimate, the more the noisier it is. Without
+/// motion bears, and draws it toward a pose model's estimate, the more the noisier it is. Without
 /// times, each frame is estimated by the model alone, and rigid distances, such as bone lengths,
-/// are kept. Empty cells stay empty without --fill, but where their value bore another's name.
+/// are kept. Empty cells stay empty without --fill, except where the value stood under another
+/// point's name.
 ///
 /// Outliers are replaced by their estimate. In a take, they are points that jump off their path and
 /// back, or that break rigid distances. In a single frame (--per-frame), rigid distances give the

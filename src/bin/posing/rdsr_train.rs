@@ -91,8 +91,8 @@ pub struct Args {
     /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
     #[arg(long, value_name = "S", value_parser = seconds)]
     reach: Option<f64>,
-    /// The method as published: all features of one frame at unit length, ratio of traces, pairs
-    /// as labeled; finds poses across people far worse
+    /// The method as Chen et al. (2011) published it: all features of one frame at unit length,
+    /// ratio of traces, pairs as labeled; finds poses across people far worse
     #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
     paper: bool,
     /// Output file

@@ -41,7 +41,7 @@ pub struct Args {
     /// length), observed and changed
     #[arg(long, value_name = "TABLE")]
     damaged: Option<PathBuf>,
-    /// Unit of the printed errors; the paper uses asf. Tables are in centimeters
+    /// Unit of the printed errors; Lai et al. use asf. Tables are in centimeters
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     #[command(flatten)]

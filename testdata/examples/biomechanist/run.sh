@@ -23,6 +23,12 @@ bones=$bones,RSHO-RUPA,RUPA-RELB,RELB-RFRM,RFRM-RWRA,RFRM-RWRB,RWRA-RFIN,RWRB-RF
 bones=$bones,LASI-RASI,LASI-LPSI,RASI-RPSI,LPSI-RPSI
 bones=$bones,LASI-LTHI,LTHI-LKNE,LKNE-LTIB,LTIB-LANK,LANK-LHEE,LHEE-LTOE,LANK-LTOE
 bones=$bones,RASI-RTHI,RTHI-RKNE,RKNE-RTIB,RTIB-RANK,RANK-RHEE,RHEE-RTOE,RANK-RTOE
+# Joints to connect: the skeleton that is solved.
+for s in l r; do
+  bones=$bones,root-${s}hipjoint,${s}hipjoint-${s}femur,${s}femur-${s}tibia,${s}tibia-${s}foot,${s}foot-${s}toes,${s}toes-${s}toes_end
+  bones=$bones,thorax-${s}clavicle,${s}clavicle-${s}humerus,${s}humerus-${s}radius,${s}radius-${s}wrist,${s}wrist-${s}hand,${s}hand-${s}hand_end
+done
+bones=$bones,root-lowerback,lowerback-upperback,upperback-thorax,thorax-lowerneck,lowerneck-upperneck,upperneck-head,head-head_end
 
 echo '1. A walk with 39 markers, and what a laboratory gets of it: noise, gaps, a lost label, exchanged legs.'
 posing c3d2xyz truth/gait.c3d | posing corrupt --dense 0.5mm | awk -f "$here/damage.awk" | posing xyz2c3d -o captured/gait.c3d
@@ -71,5 +77,17 @@ echo '8. How good is filling on markers like these, beside a spline?'
 posing evaluate takes -q --self --lengths 0.1,0.2,0.4 --points 1,3 --noise 0.05 -o bench truth.csv > bench.txt
 sed -n '1,/^$/p' bench.txt
 
-posing plot --title 'Markers as captured, and cleaned' --bones "$bones" --names captured,cleaned --frames 60,90,128 -o markers.svg captured.csv cleaned.csv
+echo '9. All at once: labels, gaps, and the skeleton.'
+posing clean captured/gait.c3d -q --solve -o solved/gait.c3d || findings $?
+
+# The figures of a picture have the same points: markers and joints, of which a figure has some.
+empty() { sed '1!s/[^,]*//g' "$1"; }
+posing bvh2xyz -q solved/gait.c3d.bvh | cut -d , -f 3- > joints.csv
+cut -d , -f 3- cleaned.csv > markers.csv
+empty joints.csv > no-joints.csv
+empty markers.csv | paste -d , - joints.csv > solved.csv
+for name in captured cleaned; do paste -d , $name.csv no-joints.csv > figure-$name.csv; done
+cut -d , -f 1,2 cleaned.csv | paste -d , - solved.csv > figure-solved.csv
+posing plot --title 'posing clean gait.c3d --solve' --bones "$bones" --names captured,cleaned,solved --frames 60,80,90,128 \
+  -o markers.svg figure-captured.csv figure-cleaned.csv figure-solved.csv
 echo "Look at $PWD/audit.html and $PWD/cleaned/gait.c3d.html."

@@ -1,4 +1,4 @@
-//! The labels of a file put right by themselves: the result, its record, and a page to look at.
+//! A file whose labels alone are corrected: the result, its record, and a page to look at.
 
 use super::labels::label_table;
 use super::page::write_page_of;

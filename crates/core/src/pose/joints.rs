@@ -1,4 +1,4 @@
-//! CMU's joints: names, order, chains (figure 2 of the posing paper).
+//! CMU's joints: names, order, chains (figure 2 of Lai et al.).
 //!
 //! A joint is the end point of the bone of the same name; joint 1 is the root.
 
@@ -6,7 +6,7 @@ use super::NameMap;
 use super::rotation::frame_along;
 use glam::{DMat3, DVec3};
 
-/// The 23 joints in the paper's order: 69 numbers per pose.
+/// The 23 joints in Lai et al.'s order: 69 numbers per pose.
 pub const CMU: [&str; 23] = [
     "root",
     "lhipjoint",
@@ -72,7 +72,7 @@ pub fn rest_pelvis() -> DMat3 {
     frame.unwrap_or(DMat3::IDENTITY)
 }
 
-/// The six joints observed in the paper's completion test (16, 20, 19, 23, 5 and 9).
+/// The six joints observed in Lai et al.'s completion test (16, 20, 19, 23, 5 and 9).
 pub const PAPER_SIX: [&str; 6] = [
     "lclavicle",
     "rclavicle",
@@ -82,7 +82,7 @@ pub const PAPER_SIX: [&str; 6] = [
     "rfoot",
 ];
 
-/// The indices of the six joints of the paper's completion test; `None` unless all six are among
+/// The indices of the six joints of Lai et al.'s completion test; `None` unless all six are among
 /// the points.
 #[doc(hidden)]
 pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {

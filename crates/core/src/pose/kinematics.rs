@@ -26,7 +26,7 @@ pub enum Space {
     World,
     /// The root at the origin, the global rotation kept.
     Root,
-    /// The root at the origin and no global rotation: the paper's training poses.
+    /// The root at the origin and no global rotation: Lai et al.'s training poses.
     Body,
 }
 

@@ -62,5 +62,5 @@ pub use wrong_unit::check_unit;
 
 /// Centimeters in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
 ///
-/// The paper's errors are mean squares in this unit, and so is its "standard Gaussian noise".
+/// Lai et al.'s errors are mean squares in this unit, and so is its "standard Gaussian noise".
 pub const ASF_UNIT_CM: f64 = 2.54 / 0.45;

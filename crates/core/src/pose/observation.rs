@@ -3,7 +3,7 @@
 use crate::{Error, Place, Result};
 use glam::DVec3;
 
-/// Whole points from which a pose can be placed; the paper completes from as many.
+/// Whole points from which a pose can be placed; Lai et al. complete from as many.
 const MIN_WHOLE_POINTS: usize = 6;
 
 /// One observed pose of J points.
@@ -78,9 +78,8 @@ impl<'a> Observation<'a> {
         })
     }
 
-    /// Whether one or two coordinates of some point are observed: the paper's 2-D input.
-    #[doc(hidden)]
-    pub fn is_partial(&self) -> bool {
+    /// Whether one or two coordinates of some point are observed: Lai et al.'s 2-D input.
+    pub(crate) fn is_partial(&self) -> bool {
         (0..self.dimension() / 3).any(|p| self.is_point_partial(p))
     }
 

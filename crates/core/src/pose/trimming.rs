@@ -116,9 +116,9 @@ impl Poses {
         }
     }
 
-    /// Filters each coordinate forwards and backwards (`LowPass`), in pieces on end; those of
-    /// fewer than ten frames stay as they are, and are counted. `fps` is the rate of a table
-    /// without times.
+    /// Filters each coordinate by a zero-lag Butterworth filter of order 4, forwards and backwards.
+    /// `cutoff` is in Hz; `fps` is the rate of a table without times. A gap parts a coordinate;
+    /// stretches of fewer than ten frames stay as they are: how many did is returned.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not

@@ -65,7 +65,7 @@ impl Picture<'_, '_> {
         [0, 1].map(|axis| seen.iter().map(|m| m[axis]).sum::<f64>() / count)
     }
 
-    /// Right, up and towards the viewer (cm), from where the panel's middle meets the ground.
+    /// Right, up and toward the viewer (cm), from where the panel's middle meets the ground.
     pub(crate) fn project(&self, [x, y, z]: [f64; 3], middle: [f64; 2]) -> [f64; 3] {
         let (x, y, z) = (x - middle[0], y - self.geometry.ground, z - middle[1]);
         let (sin, cos) = self.azimuth.sin_cos();

@@ -1,5 +1,5 @@
-//! A pose from a photograph: joints marked on a picture (section 4.4 and figure 5 of the posing
-//! paper).
+//! A pose from a photograph: joints marked on a picture (section 4.4 and figure 5 of Lai et
+//! al.).
 //!
 //! The camera looks along −z with x to the right and y up, as the world is. With the scale s
 //! (pixels a centimeter at the body), a mark u (pixels from the middle of the picture) observes x

@@ -10,10 +10,10 @@
 //!
 //! A dragged root carries along those that no pinned or standing joint is below.
 //!
-//! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion
-//! (P has the pins alone). The pose is found in three steps: the placement follows that of the pose
-//! before ([`PlacementSolver::follow`]); the prior's posterior of all joints; and P2 over the
-//! skeleton's own degrees of freedom, which keeps bone lengths:
+//! So `rest` runs from Lai et al.'s free dragging (P is the identity; section 4.4) to its
+//! completion (P has the pins alone). The pose is found in three steps: the placement follows that
+//! of the pose before ([`PlacementSolver::follow`]); the prior's posterior of all joints; and P2
+//! over the skeleton's own degrees of freedom, which keeps bone lengths:
 //!
 //! ```text
 //! min over q   Σ wₖ |fₖ(q) − mₖ|²,
@@ -22,7 +22,7 @@
 //! ```
 //!
 //! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The
-//! prior draws a pose towards those it was trained on; with λ = exp(−d / L), d how far the drag has
+//! prior draws a pose toward those it was trained on; with λ = exp(−d / L), d how far the drag has
 //! come, that happens little by little, and a touch alone moves nothing. L is 20 cm and the largest
 //! |a − p₀|.
 //!
@@ -89,7 +89,7 @@ pub struct Constraints {
     pub drags: Vec<Option<(DVec3, f64)>>,
     /// The standard deviation of the other joints about where they were, cm.
     pub rest: f64,
-    /// Joints that forget where they were (K): the prior alone says.
+    /// Joints that are reset (K): the prior alone places them.
     pub forgotten: Vec<bool>,
     /// The lowest y of each joint (K), cm; `None`: no floor. See [`floor_under`].
     pub floor: Option<Vec<f64>>,

@@ -112,7 +112,7 @@ pub(crate) enum Action {
         /// The side that is copied.
         side: Side,
     },
-    /// Joints forget where they were.
+    /// Resets joints: the model places them by the others.
     Reset {
         /// Their names.
         joints: Vec<String>,

@@ -102,15 +102,15 @@ impl Tree {
     /// The direction of each bone; `None` for those that carry nothing away from them.
     fn directions(&self) -> Vec<Option<DVec3>> {
         // By bone: the direction in which one comes to it from the last place above it.
-        let mut towards: Vec<Option<DVec3>> = vec![None; self.places.len()];
+        let mut toward: Vec<Option<DVec3>> = vec![None; self.places.len()];
         for &b in &self.order {
             let from = self.parents[b];
-            towards[b] = from.and_then(|p| self.step(p, b).or(towards[p]));
+            toward[b] = from.and_then(|p| self.step(p, b).or(toward[p]));
         }
         let mut along = vec![None; self.places.len()];
         for &b in self.order.iter().rev() {
             let steps = self.children[b].iter().map(|c| (*c, self.step(b, *c)));
-            let straightness = |step: Option<DVec3>| step?.dot(towards[b]?).into();
+            let straightness = |step: Option<DVec3>| step?.dot(toward[b]?).into();
             let better = |best: (usize, Option<DVec3>), next: (usize, Option<DVec3>)| {
                 let rank = |(c, step): (usize, Option<DVec3>)| -> (bool, f64, usize) {
                     let straight: Option<f64> = straightness(step);

@@ -19,7 +19,7 @@ pub(crate) struct Knot {
     pub bone: u16,
 }
 
-/// The half widths of a cross-section at a share of a chain's length, cm: towards the side, and
+/// The half widths of a cross-section at a share of a chain's length, cm: toward the side, and
 /// across.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Width {

@@ -7,7 +7,8 @@ use crate::motion_format::MotionFormat;
 use crate::pose::{LengthUnit, UpAxis};
 use std::path::{Path, PathBuf};
 
-/// What is taken for files that do not say it. `ReadRules::of` gives it for a file at hand.
+/// What is taken for files that do not say it. Of several values that are for a file, that of the
+/// deepest folder counts, else that of its format, else that of all files; of equals, the last.
 #[derive(Debug, Clone, Default)]
 pub struct ReadRules {
     /// Frames per second.

@@ -13,9 +13,9 @@ use std::path::Path;
 
 impl MotionFile {
     /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
-    /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see
-    /// `MotionFile::write_channels`. Returns how many positions are outside of the
-    /// numbers that the format holds; they stay as they were.
+    /// (frames, 3 P; centimeters, y up). A file of rotations (BVH, AMC) is
+    /// written as it was read. Returns how many positions are outside of the numbers that the
+    /// format holds; they stay as they were.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold

@@ -1,8 +1,8 @@
-//! Algorithm 1 of the posing paper: a pose carried to given bone lengths.
+//! Algorithm 1 of Lai et al.: a pose carried to given bone lengths.
 //!
-//! `ỹₖ = ỹₚ + Lₖ (yₖ − yₚ) / |yₖ − yₚ|`, from the root outwards, with p the parent of k. (The paper
-//! prints Δyₚ where ỹₚ must stand; with Δ the bones would not hang together.) Cost: one pass over
-//! the points.
+//! `ỹₖ = ỹₚ + Lₖ (yₖ − yₚ) / |yₖ − yₚ|`, from the root outwards, with p the parent of k. (Lai et
+//! al. print Δyₚ where ỹₚ must stand; with Δ the bones would not hang together.) Cost: one pass
+//! over the points.
 
 use super::tuning::bones::*;
 use crate::pose::Skeleton;

@@ -1,12 +1,12 @@
-//! P2 of the posing paper: the values of a skeleton's own degrees of freedom that put its joints
+//! P2 of Lai et al.: the values of a skeleton's own degrees of freedom that put its joints
 //! where they are wanted.
 //!
 //! Minimizes `E(q) = Σ wₜ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f
 //! the joints' places and y the wanted ones (centimeters, those that are not missing), w their
-//! weights (1 unless set), r the frame before, s the rest posture, a and b small weights. The paper
-//! solves `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's form
-//! of it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights settle
-//! what the joints leave open (the twist of a straight arm, how the spine's twist is shared)
+//! weights (1 unless set), r the frame before, s the rest posture, a and b small weights. Lai et
+//! al. solve `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's
+//! form of it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights
+//! settle what the joints leave open (the twist of a straight arm, how the spine's twist is shared)
 //! without pulling what they do determine: at 1e-4 cm² a squared radian an angle with a lever of 5
 //! cm gives way by a hundred thousandth of its step.
 //!
@@ -36,7 +36,7 @@ const SCHEDULE: Damping = Damping {
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IkSettings {
-    /// Steps at most. The paper: "usually converge within 20 iterates".
+    /// Steps at most. Lai et al.: "usually converge within 20 iterates".
     pub iterations: usize,
     /// Ends when a step lowers E by less than this, cm².
     pub tolerance: f64,

@@ -9,7 +9,7 @@ pub(crate) mod bones {
 
 /// The solver of one frame (Levenberg-Marquardt).
 pub(crate) mod solver {
-    /// Steps, at most. The paper: "usually converge within 20 iterates".
+    /// Steps, at most. Lai et al.: "usually converge within 20 iterates".
     pub(crate) const STEPS: usize = 40;
     /// Ends when a step lowers E by less, cm².
     pub(crate) const TOLERANCE: f64 = 1e-9;

@@ -52,8 +52,8 @@ pub struct OpenOptions {
     pub sparsity: Option<usize>,
     /// How atoms are selected.
     pub rule: SelectionRule,
-    /// Whether a sparse code's A x is the answer alone, as in the paper, without the correction by
-    /// the residual covariance.
+    /// Whether a sparse code's A x is the answer alone, as Lai et al. have it, without the
+    /// correction by the residual covariance.
     pub published: bool,
     /// The task whose setting a tuned model uses for every observation. `None`: each observation's
     /// own. [`Task::Treated`] takes the stated variances as they are.
@@ -99,7 +99,7 @@ impl Posterior {
     }
 }
 
-/// The closest pose that a prior can represent: the solution of P1a of the posing paper.
+/// The closest pose that a prior can represent: the solution of P1a of Lai et al.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reconstruction {
     /// A x, the pose in the span of the chosen atoms (3 J), cm; the posterior mean for priors

@@ -55,7 +55,7 @@ pub enum HoldBack {
     /// too few. For motion that was not seen before.
     #[default]
     Takes,
-    /// A fifth of the frames at random (the paper's split). For frames between those of the
+    /// A fifth of the frames at random (Lai et al.'s split). For frames between those of the
     /// training.
     Frames,
 }

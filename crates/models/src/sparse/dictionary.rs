@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock};
 /// is left alone, so that a dictionary written to a file and read again has the same bits.
 const UNIT: f64 = f32::EPSILON as f64;
 
-/// Atoms in rows, each of unit norm: the transpose of the paper's `A` (D x n), equation (3).
+/// Atoms in rows, each of unit norm: the transpose of Lai et al.'s `A` (D x n), equation (3).
 ///
 /// Every row is finite and has norm 1 to single precision, and there is at least one row and one
 /// column: the code that uses a dictionary relies on it and does not look again.

@@ -1,4 +1,4 @@
-//! The number of atoms that a target error needs (section 4.1 of the paper).
+//! The number of atoms that a target error needs (section 4.1 of Lai et al.).
 //!
 //! Draw n0 random poses as atoms. If their coding error e_s is at most delta e_t, with e_t the
 //! wanted error, K-SVD may be trusted to bring it down from there: take them as the start. Else n0
@@ -21,9 +21,9 @@ pub struct GrowthSearch {
     /// e_t, the wanted RMS a coordinate in the poses' unit: above 0. Default 1.
     pub error: f64,
     /// delta: the allowed ratio of the error of untrained atoms to the target. At least 1; default
-    /// 2, as in the paper.
+    /// 2, as in Lai et al.
     pub delta: f64,
-    /// What n0 grows by, rounded up: above 1. Default 1.5, the paper's.
+    /// What n0 grows by, rounded up: above 1. Default 1.5, Lai et al.'s.
     pub growth: f64,
     /// The first n0: at least 1. Default 100.
     pub first: usize,

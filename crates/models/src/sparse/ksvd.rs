@@ -103,8 +103,10 @@ impl Default for Ksvd {
 }
 
 impl Ksvd {
+    /// Checks the parameters, before any work.
+    ///
     /// # Errors
-    /// [`Error::Usage`] if a parameter is out of its range.
+    /// [`Error::Usage`] if a parameter is out of its range: the message has the range.
     pub fn check(&self) -> Result<()> {
         self.omp().check()?;
         if self.atoms == 0 {

@@ -1,5 +1,5 @@
-//! Joining dictionaries that were learned separately ("Combining dictionaries", section 5 of the
-//! paper).
+//! Joining dictionaries that were learned separately ("Combining dictionaries", section 5 of Lai
+//! et al.).
 //!
 //! The atoms of all parts follow one another. Optionally the coherence |<a, b>| of the parts is
 //! measured, and atoms too close to an earlier one are dropped.

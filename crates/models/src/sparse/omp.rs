@@ -2,15 +2,15 @@
 //! (OOMP).
 //!
 //! For a pose y (D), weights w (D) and a dictionary with atoms a_1..a_n (the rows here; the columns
-//! of the paper's A),
+//! of Lai et al.'s A),
 //!
 //! ```text
 //! min_x  sum_i w_i (y_i - (A x)_i)^2    with at most kappa entries of x different from 0
-//!     (9)-(11) of the paper
+//!     (9)-(11) of Lai et al.
 //! ```
 //!
 //! is solved approximately: atoms are selected one at a time, and all coefficients are refitted
-//! after each. A weight is the precision of a coordinate: 0 where it is missing (the paper's P).
+//! after each. A weight is the precision of a coordinate: 0 where it is missing (Lai et al.'s P).
 //! Atoms are compared as if renormalized for the weights; coefficients belong to the dictionary's
 //! unit-norm atoms.
 //!
@@ -19,7 +19,7 @@
 //!   pursuit). Poses share the mean body, so atoms are strongly correlated, and only what an atom
 //!   adds to the others counts.
 //! - [`SelectionRule::Omp`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993),
-//!   as in the paper.
+//!   as in Lai et al.
 //!
 //! Cost of a pose: O(kappa n D) for dense scans, O(kappa^2 D) for the least squares. The Gram
 //! matrix lowers the scans after the first to O(kappa^2 n); a ball tree visits a few percent of the
@@ -88,7 +88,7 @@ pub enum StopReason {
 /// The parameters of matching pursuit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Omp {
-    /// The largest number of atoms in a code: the paper's kappa. At least 1; default 3.
+    /// The largest number of atoms in a code: Lai et al.'s kappa. At least 1; default 3.
     pub sparsity: usize,
     /// How atoms are selected. Default: OOMP.
     pub rule: SelectionRule,

@@ -23,9 +23,9 @@ const DEFAULT_RATE: f64 = 120.0;
 pub(crate) enum ExampleKind {
     /// A pose with the damage of a task.
     Pose(Task),
-    /// A pose whose x and y are observed without noise, and no z: the paper's figure 5.
+    /// A pose whose x and y are observed without noise, and no z: Lai et al.'s figure 5.
     Planar,
-    /// The part of a take, completed from the observed joints: the paper's figure 6.
+    /// The part of a take, completed from the observed joints: Lai et al.'s figure 6.
     Take,
 }
 

@@ -71,7 +71,7 @@ pub struct Method {
 }
 
 impl Method {
-    /// The names of the default methods: every known kind of model, and the paper's methods.
+    /// The names of the default methods: every known kind of model, and Lai et al.'s methods.
     pub fn default_names() -> Vec<String> {
         let mut names: Vec<String> = Kind::all().iter().map(Kind::to_string).collect();
         names.retain(|n| n != "sparse");

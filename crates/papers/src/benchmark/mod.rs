@@ -7,7 +7,7 @@
 //! seeds with bootstrap intervals. [`report`](super::report) writes the results down.
 //!
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of
-//! a coordinate in asf² (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimeters.
+//! a coordinate in asf² (1 asf = 5.644 cm), Lai et al.'s measure, beside the RMS in centimeters.
 
 pub mod dataset;
 pub mod examples;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// A random half of the frames, as in the paper. A test frame has its neighbors in time in the
+    /// A random half of the frames, as in Lai et al. A test frame has its neighbors in time in the
     /// training half.
     Frames,
     /// Whole takes held out: of each subject a third, at least two.

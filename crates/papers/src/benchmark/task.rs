@@ -1,5 +1,5 @@
-//! The paper's three tasks (section 4): the damage to a clean pose, and the noise variance that a
-//! method is given.
+//! The three tasks of Lai et al. (section 4): the damage to a clean pose, and the noise variance
+//! that a method is given.
 
 use super::dataset::Dataset;
 use super::splits::Split;
@@ -24,7 +24,7 @@ pub enum Task {
     /// told which joints: a plain method is given variance 0 and assumes a noise of its own,
     /// one with outlier detection finds the joints.
     Sparse,
-    /// Only the observed joints (the paper's six by default) are given, without noise.
+    /// Only the observed joints (Lai et al.'s six by default) are given, without noise.
     Complete,
 }
 

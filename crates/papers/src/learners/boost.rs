@@ -1,6 +1,6 @@
 //! Features chosen by boosting: the distance of Chen, Zhuang, Xiao and Liang (Perceptual 3D pose
-//! distance estimation by boosting relational geometric features, 2009), which the paper's (45)
-//! sums up.
+//! distance estimation by boosting relational geometric features, 2009), which (45) of Chen et
+//! al. 2011 sums up.
 //!
 //! A weak classifier calls a pair alike when the difference of one feature is below a threshold.
 //! AdaBoost (Freund and Schapire 1997) picks one at a time, and then raises the weight of the pairs

@@ -4,7 +4,8 @@ use crate::numeric::parallel::map_chunks;
 use crate::numeric::product::{product, transposed_product};
 use ndarray::{Array2, ArrayView2};
 
-/// Weight μ of the margin beside that of the distances to targets, 1 − μ: ½, as in the paper.
+/// Weight μ of the margin beside that of the distances to targets, 1 − μ: ½, as Weinberger and Saul
+/// have it.
 const MARGIN_WEIGHT: f64 = 0.5;
 /// Anchors that are worked on together.
 const ANCHORS: usize = 256;

@@ -149,7 +149,7 @@ pub(crate) struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Settings {
-            // The paper's useful range is 30 to 90 (section 5.2).
+            // Chen et al.'s useful range is 30 to 90 (section 5.2).
             rank: 50,
             // Fewer pairs than dimensions leave the matrix singular. Directions in which alike
             // poses hardly differ would then win, be they noise or not; a ridge of a tenth keeps

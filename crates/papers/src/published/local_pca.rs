@@ -1,9 +1,9 @@
 //! Local PCA: a Gaussian of the training poses nearest to what was observed (Chai and Hodgins 2005,
-//! "Performance animation from low-dimensional control signals", section 5; the paper's LPCA).
+//! "Performance animation from low-dimensional control signals", section 5; Lai et al.'s LPCA).
 //!
 //! The k nearest poses under Σ_o (y_o − x_no)² / (R_o + v) over the observed coordinates o with
 //! noise variances R_o give a mean m and a covariance C; the answer is the most probable pose under
-//! N(m, a (C + e I)) and the observation, where a (the inverse of the paper's lambda) is found on
+//! N(m, a (C + e I)) and the observation, where a (the inverse of Lai et al.'s lambda) is found on
 //! held-back poses. Chai and Hodgins cut C to its principal components; the small rest that is left
 //! here only makes the prior's own noise e I finer.
 //!
@@ -19,7 +19,7 @@ use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
-/// The neighborhood's size in the paper (section 4.1).
+/// The neighborhood's size in Lai et al. (section 4.1).
 const NEIGHBORS: usize = 100;
 /// v, cm²: about what a neighbor is off by. It matters only where coordinates differ in their
 /// noise.

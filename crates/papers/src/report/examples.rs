@@ -1,4 +1,4 @@
-//! Figures of restored poses: one pose under all models (the paper's figure 3), poses from two
+//! Figures of restored poses: one pose under all models (Lai et al.'s figure 3), poses from two
 //! dimensions (figure 5), and a take completed frame by frame (figure 6). Each figure can be
 //! turned; the take plays.
 
@@ -42,7 +42,7 @@ pub(crate) fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Res
         let place = frame_name(dataset, row);
         let _ = write!(
             out,
-            "<h3>One pose under all models</h3><p>{place}, as in the paper's figure 3.</p>"
+            "<h3>One pose under all models</h3><p>{place}, as in figure 3 of Lai et al.</p>"
         );
         for kind in kinds.iter().filter(|k| matches!(k, ExampleKind::Pose(_))) {
             let restored = Restored::new(report, poses, *kind)?;
@@ -52,7 +52,7 @@ pub(crate) fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Res
     if kinds.contains(&ExampleKind::Planar) {
         out.push_str(
             "<h3>From two dimensions to a pose</h3><p>The models are given x and y of each joint, \
-             as in a picture from the front, and no depth: the paper's figure 5.</p>",
+             as in a picture from the front, and no depth: figure 5 of Lai et al.</p>",
         );
         let restored = Restored::new(report, poses, ExampleKind::Planar)?;
         for (i, &row) in poses.pose_rows.iter().enumerate() {
@@ -64,9 +64,9 @@ pub(crate) fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Res
         let frames = poses.take_rows.len();
         let _ = write!(
             out,
-            "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: the \
-             paper's figure 6. Each frame is completed by itself from {}. The take is the longest \
-             of the test takes.</p>",
+            "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: \
+             figure 6 of Lai et al. Each frame is completed by itself from {}. The take is the \
+             longest of the test takes.</p>",
             frame_name(dataset, row),
             frames as f64 / poses.rate,
             escape(&settings.observe.join(", ")),

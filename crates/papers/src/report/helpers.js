@@ -1,5 +1,5 @@
 "use strict";
-// Elements, numbers and tables of the report's and the paper's page.
+// Elements, numbers and tables of the report and of the page of Lai et al.'s tables.
 
 const results = JSON.parse(document.getElementById("results").textContent);
 const TASKS = { dense: "Dense noise", sparse: "Sparse noise", complete: "Completion" };

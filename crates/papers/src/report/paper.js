@@ -1,4 +1,4 @@
-// Draws the paper's Tables 1 to 4 from the JSON in the page: what is printed beside what was measured.
+// Draws Tables 1 to 4 of Lai et al. (the paper) from the JSON in the page: what is printed beside what was measured.
 
 /** The bound that the caption of Table 4 states, asf². */
 const BOUND = 0.1;

@@ -1,4 +1,5 @@
-//! The paper's Tables 1 to 4 beside what finished runs have measured, as a page and as CSV.
+//! Tables 1 to 4 of the paper of Lai et al. beside what finished runs have measured, as a page and
+//! as CSV.
 //!
 //! The printed errors are in `paper.toml`. The run of most subjects is compared with Table 1, each
 //! run of one subject with Tables 2 to 4. The page carries the numbers as JSON; its script draws

@@ -1,7 +1,7 @@
 // Draws the report's tables and charts from the JSON in the page. Nothing is fetched.
 
 const SPLITS = {
-  frames: ["Random frames", "The paper's split: a test frame has its neighbors in time in the training half. Frames are alike, so these intervals are too narrow."],
+  frames: ["Random frames", "Lai et al.'s split: a test frame has its neighbors in time in the training half. Frames are alike, so these intervals are too narrow."],
   takes: ["Takes held out", "No model was trained on a tested take."],
   subjects: ["Subjects held out", "No model was trained on a tested subject."],
 };
@@ -81,7 +81,7 @@ function dictionary(name) {
   const match = /^(sparse|ksvd-omp|ksvd)((?::[nk]=\d+)*)(\+treated)?$/.exec(name);
   if (!match) return null;
   const setting = key => (new RegExp(`:${key}=(\\d+)`).exec(match[2]) || [])[1];
-  // The published models take the paper's 3 atoms a pose; `sparse` chooses by itself.
+  // The published models take Lai et al.'s 3 atoms a pose; `sparse` chooses by itself.
   const sparsity = setting("k") || (match[1] === "sparse" ? null : 3);
   return { kind: match[1] + (match[3] || ""), atoms: setting("n"), sparsity };
 }

@@ -80,7 +80,7 @@ impl Methods {
         Method::trained("gpd+rdsr", self.default.clone())
     }
 
-    /// Published distances, coordinates at the default's window, and the default (the paper's
+    /// Published distances, coordinates at the default's window, and the default (Chen et al.'s
     /// figure 5).
     pub(crate) fn distances(&self) -> Vec<Method> {
         let baselines = Baseline::ALL.into_iter().map(|b| Method {

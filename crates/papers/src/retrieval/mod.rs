@@ -1,5 +1,5 @@
-//! How often distances of poses are right, on people that they have not learned from: the paper's
-//! figures 4 to 8 and its Table 2.
+//! How often distances of poses are right, on people that they have not learned from: figures
+//! 4 to 8 and Table 2 of Chen et al. 2011.
 //!
 //! Takes have classes (what is done) and subjects. Distances learn from the takes of some subjects
 //! and are tested on the others. Labels come from rules in the place of people ([`LabelRule`]).

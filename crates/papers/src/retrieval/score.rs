@@ -9,7 +9,7 @@ use ndarray::Array2;
 
 /// Poses that are asked for and searched, a second.
 const RATE: f64 = 10.0;
-/// Numbers of poses found at which precision is measured (the paper's figure 8).
+/// Numbers of poses found at which precision is measured (Chen et al.'s figure 8).
 pub const SCOPES: [usize; 4] = [5, 10, 20, 40];
 
 /// A mean over takes, with a 95% interval by bootstrap over them.

@@ -224,7 +224,7 @@ pub(crate) mod weights {
 }
 
 /// Feet that stand. Prototype: whole legs missing in 12 CMU takes, .3, .6 and 1 s; the
-/// errors at .3 and .6 s stand in README.
+/// errors at .3 and .6 s stand in testdata/FIGURES.md.
 pub(crate) mod contacts {
     /// A leg stands upright if over half of its frames have a larger cosine of hip over ankle.
     pub(crate) const UPRIGHT: f64 = 0.7;

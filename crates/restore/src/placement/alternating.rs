@@ -1,4 +1,4 @@
-//! P1: a pose and its placement, found in turn (equations 7 to 13 of the posing paper).
+//! P1: a pose and its placement, found in turn (equations 7 to 13 of Lai et al.).
 //!
 //! ```text
 //! min over x, R, t   Σ wᵢ |R (A x)ᵢ + t − yᵢ|² + Σ Wₖ (τₖ − τ₀ₖ)²
@@ -117,7 +117,7 @@ impl Alternation<'_> {
     }
 
     /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; each accepted step
-    /// lowers the objective. (The paper's gradient (13) lacks the factor 2 and is not the
+    /// lowers the objective. (Lai et al.'s gradient (13) lacks the factor 2 and is not the
     /// derivative; this one is.)
     fn rotate_with_prior(
         &self,

@@ -2,7 +2,7 @@
 //! together with the pose.
 //!
 //! Where a prior gives the gradient of its evidence ([`Prior::evidence_gradient`]), `evidence`
-//! maximizes that; for sparse codes `alternating` solves P1 of the posing paper; `orthographic`
+//! maximizes that; for sparse codes `alternating` solves P1 of Lai et al.; `orthographic`
 //! places 2-D input. The problem is not convex: starting placements come from fitting
 //! representative poses to the points, so a rotated observation gives the rotated result.
 

@@ -1,5 +1,4 @@
-//! 2-D input of the posing paper: only two coordinates of some points are observed, as in a
-//! picture.
+//! 2-D input of Lai et al.: only two coordinates of some points are observed, as in a picture.
 //!
 //! ```text
 //! min over x, R, t   Σ wᵢ (aᵢᵀ (R (A x)ᵢ + t) − yᵢ)²

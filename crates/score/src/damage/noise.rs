@@ -1,8 +1,8 @@
 //! Seeded damage to single frames: noise and missing points.
 //!
-//! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a
-//! fifth of the joints ("sparse"), all joints but six hidden (completion). [`super::GapInjection`]
-//! makes gaps in time.
+//! The tests of Lai et al. (section 4): Gaussian noise on every coordinate ("dense"), on a fifth of
+//! the joints ("sparse"), all joints but six hidden (completion). [`super::GapInjection`] makes
+//! gaps in time.
 
 use crate::numeric::parallel;
 use crate::{Error, Result};
@@ -40,7 +40,7 @@ pub struct Corruption {
     /// [`MAX_NOISE`]; 0 is none.
     pub sparse: f64,
     /// The probability, 0 to 1, that a point of a frame is chosen for the sparse noise,
-    /// independently of all others (Bernoulli). The paper's 0.2 is the default.
+    /// independently of all others (Bernoulli). Lai et al.'s 0.2 is the default.
     pub share: f64,
     /// The only points that stay observed; `None` for all of them.
     pub keep: Option<Vec<String>>,

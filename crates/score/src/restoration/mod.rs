@@ -261,7 +261,7 @@ impl TakesSettings {
 
     fn noise_cells(&self, takes: &TestTakes) -> Vec<NoiseCell> {
         let dense = self.noise.iter().map(|sd| (*sd, 1.0));
-        // The paper's sparse noise: a fifth of the points at the largest level.
+        // Lai et al.'s sparse noise: a fifth of the points at the largest level.
         let sparse = self.noise.iter().copied().fold(0.0, f64::max);
         let sparse = (sparse > 0.0).then_some((sparse, 0.2));
         dense

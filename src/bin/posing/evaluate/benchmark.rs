@@ -65,7 +65,7 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "LIST", value_parser = lengths)]
     #[serde(deserialize_with = "lengths_of_file")]
     pub base: Option<::std::vec::Vec<f64>>,
-    /// Comma-separated joints that are visible in the task complete (default: the paper's six)
+    /// Comma-separated joints that are visible in the task complete (default: Lai et al.'s six)
     #[arg(long, value_name = "LIST", value_parser = list)]
     pub observe: Option<::std::vec::Vec<String>>,
     /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished
@@ -361,7 +361,7 @@ pub fn write_results(folder: &Path, report: &BenchmarkReport) -> Result<()> {
     write(folder, &files)
 }
 
-/// Writes the paper's tables beside what the finished runs measured.
+/// Writes Lai et al.'s tables beside what the finished runs measured.
 ///
 /// # Errors
 /// When a run cannot be read, or a file cannot be written.

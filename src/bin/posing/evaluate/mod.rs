@@ -63,7 +63,7 @@ pub struct Args {
     config: Option<PathBuf>,
     #[command(flatten)]
     benchmark: BenchmarkArgs,
-    /// Run nothing; compare the finished run in RUN (a DIR of -o) with the paper's Tables 1 to 4,
+    /// Run nothing; compare the finished run in RUN (a DIR of -o) with Tables 1 to 4 of Lai et al.,
     /// and write tables.html and tables.csv into DIR. May be repeated: the run with most
     /// subjects gives Table 1, runs of one subject Tables 2 to 4
     #[arg(

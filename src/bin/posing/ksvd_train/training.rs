@@ -31,7 +31,7 @@ pub struct KsvdArgs {
     )]
     pub atoms: Option<u32>,
     /// Choose the number of atoms: grow the dictionary until the training RMS of a coordinate, in
-    /// cm, is at most this (the paper's search: delta 2, growth 1.5)
+    /// cm, is at most this (Lai et al.'s search: delta 2, growth 1.5)
     #[arg(long, value_name = "RMS", value_parser = parse_positive)]
     pub error: Option<f64>,
     /// Largest number of atoms per pose, 1 to 1000

@@ -87,7 +87,7 @@ impl View {
         }
     }
 
-    /// Right, up and towards the viewer.
+    /// Right, up and toward the viewer.
     fn project(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let ((sin, cos), (tilt_sin, tilt_cos)) = (self.azimuth, self.elevation);
         let (right, near) = (x * cos - z * sin, x * sin + z * cos);

@@ -37,7 +37,7 @@ fn level() -> Options {
 }
 
 #[test]
-fn a_cube_shows_the_faces_that_are_towards_the_viewer() {
+fn a_cube_shows_the_faces_that_are_toward_the_viewer() {
     let (vertices, faces) = cube();
     let scene = scene(&vertices, &faces);
     // From the front one square, seen over a corner three.
@@ -56,7 +56,7 @@ fn a_cube_shows_the_faces_that_are_towards_the_viewer() {
 }
 
 #[test]
-fn the_side_towards_the_light_is_lighter() {
+fn the_side_toward_the_light_is_lighter() {
     let (vertices, faces) = cube();
     let scene = scene(&vertices, &faces);
     let options = Options {

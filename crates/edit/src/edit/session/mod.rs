@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn gestures_are_undone_whole_and_cancelled() {
+    fn gestures_are_undone_whole_and_canceled() {
         let mut session = session();
         let wrist = session.joint("lwrist").unwrap();
         let first = session.state().clone();

@@ -28,7 +28,7 @@ impl Session {
         Ok(())
     }
 
-    /// Joints forget where they were: the model places them by the others.
+    /// Resets joints: their positions are discarded, and the model places them by the others.
     ///
     /// # Errors
     /// [`Error::Usage`]: there is no such joint.

@@ -5,7 +5,7 @@ const plus = (a, b, by = 1) => [a[0] + by * b[0], a[1] + by * b[1], a[2] + by * 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const far = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 
-/** The directions of a camera: to the right, up, and towards the eye. */
+/** The directions of a camera: to the right, up, and toward the eye. */
 function axesOf({ azimuth, elevation }) {
   const sa = Math.sin(azimuth), ca = Math.cos(azimuth), se = Math.sin(elevation), ce = Math.cos(elevation);
   return { right: [ca, 0, -sa], up: [-se * sa, ce, -se * ca], toward: [sa * ce, se, ca * ce] };

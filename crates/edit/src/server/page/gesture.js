@@ -1,5 +1,5 @@
 
-// Moving joints: a gesture begins, aims at places, and ends as one step of undo, or is cancelled.
+// Moving joints: a gesture begins, aims at places, and ends as one step of undo, or is canceled.
 
 /** Begins to move a joint (and its mirror image, if both sides go together). */
 function beginGesture(name, sd = now.tolerance) {
@@ -77,8 +77,8 @@ async function solve() {
   try {
     const answer = await request("/solve", { pins: copyPins(now.pins), drags, rest: now.rest }, { newest: true });
     gesture.answered++;
-    // An answer to a gesture that was cancelled meanwhile is of no use.
-    if (!answer || gesture.cancelled) return;
+    // An answer to a gesture that was canceled meanwhile is of no use.
+    if (!answer || gesture.canceled) return;
     takePose(answer);
     ({ moving } = answer);
     tell();
@@ -131,7 +131,7 @@ function cancelGesture() {
   now.gesture = null;
   now.pins = gesture.pins;
   if (gesture.moved) {
-    gesture.cancelled = true;
+    gesture.canceled = true;
     dropWaiting();
     now.pose = gesture.from;
     order.settling = act({ do: "cancel" });

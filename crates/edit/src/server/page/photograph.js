@@ -63,13 +63,13 @@ function flip(name) {
   photo.flipped = limb;
   fit();
 }
-/** Says which limb bends the other way now, and whether that is towards the camera (which looks along -z). */
+/** Says which limb bends the other way now, and whether that is toward the camera (which looks along -z). */
 function tellFlip(limb, before) {
   const below = withBelow(limb).filter(name => before[name] && name !== limb);
   const nearer = below.reduce((sum, name) => sum + (now.pose[name][2] - now.pose[limb][2]) - (before[name][2] - before[limb][2]), 0);
   const side = { l: "left ", r: "right " }[sideOf(limb)] || "", words = inWords(limb).replace(/^(left|right) /, "");
   const what = /hip|leg|thigh|knee|ankle|foot/.test(words) ? "leg" : /shoulder|clavicle|collar|arm|elbow|wrist|hand/.test(words) ? "arm" : null;
-  const text = `The ${what ? `person's ${side}${what}` : inWords(limb)} now bends ${nearer > 0 ? "towards" : "away from"} the camera.`;
+  const text = `The ${what ? `person's ${side}${what}` : inWords(limb)} now bends ${nearer > 0 ? "toward" : "away from"} the camera.`;
   say(text);
   speak(text);
 }

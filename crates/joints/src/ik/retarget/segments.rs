@@ -60,7 +60,8 @@ const CMU_STARTS: [(&str, &str); 20] = [
     ("thorax", "lowerneck"),
 ];
 
-/// The map of CMU's bones by the joints at which they start.
+/// The map of CMU's names for rigs in which a joint stands at the start of its bone, as in the BVH
+/// files of `xyz2bvh`: the left knee, CMU's point `lfemur`, is there the joint `ltibia`.
 pub fn cmu_map() -> NameMap {
     let own = |(point, joint): (&str, &str)| (point.to_string(), joint.to_string());
     NameMap {

@@ -22,9 +22,9 @@
 //!     the frame after.
 //! - φ and w are learned by EM on held-out takes ([`train()`]).
 //!
-//! In the terms of the posing paper: the scaled eigenvectors of a covariance are a sub-dictionary
+//! In the terms of Lai et al.: the scaled eigenvectors of a covariance are a sub-dictionary
 //! with unit Gaussian coefficients, so that a pose is a sparse code with one active block. Other
-//! than the paper, the answer is not the single best code but the posterior mean over all.
+//! than theirs, the answer is not the single best code but the posterior mean over all.
 //!
 //! # A query
 //!

@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sorts_by_distance_and_fades_towards_the_first_left_out() {
+    fn sorts_by_distance_and_fades_toward_the_first_left_out() {
         let found = nearest(&[5.0, 0.0, 80.0, 5.0, 3.0, 81.0], 4);
         let places: Vec<usize> = found.iter().map(|f| f.0).collect();
         // Of two equal distances, the first one.

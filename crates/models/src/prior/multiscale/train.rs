@@ -260,7 +260,7 @@ fn part(
     ))
 }
 
-/// k clusters of the poses (N, 3 J), whose labels are given: means, and covariances shrunk towards
+/// k clusters of the poses (N, 3 J), whose labels are given: means, and covariances shrunk toward
 /// the pooled one.
 fn cluster_level(
     xyz: ArrayView2<'_, f32>,

@@ -1,9 +1,12 @@
-//! The paper's model: a pose is a sparse code over a learned dictionary.
+//! A pose is a sparse code over a learned dictionary.
+//!
+//! After R. Y. Q. Lai, P. C. Yuen, K. K. W. Lee, J. Lai: Interactive Character Posing by Sparse
+//! Coding. arXiv.
 //!
 //! On top of the published estimate A x, the model may carry the covariance S of the training
 //! poses' residuals y − A x. Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o):
 //! what three atoms cannot say, and what neighboring coordinates imply about each other, is not
-//! lost. [`OpenOptions::published`] answers A x alone, as the paper does.
+//! lost. [`OpenOptions::published`] answers A x alone, as Lai et al. do.
 
 mod train;
 

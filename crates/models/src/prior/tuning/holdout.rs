@@ -125,8 +125,8 @@ pub(crate) fn damaged(
     (truth, y, stated)
 }
 
-/// The points that are missing in completion: all but the paper's six, or a random three in four if
-/// those are absent.
+/// The points that are missing in completion: all but Lai et al.'s six, or a random three in four
+/// if those are absent.
 fn hidden(points: &[String], seed: u64) -> Vec<bool> {
     if let Some(seen) = joints::paper_six_of(points) {
         return (0..points.len()).map(|p| !seen.contains(&p)).collect();

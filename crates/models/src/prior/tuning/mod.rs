@@ -1,9 +1,9 @@
-//! The weight between a prior and what is observed (the paper's lambda), found on poses held back
+//! The weight between a prior and what is observed (Lai et al.'s lambda), found on poses held back
 //! from the training.
 //!
-//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and
+//! A prior's covariance is multiplied by an **inflation** (1 / lambda in Lai et al.'s (1)), and
 //! where the noise is unknown an equal noise of every coordinate is assumed. Both are searched task
-//! by task on a grid, as the paper says, and beyond its edges where that is better, on a part of
+//! by task on a grid, as Lai et al. do, and beyond its edges where that is better, on a part of
 //! the *training* poses that the prior under test did not learn from; test poses are never seen.
 //! The whole curve is kept ([`Tuning::curve`]) and goes into the model (`Tuning::write`).
 //!
@@ -26,13 +26,13 @@ pub use search::{Grid, tune};
 #[doc(hidden)]
 pub use tuned_prior::TunedPrior;
 
-/// The paper's unit of variance, cm²: its "standard" noise.
-#[doc(hidden)]
-pub const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+/// Lai et al.'s unit of variance, cm²: its "standard" noise.
+pub(crate) const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// Noise of a variance from here on in every coordinate is dense noise, (0.3 asf)².
 const DENSE_FROM: f64 = 0.09 * ASF2;
 
-/// What is asked of a prior: the tests of the paper's section 4.2.
+/// What is asked of a prior, and so which of its tuned settings it uses. The first three are the
+/// tests of Lai et al., section 4.2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {

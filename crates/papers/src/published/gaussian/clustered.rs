@@ -1,4 +1,4 @@
-//! Clustered Gaussians (the paper's CG): k-means into 20 clusters, with a Gaussian each.
+//! Clustered Gaussians (Lai et al.'s CG): k-means into 20 clusters, with a Gaussian each.
 //! The posterior is that of the most likely Gaussian alone.
 
 use super::em::{clusters, weights};
@@ -7,7 +7,7 @@ use super::{MixtureKind, MixtureParams, Readout, Style};
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
-/// Number of clusters, from the paper.
+/// Number of clusters, from Lai et al.
 const CLUSTERS: usize = 20;
 /// Smallest mean number of poses per cluster; fewer training poses give fewer clusters.
 const LEAST: usize = 20;

@@ -9,8 +9,7 @@
 //! L_j (D, q) is the analyzer's, the diagonal Ψ is common to all, S_j the moments of the E step
 //! (`em`). Each round takes several such steps with the same responsibilities: they cost little
 //! beside the E step, and none lowers the likelihood. EM starts from k-means, with each cluster's
-//! principal components. The sizes are ours: neither the posing paper nor Ghahramani and Hinton
-//! name any.
+//! principal components. The sizes are ours: neither Lai et al. nor Ghahramani and Hinton name any.
 
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::single::RIDGE;

@@ -1,5 +1,5 @@
 //! A mixture of Gaussians with full covariances, fitted by EM from k-means, each covariance shrunk
-//! towards that of all poses.
+//! toward that of all poses.
 //!
 //! C_j = 0.7 S_j + 0.3 S, with S_j as EM left it and S the covariance of all poses: twenty
 //! covariances of 69 coordinates overfit the training takes.
