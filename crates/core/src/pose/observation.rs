@@ -79,7 +79,8 @@ impl<'a> Observation<'a> {
     }
 
     /// Whether one or two coordinates of some point are observed: Lai et al.'s 2-D input.
-    pub(crate) fn is_partial(&self) -> bool {
+    #[doc(hidden)]
+    pub fn is_partial(&self) -> bool {
         (0..self.dimension() / 3).any(|p| self.is_point_partial(p))
     }
 

@@ -27,7 +27,8 @@ pub use search::{Grid, tune};
 pub use tuned_prior::TunedPrior;
 
 /// Lai et al.'s unit of variance, cm²: its "standard" noise.
-pub(crate) const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+#[doc(hidden)]
+pub const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// Noise of a variance from here on in every coordinate is dense noise, (0.3 asf)².
 const DENSE_FROM: f64 = 0.09 * ASF2;
 
