@@ -212,11 +212,12 @@ def read(
         The file cannot be read, or does not say what a keyword has to.
     """
     file = os.fspath(path)
-    to = ["--to=npz", "--out-units=cm", "--out-up=y"]
+    to = ["--to=npz"]
+    centimeters = ["--out-units=cm", "--out-up=y"]  # what other commands write anyway
     command = "trim"
     given = flags(units=units, up=up, fps=fps, joints=joints, asf=asf, **options)
     try:
-        done = run(command, *to, "--", file)
+        done = run(command, *to, *centimeters, "--", file)
     except PosingError as error:  # trim knows every format, and names its command
         named: list[str] = re.findall(r"\b[a-z0-9]+2xyz\b", str(error).replace(file, ""))
         command = named[-1] if named else command
@@ -225,6 +226,7 @@ def read(
     if command == "amc2xyz" and asf is None:
         given += flags(asf=_skeleton(Path(file)))
     if command != "trim" or given:
+        to += centimeters if command == "trim" else []
         done = run(command, *to, *given, "--", file)
     take = _load(Take, done)
     if take.fps is None and fps is not None:

@@ -1,8 +1,8 @@
 //! Labeled takes that labels are compared with.
 
-use super::read_args::ReadArgs;
 use crate::Result;
 use crate::io::MotionFile;
+use crate::io::motion_file::ReadRules;
 use crate::label::Templates;
 use clap::Args;
 use std::path::PathBuf;
@@ -17,29 +17,31 @@ pub struct LikeArgs {
     pub like: Vec<PathBuf>,
     /// The labeled takes are of the same person: distances must be the same to 2%, and label puts
     /// right what two of them, or one and the sides of the body, say is exchanged in every frame
-    #[arg(long, requires = "like", help_heading = "Labels")]
+    #[arg(
+        long,
+        requires = "like",
+        help_heading = "Labels",
+        hide_short_help = true
+    )]
     pub same_person: bool,
 }
 
 impl LikeArgs {
-    /// The takes, read as `read` says.
+    /// The takes, read as `rules` say.
     ///
     /// # Errors
     /// Those of reading a file.
-    pub fn takes(&self, read: &ReadArgs) -> Result<Vec<MotionFile>> {
-        let rules = read.rules()?;
+    pub fn takes(&self, rules: &ReadRules) -> Result<Vec<MotionFile>> {
         let files = self.like.iter();
-        files
-            .map(|path| MotionFile::open_by(path, &rules))
-            .collect()
+        files.map(|path| MotionFile::open_by(path, rules)).collect()
     }
 
-    /// What the takes tell, read as `read` says.
+    /// What the takes tell, read as `rules` say.
     ///
     /// # Errors
     /// Those of reading a file; [`crate::Error::Data`]: one has too few labels.
-    pub fn templates(&self, read: &ReadArgs) -> Result<Arc<Templates>> {
-        self.templates_of(&self.takes(read)?)
+    pub fn templates(&self, rules: &ReadRules) -> Result<Arc<Templates>> {
+        self.templates_of(&self.takes(rules)?)
     }
 
     /// What the takes tell, which were read already.

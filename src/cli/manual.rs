@@ -1,6 +1,6 @@
 //! Manual pages, made from the flags.
 
-use clap::Command;
+use clap::{Arg, ArgAction, Command};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 
@@ -12,12 +12,34 @@ pub struct Group {
     pub commands: Vec<Command>,
 }
 
-/// The command as a user types it: `posing NAME`.
+/// The command as a user types it: `posing NAME`. Its `-h` ends with where all flags are.
 pub fn typed(command: Command) -> Command {
     let name = command.get_name().to_string();
-    match &*name {
-        "posing" => command,
-        _ => command.bin_name(format!("posing {name}")),
+    if name == "posing" {
+        return command;
+    }
+    let command = command.mut_args(without_conversions);
+    let examples = command.get_after_help().cloned().unwrap_or_default();
+    let long = command.get_after_long_help().cloned();
+    command
+        .bin_name(format!("posing {name}"))
+        .after_help(format!("{examples}\n\nAll flags: posing {name} --help"))
+        .after_long_help(long.unwrap_or(examples))
+}
+
+/// A flag that `-h` leaves out where it is one of all commands, or says how a table is read. What
+/// captures do not say may be given for each format, so such a flag repeats.
+fn without_conversions(arg: Arg) -> Arg {
+    let is_needed = arg.is_required_set() || arg.is_positional() || arg.get_id() == "seed";
+    let is_hidden = match arg.get_help_heading() {
+        Some("Shared") => true,
+        Some("Input") => !matches!(arg.get_action(), ArgAction::Append),
+        _ => false,
+    };
+    if is_hidden && !is_needed {
+        arg.hide_short_help(true)
+    } else {
+        arg
     }
 }
 

@@ -36,7 +36,7 @@ pub struct MarkerFileArgs {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     pub fps: Option<f64>,
     /// Accept a file that ends early: the whole frames before that are kept
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub keep_whole: bool,
     #[command(flatten)]
     zeros: ZeroArgs,
@@ -109,7 +109,7 @@ impl MarkerFileArgs {
         if model_outputs {
             added.extend(model_outputs::columns(&take));
         }
-        write_table(&self.out, Units::CM_Y, &table, xyz, &added, |frame| {
+        write_table(&self.out, [Units::CM_Y; 2], &table, xyz, &added, |frame| {
             let mut cells = carried.cells(frame);
             if model_outputs {
                 cells.extend(model_outputs::cells(&take, frame));

@@ -1,7 +1,7 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of
 //! frames.
 
-use super::args::{InputArgs, OutputArgs, Space};
+use super::args::{InputArgs, OutUnitArgs, OutputArgs, Space};
 use super::choice::choice;
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::json_report::JsonArgs;
@@ -14,12 +14,11 @@ use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
 use crate::label::unlabeled::left_alone;
 use crate::pose::computed::{computed_note, computed_points};
-use crate::pose::{BonePoints, NameMap, PointNaming, Poses, check_unit, joints};
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Units, check_unit, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::RestorationReport;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
-use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::Args;
 use std::borrow::Cow;
@@ -45,20 +44,13 @@ struct ModelFlags {
         value_name = "K|auto",
         default_value = "auto",
         value_parser = parse_sparsity,
-        help_heading = "Model"
+        help_heading = "Model",
+        hide_short_help = true
     )]
     sparsity: Sparsity,
-    /// For a dictionary: rule that selects the next atom
-    #[arg(
-        long,
-        value_parser = choice::<SelectionRule>(),
-        default_value = "oomp",
-        help_heading = "Model"
-    )]
-    pursuit: SelectionRule,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
     /// distances and outliers
-    #[arg(long, help_heading = "Model")]
+    #[arg(long, help_heading = "Model", hide_short_help = true)]
     published: bool,
 }
 
@@ -83,7 +75,7 @@ pub struct RestoringArgs {
     #[command(flatten)]
     model: ModelFlags,
     /// Restore each frame by itself, without its neighbors, in constant memory
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
@@ -116,12 +108,14 @@ pub struct RestoringArgs {
     #[arg(long, help_heading = "Input")]
     force: bool,
     /// Space of the table's poses
-    #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
+    #[arg(long, value_parser = choice::<Space>(), default_value = "world", hide_short_help = true)]
     space: Space,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
     out: OutputArgs,
+    #[command(flatten)]
+    out_units: OutUnitArgs,
 }
 
 /// What is done to the poses.
@@ -257,28 +251,21 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     for what in aside.chain(computed_note(&computed)) {
         messages::info(&what);
     }
-    let units = args.out.table_units(args.input.table_units());
+    let units = args.units();
     let bar = Progress::new(task.name(), table.poses.frames() as u64);
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
-    write_table(
-        &args.out,
-        args.input.table_units(),
-        &table,
-        restored.xyz(),
-        &added,
-        |t| {
-            status_cells(
-                args.status.then_some(units),
-                &restored,
-                t,
-                table.columns.points.len(),
-            )
-        },
-    )?;
+    write_table(&args.out, units, &table, restored.xyz(), &added, |t| {
+        status_cells(
+            args.status.then_some(units[1]),
+            &restored,
+            t,
+            table.columns.points.len(),
+        )
+    })?;
     Ok(report)
 }
 
@@ -290,8 +277,8 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let model = args.model.open()?;
     let (mut restorer, mut naming) = (None, None);
     let added = status_columns(args.status, &columns);
-    let mut sink = create_table(&args.out, args.input.table_units(), &columns, &added)?;
-    let units = args.out.table_units(args.input.table_units());
+    let units = args.units();
+    let mut sink = create_table(&args.out, units, &columns, &added)?;
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
         let (mut rows, table) = next_batch(&mut stream)?;
@@ -325,7 +312,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
         counts.add(restored.counts());
         for (t, row) in rows.iter_mut().enumerate() {
             let cells = status_cells(
-                args.status.then_some(units),
+                args.status.then_some(units[1]),
                 &restored,
                 t,
                 columns.points.len(),
@@ -365,6 +352,12 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
+    /// The units of the table, and those of the result.
+    fn units(&self) -> [Units; 2] {
+        let input = self.input.table_units();
+        [input, self.out_units.table_units(input)]
+    }
+
     /// How the points of a table are named, for the model; without one, for CMU's names, by which a
     /// body is measured.
     fn naming(&self, poses: &Poses, model: Option<&(Model, String)>) -> Result<PointNaming> {
@@ -400,16 +393,13 @@ impl RestoringArgs {
         };
         let options = OpenOptions {
             sparsity: self.model.sparsity.0,
-            rule: self.model.pursuit,
             published: self.model.published,
             ..OpenOptions::default()
         };
         let kind = &model.meta.kind;
-        let asks = options.sparsity.is_some() || options.rule != OpenOptions::default().rule;
-        if asks && kind != "sparse" {
+        if options.sparsity.is_some() && kind != "sparse" {
             messages::info(&format!(
-                "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no \
-                 effect"
+                "{name} is of kind {kind}, not a dictionary: --sparsity has no effect"
             ));
         }
         let mut restorer = Restorer::new(model).with_options(options).named(name);

@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Accept a take whose last frame is cut off; that frame is dropped
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,
@@ -67,7 +67,7 @@ pub fn work(args: &Args) -> Result<()> {
     let names = joints.iter().map(|&j| bones[j].name.clone()).collect();
     let mut sink = create_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &Columns::for_points(names, true, true),
         &[],
     )?;

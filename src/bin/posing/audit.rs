@@ -75,7 +75,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let read = args.read.rules()?;
     let auditor = FileAuditor {
         labels: LabelSettings {
-            like: args.like.templates(&args.read)?,
+            like: args.like.templates(&read)?,
             ..LabelSettings::default()
         },
         read,

@@ -66,7 +66,8 @@ pub struct Args {
         value_parser = choice::<LengthUnit>(),
         value_name = "UNIT",
         requires = "shapes",
-        help_heading = "Input"
+        help_heading = "Input",
+        hide_short_help = true
     )]
     shape_units: Option<LengthUnit>,
     /// Axis of --shapes that points up [default: that of --up]
@@ -76,7 +77,8 @@ pub struct Args {
         value_name = "AXIS",
         allow_hyphen_values = true,
         requires = "shapes",
-        help_heading = "Input"
+        help_heading = "Input",
+        hide_short_help = true
     )]
     shape_up: Option<UpAxis>,
     /// The rigid part of each vertex (default: parts are found from the poses)
@@ -88,20 +90,13 @@ pub struct Args {
         value_name = "N",
         default_value_t = 16,
         conflicts_with = "parts",
-        value_parser = clap::value_parser!(u16).range(2..=256)
+        value_parser = clap::value_parser!(u16).range(2..=256),
+        hide_short_help = true
     )]
     part_count: u16,
     /// Points of a pose table at the joints where parts begin, for body-synth --pose
     #[arg(long, value_name = "JOINTS.csv")]
     joints: Option<PathBuf>,
-    /// Largest number of components of shape
-    #[arg(
-        long,
-        value_name = "K",
-        default_value_t = 20,
-        value_parser = clap::value_parser!(u16).range(1..=500)
-    )]
-    components: u16,
     /// The model as published: two joints a part, components of the matrices; less accurate
     #[arg(long)]
     paper: bool,
@@ -140,12 +135,10 @@ pub fn work(args: &Args) -> Result<()> {
         &template,
         names.zip(pose_meshes.iter().chain(&people_meshes)),
     )?;
-    let settings = Settings {
-        components: usize::from(args.components),
-        ..match args.paper {
-            true => Settings::paper(),
-            false => Settings::default(),
-        }
+    let settings = if args.paper {
+        Settings::paper()
+    } else {
+        Settings::default()
     };
     let total = pose_meshes.len() + people_meshes.len();
     let bar = Progress::new("meshes", total as u64);

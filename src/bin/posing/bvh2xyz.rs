@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     /// Accept a file whose last frame is cut off; that frame is dropped
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,
@@ -83,7 +83,7 @@ pub fn work(args: &Args) -> Result<()> {
     let table = Table::from_poses(poses);
     write_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &table,
         table.poses.xyz.view(),
         &[],

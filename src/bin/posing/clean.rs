@@ -1,6 +1,7 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::Parser;
+use posing::audit::Limits;
 use posing::clean::{
     CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
 };
@@ -9,7 +10,6 @@ use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
-use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::{OutputPath, command_files};
@@ -72,21 +72,27 @@ pub struct Args {
         long,
         value_parser = choice::<OutputFormat>(),
         value_name = "FORMAT",
-        help_heading = "Output"
+        help_heading = "Output",
+        hide_short_help = true
     )]
     to: Option<OutputFormat>,
     /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
     /// the ending .json
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     page: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
     /// Clean files again whose results are there, also where somebody changed these
-    #[arg(long, help_heading = "Output")]
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
     again: bool,
     /// Tell only findings and failures that the last run into DIR did not have; only these count
     /// for the exit code
-    #[arg(long, help_heading = "Output")]
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
     new_only: bool,
     #[command(flatten)]
     read: ReadArgs,
@@ -107,10 +113,21 @@ pub struct Args {
     #[arg(long, help_heading = "Input")]
     force: bool,
     /// Model file (default: the built-in model)
-    #[arg(short, long, value_name = "MODEL.npz", help_heading = "Method")]
+    #[arg(
+        short,
+        long,
+        value_name = "MODEL.npz",
+        help_heading = "Method",
+        hide_short_help = true
+    )]
     model: Option<PathBuf>,
     /// Use no model: learn from each take's own frames alone
-    #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
+    #[arg(
+        long = "self",
+        conflicts_with = "model",
+        help_heading = "Method",
+        hide_short_help = true
+    )]
     take_alone: bool,
     /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
     /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
@@ -127,10 +144,15 @@ pub struct Args {
     no_smooth: bool,
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
-    #[arg(long, value_enum, help_heading = "Method")]
+    #[arg(long, value_enum, help_heading = "Method", hide_short_help = true)]
     outliers: Option<OutlierDetection>,
     /// Leave labels as they are: markers that changed places, pieces without a label
-    #[arg(long, conflicts_with = "like", help_heading = "Method")]
+    #[arg(
+        long,
+        conflicts_with = "like",
+        help_heading = "Method",
+        hide_short_help = true
+    )]
     no_labels: bool,
     /// Keep the label of a point in a stretch, in seconds as the file has them, also where label
     /// would change it (may be given again)
@@ -139,7 +161,8 @@ pub struct Args {
         value_name = "NAME:FROM-TO",
         value_parser = Segment::parse,
         conflicts_with = "no_labels",
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     keep_labels: Vec<Segment>,
     #[command(flatten)]
@@ -154,7 +177,8 @@ pub struct Args {
         value_name = "CM",
         default_value = "5",
         value_parser = parse_length,
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     max_sd: f64,
     /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
@@ -163,11 +187,18 @@ pub struct Args {
         long,
         value_name = "NAME:FROM-TO",
         value_parser = Segment::parse,
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     redo: Vec<Segment>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
-    #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
+    #[arg(
+        long,
+        value_name = "HZ",
+        value_parser = parse_hertz,
+        help_heading = "Method",
+        hide_short_help = true
+    )]
     butterworth: Option<f64>,
     /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
     /// --bvh has them; by a marker set's name or file [default: of each take the one that
@@ -181,8 +212,6 @@ pub struct Args {
         help_heading = "Output"
     )]
     solve: Option<String>,
-    #[command(flatten)]
-    limits: MotionLimitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -265,11 +294,12 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         true => args.outliers != Some(OutlierDetection::None),
         false => args.outliers == Some(OutlierDetection::Auto),
     };
-    let like = args.like.templates(&args.read)?;
+    let read = args.read.rules()?;
+    let like = args.like.templates(&read)?;
     let limit = |of: fn(NoiseLimit) -> Option<f64>| args.noise_limit.and_then(of);
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
-        read: args.read.rules()?,
+        read,
         model,
         map: map.transpose()?,
         method: Clean {
@@ -288,7 +318,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         }),
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
-        limits: args.limits.limits(),
+        limits: Limits::default(),
         force: args.force,
         again: args.again,
         redo: args.redo.clone(),

@@ -70,7 +70,12 @@ pub struct Args {
     no_feet: bool,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
     /// 07.asf for 07_01.amc]
-    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
+    #[arg(
+        long,
+        value_name = "SUBJECT.asf",
+        help_heading = "Input",
+        hide_short_help = true
+    )]
     asf: Option<PathBuf>,
     /// Frames per second of files that do not say it, as AMC files
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
@@ -95,7 +100,7 @@ pub struct Args {
     )]
     out_up: UpAxis,
     /// Accept a file whose last frame is cut off; that frame is dropped
-    #[arg(long, help_heading = "Input")]
+    #[arg(long, help_heading = "Input", hide_short_help = true)]
     keep_whole: bool,
     #[command(flatten)]
     json: JsonArgs,

@@ -69,7 +69,8 @@ pub struct Args {
         long,
         value_name = "FILE.toml",
         conflicts_with = "set",
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     map: Option<PathBuf>,
     /// Marker set that --learn made: where each marker is on its bone
@@ -77,7 +78,8 @@ pub struct Args {
         long,
         value_name = "SET.json",
         conflicts_with_all = ["set", "map"],
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     template: Option<PathBuf>,
     /// Learn a marker set from takes whose joints are known, and write it to this file
@@ -86,7 +88,8 @@ pub struct Args {
         value_name = "SET.json",
         requires = "truth",
         conflicts_with = "json",
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     learn: Option<OutputPath>,
     /// Joints of a take to learn from, once a take, in their order
@@ -94,7 +97,8 @@ pub struct Args {
         long,
         value_name = "JOINTS.csv",
         requires = "learn",
-        help_heading = "Method"
+        help_heading = "Method",
+        hide_short_help = true
     )]
     truth: Vec<PathBuf>,
     /// Static take of the person: markers on it tell bones too, also those that are only there (of
@@ -102,22 +106,42 @@ pub struct Args {
     #[arg(long = "static", value_name = "STATIC", help_heading = "Method")]
     static_take: Option<PathBuf>,
     /// Skeleton of the person, with CMU's bones, whose lengths are kept
-    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Method")]
+    #[arg(
+        long,
+        value_name = "SUBJECT.asf",
+        help_heading = "Method",
+        hide_short_help = true
+    )]
     asf: Option<PathBuf>,
     /// Write the standard deviation of each joint into columns NAME.sd
     #[arg(long, help_heading = "Output")]
     sd: bool,
     /// Also write the motion as AMC, for the skeleton of --asf-out
-    #[arg(long, value_name = "OUT.amc", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "OUT.amc",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     amc: Option<OutputPath>,
     /// Also write the skeleton as ASF
-    #[arg(long, value_name = "OUT.asf", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "OUT.asf",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     asf_out: Option<OutputPath>,
     /// Also write skeleton and motion as BVH
     #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
     bvh: Option<OutputPath>,
     /// Also write a page that plays joints and markers, each with a line to its bone
-    #[arg(long, value_name = "OUT.html", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "OUT.html",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     page: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
@@ -233,17 +257,16 @@ fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
             .collect(),
         false => Vec::new(),
     };
-    let units = args.out.table_units(Units::CM_Y);
     write_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &table,
         table.poses.xyz.view(),
         &added,
         |t| {
             let row = solved.sd.iter().flat_map(|sd| sd.row(t).to_vec());
             row.map(|sd| match sd.is_finite() {
-                true => format!("{:.4}", units.length(sd)),
+                true => format!("{sd:.4}"),
                 false => String::new(),
             })
             .collect()

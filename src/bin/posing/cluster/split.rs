@@ -28,7 +28,8 @@ pub struct KMeansArgs {
         long,
         value_name = "R",
         default_value_t = 1,
-        value_parser = clap::value_parser!(u32).range(1..)
+        value_parser = clap::value_parser!(u32).range(1..),
+        hide_short_help = true
     )]
     pub restarts: u32,
 }
@@ -67,8 +68,6 @@ pub struct SplitFolder<'a> {
     pub parts: usize,
     /// The format of the parts.
     pub out: &'a OutputArgs,
-    /// The units of the table.
-    pub input: Units,
 }
 
 impl SplitFolder<'_> {
@@ -128,7 +127,7 @@ impl SplitFolder<'_> {
                 output: Some(self.folder.join(self.name(part)).into()),
                 ..self.out.clone()
             };
-            let mut sink = create_table(&out, self.input, &table.columns, &[])?;
+            let mut sink = create_table(&out, [Units::CM_Y; 2], &table.columns, &[])?;
             for frame in members {
                 table.row_into(frame, &mut row);
                 let xyz = row.xyz.clone();

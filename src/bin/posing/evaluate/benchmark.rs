@@ -54,19 +54,19 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "N")]
     pub seeds: Option<u64>,
     /// First seed (default: 0)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub seed: Option<u64>,
     /// Largest number of test frames per split, and of training frames that are scored (default:
     /// 800)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub frames: Option<usize>,
     /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with
     /// a unit (default: 0)
-    #[arg(long, value_name = "LIST", value_parser = lengths)]
+    #[arg(long, value_name = "LIST", value_parser = lengths, hide_short_help = true)]
     #[serde(deserialize_with = "lengths_of_file")]
     pub base: Option<::std::vec::Vec<f64>>,
     /// Comma-separated joints that are visible in the task complete (default: the paper's six)
-    #[arg(long, value_name = "LIST", value_parser = list)]
+    #[arg(long, value_name = "LIST", value_parser = list, hide_short_help = true)]
     pub observe: Option<::std::vec::Vec<String>>,
     /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished
     /// results there

@@ -5,7 +5,7 @@ mod output;
 use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, format_of};
+use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, format_of};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -33,7 +33,7 @@ use posing::metric::pair_proposal::PairRules;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     #[command(flatten)]
     map: JointMapArgs,
     /// Largest mean joint distance of a pair, cm at the takes' median body height
@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long)]
     other_takes: bool,
     /// Heading of the page
-    #[arg(long, value_name = "TEXT", default_value = "")]
+    #[arg(long, value_name = "TEXT", default_value = "", hide_short_help = true)]
     title: String,
     /// Write the pairs to FILE, with an empty label column
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -58,7 +58,13 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
-    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "FORMAT",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     to: Option<PairFormat>,
     #[command(flatten)]
     seed: SeedArgs,
@@ -87,7 +93,8 @@ pub fn work(args: &Args) -> Result<()> {
     };
     let rules = args.rules();
     let map = args.map.joint_map()?;
-    let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
+    let tables = args.tables.input();
+    let takes = read_takes(&tables, tables.files.clone(), Some(&map), true)?;
     let pairs = PairSet::propose(&takes, &map, &rules)?;
     if let Some(path) = &args.csv {
         let bytes = pairs.write(PairFormat::Csv, "");

@@ -19,7 +19,12 @@ const MOST_STILLS: usize = 100;
 pub struct MeshArgs {
     /// Comma-separated arrays of an NPZ file to draw, such as predicted; each is a figure
     /// (default: vertices; of body-fit's files, completed)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        hide_short_help = true
+    )]
     pub array: Vec<String>,
 }
 

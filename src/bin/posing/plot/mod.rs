@@ -68,17 +68,22 @@ pub struct Args {
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
     /// Text below the heading
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
     note: Option<String>,
     /// Credit line of the data, at the end
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
     credit: Option<String>,
     #[command(flatten)]
     meshes: MeshArgs,
     #[command(flatten)]
     svg: SvgArgs,
     /// CSV file to show below the figures, such as scores
-    #[arg(long, value_name = "CSV", help_heading = "Page")]
+    #[arg(
+        long,
+        value_name = "CSV",
+        help_heading = "Page",
+        hide_short_help = true
+    )]
     table: Option<PathBuf>,
     /// Caption of --table
     #[arg(
@@ -86,14 +91,21 @@ pub struct Args {
         value_name = "TEXT",
         default_value = "",
         requires = "table",
-        help_heading = "Page"
+        help_heading = "Page",
+        hide_short_help = true
     )]
     caption: String,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
-    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "FORMAT",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     to: Option<PlotFormat>,
     #[command(flatten)]
     common: CommonArgs,

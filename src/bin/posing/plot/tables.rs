@@ -42,14 +42,24 @@ pub struct SvgArgs {
     #[arg(long, conflicts_with = "trail")]
     pub overlaid: bool,
     /// Draw all frames in one panel, at their positions in the world
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub trail: bool,
     /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of
     /// meshes, 0)
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        hide_short_help = true
+    )]
     pub azimuth: Option<f64>,
     /// Angle at which the viewer looks down, in degrees (default: 12)
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        hide_short_help = true
+    )]
     pub elevation: Option<f64>,
 }
 

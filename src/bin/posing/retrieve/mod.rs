@@ -4,7 +4,7 @@ mod matches;
 
 use self::matches::Matches;
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_index, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -42,14 +42,14 @@ use std::path::{Path, PathBuf};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Metric, by rdsr-train [default: coordinates and velocities, of a frame and of those .2 s
     /// before and after it]
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
     #[command(flatten)]
     map: FittingMapArgs,
-    /// Table of the poses that are searched; same --fps, --joints, --units and --up as the input
+    /// Table of the poses that are searched; same --fps as the input
     #[arg(long, value_name = "DB", required_unless_present = "index")]
     database: Option<PathBuf>,
     /// With --database: keep it described in FILE; without: search that FILE, which is read far
@@ -80,7 +80,8 @@ pub struct Args {
         value_name = "D",
         requires = "events",
         value_parser = posing::cli::args::parse_positive,
-        help_heading = "Events"
+        help_heading = "Events",
+        hide_short_help = true
     )]
     within: Option<f64>,
     /// Comma-separated takes of the database that show the motion: events are as near as the
@@ -102,12 +103,13 @@ pub struct Args {
         default_value_t = 0.0,
         requires = "events",
         value_parser = seconds,
-        help_heading = "Events"
+        help_heading = "Events",
+        hide_short_help = true
     )]
     apart: f64,
     /// What is done in each take (take,class): adds the column right, 1 where the take found is of
     /// the query's class, and prints the share of these
-    #[arg(long, value_name = "CLASSES.csv")]
+    #[arg(long, value_name = "CLASSES.csv", hide_short_help = true)]
     classes: Option<PathBuf>,
     /// Comma-separated numbers of poses found at which --classes judges (default: that of -k)
     #[arg(
@@ -115,7 +117,8 @@ pub struct Args {
         value_name = "LIST",
         value_delimiter = ',',
         requires = "classes",
-        value_parser = clap::value_parser!(u32).range(1..)
+        value_parser = clap::value_parser!(u32).range(1..),
+        hide_short_help = true
     )]
     scope: Vec<u32>,
     /// Draw some queries and the poses found for them
@@ -123,7 +126,8 @@ pub struct Args {
         long,
         value_name = "FILE.svg",
         requires = "database",
-        help_heading = "Output"
+        help_heading = "Output",
+        hide_short_help = true
     )]
     picture: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
@@ -150,13 +154,14 @@ pub fn work(args: &Args) -> Result<()> {
     let others = (args.database.iter().chain(&args.model))
         .chain(&args.classes)
         .chain(&index);
-    input::check_single_stdin_with(&args.input, others)?;
+    let input = args.tables.input();
+    input::check_single_stdin_with(&input, others)?;
     let most = args.k.unwrap_or(MOST);
     if let Some(scope) = args.scope.iter().find(|s| **s > most) {
         return Err(Error::usage(format!("--scope {scope} is above -k {most}")));
     }
     let (table, database) = database(args)?;
-    let queries = read(args, args.input.files.clone(), &database.metric)?;
+    let queries = read(args, input.files, &database.metric)?;
     let described = queries.index(&database.metric, args.every as usize);
     match args.events {
         true => find_events(args, &described, &database),
@@ -204,7 +209,12 @@ fn read(args: &Args, files: Vec<PathBuf>, metric: &PoseMetric) -> Result<MetricT
         ));
     }
     let map = args.map.joint_map(learned)?;
-    read_takes(&args.input, files, map.as_ref(), metric.needs_rate())
+    read_takes(
+        &args.tables.input(),
+        files,
+        map.as_ref(),
+        metric.needs_rate(),
+    )
 }
 
 fn find_events(args: &Args, examples: &PoseIndex, database: &PoseIndex) -> Result<()> {

@@ -3,7 +3,7 @@
 
 use super::take_pairs::{check_rates, take_pairs};
 use ndarray::Array2;
-use posing::cli::args::{InputArgs, OutputArgs};
+use posing::cli::args::OutputArgs;
 use posing::cli::metric_takes::MetricTakes;
 use posing::cli::{messages, streams};
 use posing::io::Table;
@@ -14,6 +14,7 @@ use posing::metric::{
     TransitionSearch,
 };
 use posing::numeric::parallel;
+use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -252,7 +253,7 @@ impl<'a> Transitions<'a> {
     ///
     /// # Errors
     /// [`Error::Data`]: nothing was found. When the output cannot be written.
-    pub fn write_blend(&self, found: &[Transition], input: &InputArgs, path: &Path) -> Result<()> {
+    pub fn write_blend(&self, found: &[Transition], path: &Path) -> Result<()> {
         let nearest = |is_good: bool| {
             let wanted = found.iter().filter(|t| t.quality.is_good() == is_good);
             wanted.min_by(|x, y| x.candidate.distance.total_cmp(&y.candidate.distance))
@@ -282,13 +283,9 @@ impl<'a> Transitions<'a> {
         let output = OutputArgs {
             output: Some(path.to_path_buf().into()),
             to: None,
-            out_units: None,
-            out_up: None,
         };
         let xyz = table.poses.xyz.view();
-        streams::write_table(&output, input.table_units(), &table, xyz, &[], |_| {
-            Vec::new()
-        })
+        streams::write_table(&output, [Units::CM_Y; 2], &table, xyz, &[], |_| Vec::new())
     }
 }
 
