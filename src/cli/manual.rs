@@ -53,7 +53,8 @@ pub(crate) fn built(mut command: Command) -> Command {
 /// The page as roff, called `posing-NAME(1)` for the command NAME; that of `posing` lists the
 /// `groups`.
 pub fn page(command: Command, groups: &[Group]) -> Vec<u8> {
-    let command = built(typed(command));
+    // A page has all flags, those that -h leaves out too.
+    let command = built(typed(command)).mut_args(|arg| arg.hide_short_help(false));
     let title = match command.get_name() {
         "posing" => "posing".to_string(),
         name => format!("posing-{name}"),

@@ -125,22 +125,19 @@ fn every_help_shows_examples() {
     }
 }
 
-/// The flags that a help lists: their lines begin with one, the others are text further right.
+/// The flags that a help lists, each at the beginning of a line.
 fn flags(help: &str) -> Vec<&str> {
-    let lines = help.lines().filter(|line| !line.starts_with("         "));
-    let flags = lines.filter(|line| line.trim_start().starts_with('-'));
-    flags
-        .map(|line| {
-            line.split(['<', '['])
-                .next()
-                .unwrap()
-                .split("  ")
-                .filter(|w| !w.trim().is_empty())
-                .next()
-                .unwrap()
-                .trim()
-        })
-        .collect()
+    let entries = help.lines().filter_map(|line| {
+        let entry = line.strip_prefix("      ").or(line.strip_prefix("  "))?;
+        entry.starts_with('-').then_some(entry)
+    });
+    let flags = entries.filter_map(|entry| {
+        let mut words = entry.split([' ', ',', '=', '[']).filter(|w| !w.is_empty());
+        let first = words.next()?;
+        let long = words.next().filter(|w| w.starts_with("--"));
+        Some(long.filter(|_| !first.starts_with("--")).unwrap_or(first))
+    });
+    flags.collect()
 }
 
 #[test]
