@@ -280,8 +280,7 @@ pub struct OutputArgs {
         long,
         value_parser = choice::<TableFormat>(),
         value_name = "FORMAT",
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     pub to: Option<TableFormat>,
 }
@@ -294,8 +293,7 @@ pub struct OutUnitArgs {
         long,
         value_parser = choice::<LengthUnit>(),
         value_name = "UNIT",
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
@@ -304,8 +302,7 @@ pub struct OutUnitArgs {
         value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     out_up: Option<UpAxis>,
 }

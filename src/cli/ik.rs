@@ -86,7 +86,7 @@ pub struct JointArgs {
     #[arg(long, value_name = "NAME|FILE.toml")]
     map: Option<String>,
     /// Prior of rotations that rotations-train wrote [default: built in]
-    #[arg(long, value_name = "ROTATIONS.npz", hide_short_help = true)]
+    #[arg(long, value_name = "ROTATIONS.npz")]
     rotations: Option<PathBuf>,
 }
 

@@ -17,12 +17,7 @@ pub struct LikeArgs {
     pub like: Vec<PathBuf>,
     /// The labeled takes are of the same person: distances must be the same to 2%, and label puts
     /// right what two of them, or one and the sides of the body, say is exchanged in every frame
-    #[arg(
-        long,
-        requires = "like",
-        help_heading = "Labels",
-        hide_short_help = true
-    )]
+    #[arg(long, requires = "like", help_heading = "Labels")]
     pub same_person: bool,
 }
 

@@ -11,12 +11,7 @@ pub struct LimitArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.5)]
     max_gap: f64,
     /// Largest share of a point's frames that are missing, 0 to 1
-    #[arg(
-        long,
-        value_name = "SHARE",
-        default_value_t = 0.1,
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     max_missing: f64,
     /// Largest speed of a point, in meters per second (99% of its steps)
     #[arg(long, value_name = "M/S", default_value_t = 15.0)]
@@ -25,7 +20,7 @@ pub struct LimitArgs {
     #[arg(long, value_name = "CM", default_value_t = 3.0)]
     max_jump: f64,
     /// Largest drift of a distance between points that go together, in centimeters
-    #[arg(long, value_name = "CM", default_value_t = 2.0, hide_short_help = true)]
+    #[arg(long, value_name = "CM", default_value_t = 2.0)]
     max_drift: f64,
 }
 

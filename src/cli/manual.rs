@@ -1,6 +1,6 @@
 //! Manual pages, made from the flags.
 
-use clap::{Arg, ArgAction, Command};
+use clap::{Arg, ArgAction, Command, Id};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 
@@ -12,35 +12,44 @@ pub struct Group {
     pub commands: Vec<Command>,
 }
 
+/// Flags that `-h` shows at most, with `--help` and `--version`.
+const MOST_FIRST: usize = 12;
+
 /// The command as a user types it: `posing NAME`. Its `-h` ends with where all flags are.
 pub fn typed(command: Command) -> Command {
     let name = command.get_name().to_string();
     if name == "posing" {
         return command;
     }
-    let command = command.mut_args(without_conversions);
+    let first = first_flags(&command);
     let examples = command.get_after_help().cloned().unwrap_or_default();
     let long = command.get_after_long_help().cloned();
     command
+        .mut_args(|arg| {
+            let is_first = arg.is_positional() || first.contains(arg.get_id());
+            arg.hide_short_help(!is_first)
+        })
         .bin_name(format!("posing {name}"))
         .after_help(format!("{examples}\n\nAll flags: posing {name} --help"))
         .after_long_help(long.unwrap_or(examples))
 }
 
-/// A flag that `-h` leaves out where it is one of all commands, or says how a table is read. What
-/// captures do not say may be given for each format, so such a flag repeats.
-fn without_conversions(arg: Arg) -> Arg {
-    let is_needed = arg.is_required_set() || arg.is_positional() || arg.get_id() == "seed";
-    let is_hidden = match arg.get_help_heading() {
-        Some("Shared") => true,
+/// The flags that `-h` shows: where the result goes and what must be given, then those that a
+/// command declares first, but for those of all commands and those that convert tables.
+/// (What captures do not say may be given for each format, so such a flag repeats.)
+fn first_flags(command: &Command) -> Vec<Id> {
+    let is_left_out = |arg: &&Arg| match arg.get_help_heading() {
+        Some("Shared") => arg.get_id() != "seed",
         Some("Input") => !matches!(arg.get_action(), ArgAction::Append),
+        Some("Output") => arg.get_id() == "to",
         _ => false,
     };
-    if is_hidden && !is_needed {
-        arg.hide_short_help(true)
-    } else {
-        arg
-    }
+    let is_needed = |arg: &&Arg| arg.is_required_set() || arg.get_id() == "output";
+    let flags = command.get_arguments().filter(|arg| !arg.is_positional());
+    let (needed, other): (Vec<&Arg>, Vec<&Arg>) = flags.partition(is_needed);
+    let other = other.into_iter().filter(|arg| !is_left_out(arg));
+    let first = needed.into_iter().chain(other).take(MOST_FIRST - 2);
+    first.map(|arg| arg.get_id().clone()).collect()
 }
 
 /// The command with the help and version flags that clap adds, and without its `help` subcommand.

@@ -36,7 +36,7 @@ pub struct MarkerFileArgs {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     pub fps: Option<f64>,
     /// Accept a file that ends early: the whole frames before that are kept
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     pub keep_whole: bool,
     #[command(flatten)]
     zeros: ZeroArgs,
@@ -89,17 +89,19 @@ impl MarkerFileArgs {
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         let mut positions = take.only_positions();
-        match self.zeros.zeros_are_missing {
-            true => empty_zeros(&mut positions.xyz),
-            false => report_zeros(&positions),
+        if self.zeros.zeros_are_missing {
+            empty_zeros(&mut positions.xyz)
+        } else {
+            report_zeros(&positions)
         }
         if !model_outputs {
             report_model_outputs(&take);
         }
         // Columns alone stay as they are.
-        let units = match take.points.is_empty() {
-            true => Units::CM_Y,
-            false => self.units.table_units(&take)?,
+        let units = if take.points.is_empty() {
+            Units::CM_Y
+        } else {
+            self.units.table_units(&take)?
         };
         let poses = positions.to_poses(units, self.rate(&take)?, &take_name(&path))?;
         let table = Table::from_poses(poses);

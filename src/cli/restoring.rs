@@ -44,13 +44,12 @@ struct ModelFlags {
         value_name = "K|auto",
         default_value = "auto",
         value_parser = parse_sparsity,
-        help_heading = "Model",
-        hide_short_help = true
+        help_heading = "Model"
     )]
     sparsity: Sparsity,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
     /// distances and outliers
-    #[arg(long, help_heading = "Model", hide_short_help = true)]
+    #[arg(long, help_heading = "Model")]
     published: bool,
 }
 
@@ -72,17 +71,19 @@ pub struct RestoringArgs {
     /// The tables.
     #[command(flatten)]
     pub input: InputArgs,
-    #[command(flatten)]
-    model: ModelFlags,
-    /// Restore each frame by itself, without its neighbors, in constant memory
-    #[arg(long, hide_short_help = true)]
-    pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
     /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its
     /// pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
+    #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
+    model: ModelFlags,
+    /// Restore each frame by itself, without its neighbors, in constant memory
+    #[arg(long)]
+    pub per_frame: bool,
     /// Where points stand on the bones they are named after: starts, as the joints of BVH files,
     /// or ends, as the joints of CMU and of the built-in model (default: by names and lengths)
     #[arg(
@@ -108,10 +109,8 @@ pub struct RestoringArgs {
     #[arg(long, help_heading = "Input")]
     force: bool,
     /// Space of the table's poses
-    #[arg(long, value_parser = choice::<Space>(), default_value = "world", hide_short_help = true)]
+    #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     space: Space,
-    #[command(flatten)]
-    json: JsonArgs,
     #[command(flatten)]
     out: OutputArgs,
     #[command(flatten)]

@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
     /// Accept a take whose last frame is cut off; that frame is dropped
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,

@@ -100,13 +100,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
     prior.noise = args.noise;
-    let fits = match args.one_person {
-        true => fit_one_person(&body, &model, &prior, &frames)
-            .map_err(|e| e.at(Place::file(&table.name)))?,
-        false => fit_each(&body, &frames, |frame| {
+    let fits = if args.one_person {
+        fit_one_person(&body, &model, &prior, &frames)
+            .map_err(|e| e.at(Place::file(&table.name)))?
+    } else {
+        fit_each(&body, &frames, |frame| {
             let problem = FitProblem::new(&model, &prior, frame).ok()?;
             Some(problem.solve(None))
-        }),
+        })
     };
     let findings = report(&fits, &table.name, &names)?;
     report_free_parts(&model, &frames, &table.name);

@@ -64,8 +64,7 @@ pub struct Args {
         long,
         value_name = "FORMAT",
         value_parser = ["obj", "ply", "stl", "off"],
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     mesh_format: Option<String>,
     /// Unit of length of the meshes

@@ -66,8 +66,7 @@ pub struct Args {
         value_parser = choice::<LengthUnit>(),
         value_name = "UNIT",
         requires = "shapes",
-        help_heading = "Input",
-        hide_short_help = true
+        help_heading = "Input"
     )]
     shape_units: Option<LengthUnit>,
     /// Axis of --shapes that points up [default: that of --up]
@@ -77,8 +76,7 @@ pub struct Args {
         value_name = "AXIS",
         allow_hyphen_values = true,
         requires = "shapes",
-        help_heading = "Input",
-        hide_short_help = true
+        help_heading = "Input"
     )]
     shape_up: Option<UpAxis>,
     /// The rigid part of each vertex (default: parts are found from the poses)
@@ -90,8 +88,7 @@ pub struct Args {
         value_name = "N",
         default_value_t = 16,
         conflicts_with = "parts",
-        value_parser = clap::value_parser!(u16).range(2..=256),
-        hide_short_help = true
+        value_parser = clap::value_parser!(u16).range(2..=256)
     )]
     part_count: u16,
     /// Points of a pose table at the joints where parts begin, for body-synth --pose
@@ -111,15 +108,14 @@ pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let units = args.units.table_units();
     let poses = read_meshes(&args.poses, units)?;
-    let people = match args.shapes.is_empty() {
-        true => None,
-        false => {
-            let units = Units {
-                unit: args.shape_units.unwrap_or(units.unit),
-                up: args.shape_up.unwrap_or(units.up),
-            };
-            Some(read_people(args, units, &poses)?)
-        }
+    let people = if args.shapes.is_empty() {
+        None
+    } else {
+        let units = Units {
+            unit: args.shape_units.unwrap_or(units.unit),
+            up: args.shape_up.unwrap_or(units.up),
+        };
+        Some(read_people(args, units, &poses)?)
     };
     report_findings(&poses);
     let meshes = |set: &MeshSet| -> Vec<Vec<DVec3>> {

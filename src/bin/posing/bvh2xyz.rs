@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     /// Accept a file whose last frame is cut off; that frame is dropped
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,

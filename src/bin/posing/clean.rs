@@ -67,35 +67,66 @@ pub struct Args {
     /// Write the result of one file to OUT, results of several files into the folder DIR
     #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
     output: OutputPath,
+    #[command(flatten)]
+    json: JsonArgs,
+    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
+    /// --bvh has them; by a marker set's name or file [default: of each take the one that
+    /// knows most of its markers]
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "auto",
+        help_heading = "Output"
+    )]
+    solve: Option<String>,
+    /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
+    /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
+    /// [default: 0.1cm and 0.25deg]
+    #[arg(
+        long,
+        value_name = "CM|DEG",
+        value_parser = NoiseLimit::parse,
+        help_heading = "Method"
+    )]
+    noise_limit: Option<NoiseLimit>,
+    /// Remove no noise: only fill gaps and replace outliers
+    #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
+    no_smooth: bool,
+    /// Longest gap to fill, in seconds (default: no limit)
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
+    max_gap: Option<f64>,
+    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
+    /// (several times, of one file)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Segment::parse,
+        help_heading = "Method"
+    )]
+    redo: Vec<Segment>,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Format of the results [default: that of each file, or by the extension of OUT]
     #[arg(
         long,
         value_parser = choice::<OutputFormat>(),
         value_name = "FORMAT",
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     to: Option<OutputFormat>,
     /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with
     /// the ending .json
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Output",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<OutputPath>,
-    #[command(flatten)]
-    json: JsonArgs,
     /// Clean files again whose results are there, also where somebody changed these
-    #[arg(long, help_heading = "Output", hide_short_help = true)]
+    #[arg(long, help_heading = "Output")]
     again: bool,
     /// Tell only findings and failures that the last run into DIR did not have; only these count
     /// for the exit code
-    #[arg(long, help_heading = "Output", hide_short_help = true)]
+    #[arg(long, help_heading = "Output")]
     new_only: bool,
-    #[command(flatten)]
-    read: ReadArgs,
     /// Which points are which of the model's: a shipped map or a TOML file, as for complete
     /// [default: the shipped map that fits]
     #[arg(
@@ -113,46 +144,17 @@ pub struct Args {
     #[arg(long, help_heading = "Input")]
     force: bool,
     /// Model file (default: the built-in model)
-    #[arg(
-        short,
-        long,
-        value_name = "MODEL.npz",
-        help_heading = "Method",
-        hide_short_help = true
-    )]
+    #[arg(short, long, value_name = "MODEL.npz", help_heading = "Method")]
     model: Option<PathBuf>,
     /// Use no model: learn from each take's own frames alone
-    #[arg(
-        long = "self",
-        conflicts_with = "model",
-        help_heading = "Method",
-        hide_short_help = true
-    )]
+    #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
     take_alone: bool,
-    /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
-    /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
-    /// [default: 0.1cm and 0.25deg]
-    #[arg(
-        long,
-        value_name = "CM|DEG",
-        value_parser = NoiseLimit::parse,
-        help_heading = "Method"
-    )]
-    noise_limit: Option<NoiseLimit>,
-    /// Remove no noise: only fill gaps and replace outliers
-    #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
-    no_smooth: bool,
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
-    #[arg(long, value_enum, help_heading = "Method", hide_short_help = true)]
+    #[arg(long, value_enum, help_heading = "Method")]
     outliers: Option<OutlierDetection>,
     /// Leave labels as they are: markers that changed places, pieces without a label
-    #[arg(
-        long,
-        conflicts_with = "like",
-        help_heading = "Method",
-        hide_short_help = true
-    )]
+    #[arg(long, conflicts_with = "like", help_heading = "Method")]
     no_labels: bool,
     /// Keep the label of a point in a stretch, in seconds as the file has them, also where label
     /// would change it (may be given again)
@@ -161,15 +163,11 @@ pub struct Args {
         value_name = "NAME:FROM-TO",
         value_parser = Segment::parse,
         conflicts_with = "no_labels",
-        help_heading = "Method",
-        hide_short_help = true
+        help_heading = "Method"
     )]
     keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
-    /// Longest gap to fill, in seconds (default: no limit)
-    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
-    max_gap: Option<f64>,
     /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
     /// less sure stays, and is a finding
     #[arg(
@@ -177,41 +175,12 @@ pub struct Args {
         value_name = "CM",
         default_value = "5",
         value_parser = parse_length,
-        help_heading = "Method",
-        hide_short_help = true
+        help_heading = "Method"
     )]
     max_sd: f64,
-    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
-    /// (several times, of one file)
-    #[arg(
-        long,
-        value_name = "NAME:FROM-TO",
-        value_parser = Segment::parse,
-        help_heading = "Method",
-        hide_short_help = true
-    )]
-    redo: Vec<Segment>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
-    #[arg(
-        long,
-        value_name = "HZ",
-        value_parser = parse_hertz,
-        help_heading = "Method",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
-    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
-    /// --bvh has them; by a marker set's name or file [default: of each take the one that
-    /// knows most of its markers]
-    #[arg(
-        long,
-        value_name = "NAME|FILE",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "auto",
-        help_heading = "Output"
-    )]
-    solve: Option<String>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -290,9 +259,10 @@ fn settings(args: &Args) -> Result<CleanSettings> {
     let known = model
         .as_ref()
         .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
-    let outliers = match args.redo.is_empty() {
-        true => args.outliers != Some(OutlierDetection::None),
-        false => args.outliers == Some(OutlierDetection::Auto),
+    let outliers = if args.redo.is_empty() {
+        args.outliers != Some(OutlierDetection::None)
+    } else {
+        args.outliers == Some(OutlierDetection::Auto)
     };
     let read = args.read.rules()?;
     let like = args.like.templates(&read)?;

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
     max_gap: Option<f64>,
     /// Also replace outliers by their estimate
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     overwrite_observed: bool,
     /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. The
     /// object of --json if FILE ends in .json

@@ -100,9 +100,10 @@ pub fn work(args: &Args) -> Result<()> {
             atoms.push(index);
             coefficients.push(coefficient);
         }
-        let pose = match is_unseen {
-            true => vec![f64::NAN; columns.width()],
-            false => dictionary.combine(&atoms, &coefficients).to_vec(),
+        let pose = if is_unseen {
+            vec![f64::NAN; columns.width()]
+        } else {
+            dictionary.combine(&atoms, &coefficients).to_vec()
         };
         sink.write(
             &mut Row {

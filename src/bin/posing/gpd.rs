@@ -58,8 +58,7 @@ pub struct Args {
         long,
         value_parser = choice::<TableFormat>(),
         value_name = "FORMAT",
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     to: Option<TableFormat>,
     #[command(flatten)]
@@ -73,9 +72,10 @@ fn family(text: &str) -> std::result::Result<Family, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let mut families = match args.features.is_empty() {
-        true => Family::ALL.to_vec(),
-        false => args.features.clone(),
+    let mut families = if args.features.is_empty() {
+        Family::ALL.to_vec()
+    } else {
+        args.features.clone()
     };
     if args.is_static {
         families.retain(|f| *f != Family::JointKinetics);

@@ -67,16 +67,6 @@ pub struct Args {
     json: JsonArgs,
     #[command(flatten)]
     read: TakeReadArgs,
-    /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
-    /// be given again, of one take)
-    #[arg(
-        long,
-        value_name = "NAME:FROM-TO",
-        value_parser = Segment::parse,
-        help_heading = "Method",
-        hide_short_help = true
-    )]
-    keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
     /// Name the tracks of takes without any labels, as the markers of --set or of the takes of
@@ -98,8 +88,7 @@ pub struct Args {
         default_value_t = 0.9,
         value_parser = parse_confidence,
         requires = "from_nothing",
-        help_heading = "From nothing",
-        hide_short_help = true
+        help_heading = "From nothing"
     )]
     sure: f64,
     /// Learn a marker set from labeled takes, and write it to SET.json for --set: of markers that
@@ -110,6 +99,15 @@ pub struct Args {
         help_heading = "From nothing"
     )]
     learn: bool,
+    /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
+    /// be given again, of one take)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Segment::parse,
+        help_heading = "Method"
+    )]
+    keep_labels: Vec<Segment>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -208,9 +206,10 @@ fn label(
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
-    let outcome = match report.is_unsure() {
-        false => Outcome::Done,
-        true => Outcome::Findings,
+    let outcome = if report.is_unsure() {
+        Outcome::Findings
+    } else {
+        Outcome::Done
     };
     Ok((outcome, json!({ "labels": report })))
 }

@@ -58,27 +58,19 @@ pub struct Args {
         hide_possible_values = true
     )]
     features: Option<String>,
-    /// Seconds to the frames before and after that are described too; 0: none [default: 0.2]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    window: Option<f64>,
     /// How the metric is learned
     #[arg(long, value_parser = learner(), value_name = "METHOD", default_value = "rdsr")]
     learner: Learner,
-    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
-    /// 50]
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = clap::value_parser!(u16).range(1..=2000),
-        hide_short_help = true
-    )]
-    rank: Option<u16>,
-    /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
-    #[arg(long, value_name = "A", value_parser = parse_positive, hide_short_help = true)]
-    alpha: Option<f64>,
-    /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
-    #[arg(long, value_name = "G", value_parser = share, hide_short_help = true)]
-    gamma: Option<f64>,
+    /// Seconds to the frames before and after that are described too; 0: none [default: 0.2]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    window: Option<f64>,
+    /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    reach: Option<f64>,
+    /// The method as published: all features of one frame at unit length, ratio of traces, pairs
+    /// as labeled; finds poses across people far worse
+    #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
+    paper: bool,
     /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs
     /// alone
     #[arg(
@@ -86,17 +78,19 @@ pub struct Args {
         alias = "unlabeled",
         value_name = "N",
         default_value_t = 5000,
-        value_parser = clap::value_parser!(u32).range(..=20_000),
-        hide_short_help = true
+        value_parser = clap::value_parser!(u32).range(..=20_000)
     )]
     unlabeled: u32,
-    /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
-    #[arg(long, value_name = "S", value_parser = seconds, hide_short_help = true)]
-    reach: Option<f64>,
-    /// The method as published: all features of one frame at unit length, ratio of traces, pairs
-    /// as labeled; finds poses across people far worse
-    #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
-    paper: bool,
+    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
+    /// 50]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
+    rank: Option<u16>,
+    /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
+    #[arg(long, value_name = "A", value_parser = parse_positive)]
+    alpha: Option<f64>,
+    /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
+    #[arg(long, value_name = "G", value_parser = share)]
+    gamma: Option<f64>,
     /// Output file
     #[arg(short, long, value_name = "METRIC.npz")]
     output: OutputPath,
@@ -176,9 +170,10 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
-    let mut settings = match args.paper {
-        true => TrainSettings::paper(map),
-        false => TrainSettings::new(map),
+    let mut settings = if args.paper {
+        TrainSettings::paper(map)
+    } else {
+        TrainSettings::new(map)
     };
     if let Some(name) = &args.features {
         settings.features = PoseFeatures::of_name(name).unwrap_or(settings.features);

@@ -70,12 +70,7 @@ pub struct Args {
     no_feet: bool,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
     /// 07.asf for 07_01.amc]
-    #[arg(
-        long,
-        value_name = "SUBJECT.asf",
-        help_heading = "Input",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
     asf: Option<PathBuf>,
     /// Frames per second of files that do not say it, as AMC files
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
@@ -100,7 +95,7 @@ pub struct Args {
     )]
     out_up: UpAxis,
     /// Accept a file whose last frame is cut off; that frame is dropped
-    #[arg(long, help_heading = "Input", hide_short_help = true)]
+    #[arg(long, help_heading = "Input")]
     keep_whole: bool,
     #[command(flatten)]
     json: JsonArgs,
@@ -149,9 +144,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
 
 /// The map of a flag.
 fn map(name: &Option<String>) -> Result<Option<NameMap>> {
-    let named = |name: &String| match name.eq_ignore_ascii_case("cmu") {
-        true => Ok(cmu_map()),
-        false => name_map(name, &joints::cmu_names()),
+    let named = |name: &String| {
+        if name.eq_ignore_ascii_case("cmu") {
+            Ok(cmu_map())
+        } else {
+            name_map(name, &joints::cmu_names())
+        }
     };
     name.as_ref().map(named).transpose()
 }

@@ -73,10 +73,8 @@ pub struct Args {
     /// skeleton]
     #[arg(long, value_name = "ORDER", value_parser = order)]
     order: Option<[Axis; 3]>,
-    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
-    /// fit
-    #[arg(long, hide_short_help = true)]
-    force: bool,
+    #[command(flatten)]
+    units: BvhUnitArgs,
     /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
@@ -84,9 +82,11 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     #[command(flatten)]
-    units: BvhUnitArgs,
-    #[command(flatten)]
     json: JsonArgs,
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
+    /// fit
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     common: CommonArgs,
 }

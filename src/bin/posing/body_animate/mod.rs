@@ -76,22 +76,15 @@ pub struct Args {
         value_parser = choice::<UpAxis>(),
         value_name = "AXIS",
         allow_hyphen_values = true,
-        default_value = "y",
-        hide_short_help = true
+        default_value = "y"
     )]
     scan_up: UpAxis,
     /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
-    #[arg(
-        long,
-        value_name = "LENGTH",
-        default_value = "0.5",
-        value_parser = parse_length,
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
     noise: f64,
     /// Leave the markers as they are: else noise is taken from their paths first, as denoise --self
     /// does, where a rate is known
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     no_smooth: bool,
     /// Shape of another body: comma-separated numbers, or a table of one row
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
@@ -104,12 +97,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     rotations: Option<OutputPath>,
     /// Write the shape as a table, for body-synth
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Output",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
     shapes: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,

@@ -28,8 +28,7 @@ pub struct KMeansArgs {
         long,
         value_name = "R",
         default_value_t = 1,
-        value_parser = clap::value_parser!(u32).range(1..),
-        hide_short_help = true
+        value_parser = clap::value_parser!(u32).range(1..)
     )]
     pub restarts: u32,
 }

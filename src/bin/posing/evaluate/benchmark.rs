@@ -54,19 +54,19 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "N")]
     pub seeds: Option<u64>,
     /// First seed (default: 0)
-    #[arg(long, value_name = "N", hide_short_help = true)]
+    #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Largest number of test frames per split, and of training frames that are scored (default:
     /// 800)
-    #[arg(long, value_name = "N", hide_short_help = true)]
+    #[arg(long, value_name = "N")]
     pub frames: Option<usize>,
     /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with
     /// a unit (default: 0)
-    #[arg(long, value_name = "LIST", value_parser = lengths, hide_short_help = true)]
+    #[arg(long, value_name = "LIST", value_parser = lengths)]
     #[serde(deserialize_with = "lengths_of_file")]
     pub base: Option<::std::vec::Vec<f64>>,
     /// Comma-separated joints that are visible in the task complete (default: the paper's six)
-    #[arg(long, value_name = "LIST", value_parser = list, hide_short_help = true)]
+    #[arg(long, value_name = "LIST", value_parser = list)]
     pub observe: Option<::std::vec::Vec<String>>,
     /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished
     /// results there
@@ -96,9 +96,10 @@ impl BenchmarkArgs {
         let within = |names: Vec<PathBuf>| names.iter().map(|name| folder.join(name)).collect();
         Ok(BenchmarkArgs {
             models: self.models.or(file.models),
-            model_files: match self.model_files.is_empty() {
-                true => within(file.model_files),
-                false => self.model_files,
+            model_files: if self.model_files.is_empty() {
+                within(file.model_files)
+            } else {
+                self.model_files
             },
             tasks: self.tasks.or(file.tasks),
             splits: self.splits.or(file.splits),
@@ -385,9 +386,10 @@ pub fn write_paper_tables(runs: &[PathBuf], folder: &Path) -> Result<()> {
 /// Reads a comma-separated list.
 fn list(text: &str) -> std::result::Result<Vec<String>, String> {
     let names: Vec<String> = text.split(',').map(|n| n.trim().to_string()).collect();
-    match names.iter().any(String::is_empty) {
-        true => Err("expected names with commas between them".into()),
-        false => Ok(names),
+    if names.iter().any(String::is_empty) {
+        Err("expected names with commas between them".into())
+    } else {
+        Ok(names)
     }
 }
 

@@ -79,9 +79,10 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()>
     }
     let settings = MetricSettings {
         rules: args.labels.clone(),
-        tested: match args.test.is_empty() {
-            true => subjects.into_iter().skip(1).step_by(2).collect(),
-            false => args.test.clone(),
+        tested: if args.test.is_empty() {
+            subjects.into_iter().skip(1).step_by(2).collect()
+        } else {
+            args.test.clone()
         },
         pairs: args.pairs,
         seed: args.seed,
@@ -135,11 +136,12 @@ fn classified(takes: MetricTakes, path: &Path, map: &JointMap) -> Result<TakeSet
             path.display()
         ));
     }
-    match set.about.is_empty() {
-        true => Err(Error::data(
+    if set.about.is_empty() {
+        Err(Error::data(
             Place::file(path.display().to_string()),
             "gives no class to any take of the input",
-        )),
-        false => Ok(set),
+        ))
+    } else {
+        Ok(set)
     }
 }

@@ -71,8 +71,7 @@ pub struct Args {
         value_name = "RUN",
         help_heading = "Output",
         requires = "output",
-        conflicts_with_all = ["config", "json"],
-        hide_short_help = true
+        conflicts_with_all = ["config", "json"]
     )]
     paper: Vec<PathBuf>,
     /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I
@@ -83,8 +82,7 @@ pub struct Args {
         value_name = "I/N",
         help_heading = "Output",
         requires = "output",
-        conflicts_with = "paper",
-        hide_short_help = true
+        conflicts_with = "paper"
     )]
     cells: Option<Shard>,
     /// Run nothing; take the results that --cells left in these folders, and write the report into
@@ -96,8 +94,7 @@ pub struct Args {
         num_args = 1..,
         help_heading = "Output",
         requires = "output",
-        conflicts_with_all = ["cells", "paper"],
-        hide_short_help = true
+        conflicts_with_all = ["cells", "paper"]
     )]
     merge: Vec<PathBuf>,
     #[command(flatten)]

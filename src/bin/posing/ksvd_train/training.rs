@@ -45,22 +45,10 @@ pub struct KsvdArgs {
     /// Number of iterations
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub iterations: u32,
-    /// For a dictionary: rule that selects the next atom
-    #[arg(
-        long,
-        value_parser = choice::<SelectionRule>(),
-        default_value = "oomp",
-        hide_short_help = true
-    )]
-    pub pursuit: SelectionRule,
     /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random
     /// poses)
     #[arg(long, value_name = "DICT.npz|TABLE")]
     pub init: Option<PathBuf>,
-    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest
-    /// error (default: off)
-    #[arg(long, value_name = "C", value_parser = parse_positive, hide_short_help = true)]
-    pub coherence: Option<f64>,
     /// Validation table; its error is reported after each iteration
     #[arg(long, value_name = "FILE")]
     pub valid: Option<PathBuf>,
@@ -68,11 +56,18 @@ pub struct KsvdArgs {
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<OutputPath>,
     /// Write one line of JSON per iteration
-    #[arg(long, value_name = "FILE", hide_short_help = true)]
+    #[arg(long, value_name = "FILE")]
     pub log: Option<OutputPath>,
     /// Space in which poses are learned
     #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     pub space: Space,
+    /// For a dictionary: rule that selects the next atom
+    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp")]
+    pub pursuit: SelectionRule,
+    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest
+    /// error (default: off)
+    #[arg(long, value_name = "C", value_parser = parse_positive)]
+    pub coherence: Option<f64>,
 }
 
 impl KsvdArgs {

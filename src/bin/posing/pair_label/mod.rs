@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long)]
     other_takes: bool,
     /// Heading of the page
-    #[arg(long, value_name = "TEXT", default_value = "", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
     /// Write the pairs to FILE, with an empty label column
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -58,13 +58,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
-    #[arg(
-        long,
-        value_enum,
-        value_name = "FORMAT",
-        help_heading = "Output",
-        hide_short_help = true
-    )]
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PairFormat>,
     #[command(flatten)]
     seed: SeedArgs,

@@ -19,12 +19,7 @@ const MOST_STILLS: usize = 100;
 pub struct MeshArgs {
     /// Comma-separated arrays of an NPZ file to draw, such as predicted; each is a figure
     /// (default: vertices; of body-fit's files, completed)
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub array: Vec<String>,
 }
 

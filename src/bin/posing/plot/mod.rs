@@ -67,23 +67,18 @@ pub struct Args {
     /// Heading
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
+    #[command(flatten)]
+    svg: SvgArgs,
     /// Text below the heading
-    #[arg(long, value_name = "TEXT", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT")]
     note: Option<String>,
     /// Credit line of the data, at the end
-    #[arg(long, value_name = "TEXT", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
     #[command(flatten)]
     meshes: MeshArgs,
-    #[command(flatten)]
-    svg: SvgArgs,
     /// CSV file to show below the figures, such as scores
-    #[arg(
-        long,
-        value_name = "CSV",
-        help_heading = "Page",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "CSV", help_heading = "Page")]
     table: Option<PathBuf>,
     /// Caption of --table
     #[arg(
@@ -91,21 +86,14 @@ pub struct Args {
         value_name = "TEXT",
         default_value = "",
         requires = "table",
-        help_heading = "Page",
-        hide_short_help = true
+        help_heading = "Page"
     )]
     caption: String,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     /// Output format (default: by FILE's extension)
-    #[arg(
-        long,
-        value_enum,
-        value_name = "FORMAT",
-        help_heading = "Output",
-        hide_short_help = true
-    )]
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PlotFormat>,
     #[command(flatten)]
     common: CommonArgs,
@@ -132,9 +120,10 @@ pub fn work(args: &Args) -> Result<()> {
             file.display()
         )));
     }
-    let text = match are_meshes(&files)? {
-        true => meshes(args, to)?,
-        false => poses(args, to, &files)?,
+    let text = if are_meshes(&files)? {
+        meshes(args, to)?
+    } else {
+        poses(args, to, &files)?
     };
     write_bytes(args.output.as_deref(), text.as_bytes(), false)
 }

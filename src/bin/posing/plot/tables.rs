@@ -42,24 +42,14 @@ pub struct SvgArgs {
     #[arg(long, conflicts_with = "trail")]
     pub overlaid: bool,
     /// Draw all frames in one panel, at their positions in the world
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     pub trail: bool,
     /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of
     /// meshes, 0)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub azimuth: Option<f64>,
     /// Angle at which the viewer looks down, in degrees (default: 12)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     pub elevation: Option<f64>,
 }
 
@@ -198,9 +188,12 @@ impl PlotTable {
     /// Puts the points in the order of `first`.
     fn match_to(&mut self, first: &PlotTable) -> Result<()> {
         let order = point_order(&first.poses, &self.poses);
-        let order = order.and_then(|order| match order.len() == self.poses.points.len() {
-            true => Ok(order),
-            false => Err("has more points".into()),
+        let order = order.and_then(|order| {
+            if order.len() == self.poses.points.len() {
+                Ok(order)
+            } else {
+                Err("has more points".into())
+            }
         });
         let order = order.map_err(|what| {
             let rule = "tables drawn together must have the same points and frames";

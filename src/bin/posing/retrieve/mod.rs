@@ -80,8 +80,7 @@ pub struct Args {
         value_name = "D",
         requires = "events",
         value_parser = posing::cli::args::parse_positive,
-        help_heading = "Events",
-        hide_short_help = true
+        help_heading = "Events"
     )]
     within: Option<f64>,
     /// Comma-separated takes of the database that show the motion: events are as near as the
@@ -103,13 +102,12 @@ pub struct Args {
         default_value_t = 0.0,
         requires = "events",
         value_parser = seconds,
-        help_heading = "Events",
-        hide_short_help = true
+        help_heading = "Events"
     )]
     apart: f64,
     /// What is done in each take (take,class): adds the column right, 1 where the take found is of
     /// the query's class, and prints the share of these
-    #[arg(long, value_name = "CLASSES.csv", hide_short_help = true)]
+    #[arg(long, value_name = "CLASSES.csv")]
     classes: Option<PathBuf>,
     /// Comma-separated numbers of poses found at which --classes judges (default: that of -k)
     #[arg(
@@ -117,8 +115,7 @@ pub struct Args {
         value_name = "LIST",
         value_delimiter = ',',
         requires = "classes",
-        value_parser = clap::value_parser!(u32).range(1..),
-        hide_short_help = true
+        value_parser = clap::value_parser!(u32).range(1..)
     )]
     scope: Vec<u32>,
     /// Draw some queries and the poses found for them
@@ -126,8 +123,7 @@ pub struct Args {
         long,
         value_name = "FILE.svg",
         requires = "database",
-        help_heading = "Output",
-        hide_short_help = true
+        help_heading = "Output"
     )]
     picture: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
@@ -163,12 +159,11 @@ pub fn work(args: &Args) -> Result<()> {
     let (table, database) = database(args)?;
     let queries = read(args, input.files, &database.metric)?;
     let described = queries.index(&database.metric, args.every as usize);
-    match args.events {
-        true => find_events(args, &described, &database),
-        false => {
-            let poses = [(Some(&queries), &described), (table.as_ref(), &database)];
-            find_poses(args, most as usize, poses)
-        }
+    if args.events {
+        find_events(args, &described, &database)
+    } else {
+        let poses = [(Some(&queries), &described), (table.as_ref(), &database)];
+        find_poses(args, most as usize, poses)
     }
 }
 

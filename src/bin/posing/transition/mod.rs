@@ -56,9 +56,6 @@ pub struct Args {
     /// Also transitions of a take into itself, of 1 s or more
     #[arg(long)]
     within: bool,
-    /// Only the transition at these frames of the two takes
-    #[arg(long, value_name = "A,B", value_parser = frames, hide_short_help = true)]
-    at: Option<[usize; 2]>,
     /// Transitions of each pair of takes, at most
     #[arg(
         short,
@@ -70,21 +67,18 @@ pub struct Args {
     /// Good transitions only: looks past others until N are found
     #[arg(long, conflicts_with = "at")]
     good: bool,
-    /// Seconds between two transitions, in one of the takes at least
-    #[arg(
-        long,
-        value_name = "S",
-        default_value = "0.5",
-        value_parser = seconds,
-        hide_short_help = true
-    )]
-    apart: f64,
-    /// Seconds of the blend [default: 0.3 to 1.2, the longest that is good]
-    #[arg(long, value_name = "S", value_parser = seconds, hide_short_help = true)]
-    over: Option<f64>,
     /// Write the blended take of the nearest good transition to FILE, CSV or NPY
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     blend: Option<OutputPath>,
+    /// Only the transition at these frames of the two takes
+    #[arg(long, value_name = "A,B", value_parser = frames)]
+    at: Option<[usize; 2]>,
+    /// Seconds between two transitions, in one of the takes at least
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = seconds)]
+    apart: f64,
+    /// Seconds of the blend [default: 0.3 to 1.2, the longest that is good]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    over: Option<f64>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,

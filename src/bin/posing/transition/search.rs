@@ -158,9 +158,10 @@ impl<'a> Transitions<'a> {
         let search = TransitionSearch {
             most: self.settings.most,
             apart: a.clip.frames_in(self.settings.apart),
-            least_jump: match takes[0] == takes[1] {
-                true => a.clip.frames_in(LEAST_JUMP),
-                false => 0,
+            least_jump: if takes[0] == takes[1] {
+                a.clip.frames_in(LEAST_JUMP)
+            } else {
+                0
             },
         };
         let blender = Blender::new([&a.clip, &b.clip]);
@@ -268,9 +269,10 @@ impl<'a> Transitions<'a> {
         let (blend, _) = blend.ok_or_else(none)?;
         let [a, b] = chosen.takes.map(|take| excerpt(&self.takes.names[take]));
         let [i, j] = chosen.candidate.frames;
-        let verdict = match chosen.quality.is_good() {
-            true => "",
-            false => "; no transition is good, this is the nearest",
+        let verdict = if chosen.quality.is_good() {
+            ""
+        } else {
+            "; no transition is good, this is the nearest"
         };
         messages::info(&format!(
             "blended frame {i} of {a} with frame {j} of {b} over {:.2} s, {b} at {:.2} frames for \
