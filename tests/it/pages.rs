@@ -127,7 +127,8 @@ fn every_help_shows_examples() {
 
 /// The flags that a help lists, each at the beginning of a line.
 fn flags(help: &str) -> Vec<&str> {
-    let entries = help.lines().filter_map(|line| {
+    let (list, _) = help.split_once("\nExamples:\n").unwrap();
+    let entries = list.lines().filter_map(|line| {
         let entry = line.strip_prefix("      ").or(line.strip_prefix("  "))?;
         entry.starts_with('-').then_some(entry)
     });
