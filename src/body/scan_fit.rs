@@ -41,9 +41,11 @@ const WARP_WEIGHT: f64 = 1.0;
 pub struct ScanFit {
     /// The pose and the shape.
     pub state: BodyState,
-    /// The vertices of the model, warped towards the scan, centimeters.
+    /// The vertices of the model, centimeters.
+    pub predicted: Vec<DVec3>,
+    /// These, warped towards the scan.
     pub completed: Vec<DVec3>,
-    /// The root mean square distance of the scan's points from the unwarped surface, centimeters,
+    /// The root mean square distance of the scan's points from the predicted surface, centimeters,
     /// of those that count at the end.
     pub rms: f64,
     /// The share of the scan's points that count at the end.
@@ -118,6 +120,7 @@ pub fn fit_scan(body: &BodyModel, scan: &Surface, placed: &[(usize, DVec3)]) -> 
         rms: (squares / pairs.len() as f64).sqrt(),
         share: pairs.len() as f64 / scan.points.len() as f64,
         is_inside_out: scan.orientation < 0.0,
+        predicted: vertices,
         state,
     })
 }

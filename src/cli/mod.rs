@@ -82,9 +82,8 @@ where
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
-    let has_joints = command
-        .get_arguments()
-        .any(|arg| arg.get_long() == Some("joints"));
+    let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
+    let has_joints = command.get_arguments().any(is_joints);
     crate::error::name_options(if has_joints { flag } else { flag_or_trim });
     let parsed = command
         .try_get_matches_from_mut(words)
@@ -157,18 +156,11 @@ fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
 }
 
 /// A flag that converts tables, where the command has none such.
-fn unknown_conversion(error: &clap::Error) -> Option<&str> {
-    let converts = [
-        "--fps",
-        "--joints",
-        "--units",
-        "--up",
-        "--out-units",
-        "--out-up",
-    ];
+fn unknown_conversion(error: &clap::Error) -> Option<&'static str> {
+    let converting = "--fps --joints --units --up --out-units --out-up";
     match error.get(ContextKind::InvalidArg)? {
         ContextValue::String(flag) if error.kind() == ErrorKind::UnknownArgument => {
-            converts.contains(&flag.as_str()).then_some(flag)
+            converting.split(' ').find(|known| known == flag)
         }
         _ => None,
     }

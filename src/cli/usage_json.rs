@@ -73,13 +73,9 @@ impl ProgramUsage {
             ..CommandUsage::of(&built(typed(command)))
         };
         let mut commands: Vec<CommandUsage> = commands.into_iter().map(usage).collect();
-        let (first, others) = commands
-            .split_first()
-            .map_or((&[][..], &[][..]), |(first, others)| {
-                (&first.arguments[..], others)
-            });
-        let is_common = |own: &&Argument| others.iter().all(|c| c.arguments.contains(own));
-        let common: Vec<Argument> = first.iter().filter(is_common).cloned().collect();
+        let is_common = |own: &&Argument| commands.iter().all(|c| c.arguments.contains(own));
+        let first = commands.iter().take(1).flat_map(|c| &c.arguments);
+        let common: Vec<Argument> = first.filter(is_common).cloned().collect();
         for command in &mut commands {
             command.arguments.retain(|own| !common.contains(own));
         }
