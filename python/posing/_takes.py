@@ -320,11 +320,12 @@ def read(
     ((158, 39, 3), 60.0, ['LFHD', 'RFHD', 'LBHD'])
     """
     file = os.fspath(path)
-    to = ["--to=npz", "--out-units=cm", "--out-up=y"]
+    to = ["--to=npz"]
+    centimeters = ["--out-units=cm", "--out-up=y"]  # what other commands write anyway
     command = "trim"
     given = flags(units=units, up=up, fps=fps, joints=joints, asf=asf, **options)
     try:
-        done = call(command, *to, "--", file)
+        done = call(command, *to, *centimeters, "--", file)
     except PosingError as error:  # trim knows every format, and names its command
         named: list[str] = re.findall(r"\b[a-z0-9]+2xyz\b", str(error).replace(file, ""))
         command = named[-1] if named else command
@@ -333,6 +334,7 @@ def read(
     if command == "amc2xyz" and asf is None:
         given += flags(asf=skeleton_beside(Path(file)))
     if command != "trim" or given:
+        to += centimeters if command == "trim" else []
         done = call(command, *to, *given, "--", file)
     take = load(Take, done.stdout, notes=done.notes)
     if take.fps is None and fps is not None:

@@ -40,7 +40,39 @@ impl CommonArgs {
     }
 }
 
-/// The input tables of a command.
+/// The tables of a command that reads centimeters, y up, with names of their points.
+#[derive(Debug, Clone, Args)]
+pub struct TableArgs {
+    /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+}
+
+/// Tables whose rate counts.
+#[derive(Debug, Clone, Args)]
+pub struct TimedTableArgs {
+    #[command(flatten)]
+    tables: TableArgs,
+    /// Frames per second, for a table without times
+    #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
+    fps: Option<f64>,
+}
+
+impl TableArgs {
+    /// How the tables are read.
+    pub fn input(&self) -> InputArgs {
+        InputArgs::plain(self.files.clone(), None)
+    }
+}
+
+impl TimedTableArgs {
+    /// How the tables are read.
+    pub fn input(&self) -> InputArgs {
+        InputArgs::plain(self.tables.files.clone(), self.fps)
+    }
+}
+
+/// The tables of a command that converts them.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
     /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
@@ -69,11 +101,11 @@ pub struct InputArgs {
 
 impl InputArgs {
     /// Tables in centimeters, y up.
-    pub fn plain(files: Vec<PathBuf>, fps: Option<f64>, joints: &Option<String>) -> InputArgs {
+    pub fn plain(files: Vec<PathBuf>, fps: Option<f64>) -> InputArgs {
         InputArgs {
             files,
             fps,
-            joints: joints.clone(),
+            joints: None,
             units: None,
             up: None,
         }
@@ -251,6 +283,11 @@ pub struct OutputArgs {
         help_heading = "Output"
     )]
     pub to: Option<TableFormat>,
+}
+
+/// The unit and the axis of the output of a command that converts tables.
+#[derive(Debug, Clone, Args)]
+pub struct OutUnitArgs {
     /// Unit of length of the output (default: that of an input table, else cm)
     #[arg(
         long,
@@ -258,7 +295,7 @@ pub struct OutputArgs {
         value_name = "UNIT",
         help_heading = "Output"
     )]
-    pub out_units: Option<LengthUnit>,
+    out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(
         long,
@@ -267,7 +304,7 @@ pub struct OutputArgs {
         allow_hyphen_values = true,
         help_heading = "Output"
     )]
-    pub out_up: Option<UpAxis>,
+    out_up: Option<UpAxis>,
 }
 
 impl OutputArgs {
@@ -276,7 +313,9 @@ impl OutputArgs {
         let named = self.output.as_ref().map(TableFormat::of_path);
         self.to.or(named).unwrap_or(TableFormat::Csv)
     }
+}
 
+impl OutUnitArgs {
     /// The unit and the axis of the output, given those of the input table.
     pub fn table_units(&self, input: Units) -> Units {
         Units {

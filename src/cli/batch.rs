@@ -134,19 +134,18 @@ fn in_folder(
             let own = path.extension();
             own.is_some_and(|own| extensions.iter().any(|e| own.eq_ignore_ascii_case(e)))
         };
-        let files = match input.is_dir() {
-            true => {
-                // Results of an earlier run are no input, but a folder may be its own result's.
-                let but = results
-                    .clone()
-                    .filter(|r| input.canonicalize().ok().as_ref() != Some(r));
-                let found = MotionFolder::search(input, but.as_deref(), is_wanted);
-                if let Some((.., error)) = found.unreadable.into_iter().next() {
-                    return Err(error);
-                }
-                found.files
+        let files = if input.is_dir() {
+            // Results of an earlier run are no input, but a folder may be its own result's.
+            let but = results
+                .clone()
+                .filter(|r| input.canonicalize().ok().as_ref() != Some(r));
+            let found = MotionFolder::search(input, but.as_deref(), is_wanted);
+            if let Some((.., error)) = found.unreadable.into_iter().next() {
+                return Err(error);
             }
-            false => vec![(input.clone(), name_of(input))],
+            found.files
+        } else {
+            vec![(input.clone(), name_of(input))]
         };
         jobs.extend(files.into_iter().map(|(input, within)| {
             let own = folder.join(unpacked(&within));

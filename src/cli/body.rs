@@ -171,8 +171,8 @@ fn check_points(
     );
     if expected > 0.0 && !(0.33..3.0).contains(&(found / expected)) {
         let what = format!(
-            "its points spread over {found:.2} cm, those of the body over {expected:.1} cm; give \
-             the unit with --units"
+            "its points spread over {found:.2} cm, those of the body over {expected:.1} cm; \
+             convert them with posing trim --units UNIT --out-units cm"
         );
         return Err(Error::data(Place::file(source), what));
     }

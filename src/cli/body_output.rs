@@ -36,9 +36,10 @@ impl TakeOutput {
                 "a .glb is in meters, y up; leave --out-units and --out-up out",
             ));
         }
-        let output = match is_glb {
-            true => TakeOutput::Glb(path.to_path_buf()),
-            false => TakeOutput::Meshes(MeshOutput::of(path, format.unwrap_or("ply"))?),
+        let output = if is_glb {
+            TakeOutput::Glb(path.to_path_buf())
+        } else {
+            TakeOutput::Meshes(MeshOutput::of(path, format.unwrap_or("ply"))?)
         };
         let is_folder = matches!(output, TakeOutput::Meshes(MeshOutput::Folder(..)));
         match format {

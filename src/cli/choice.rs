@@ -6,7 +6,6 @@ use crate::io::marker_csv::MotivePoints;
 use crate::pose::BonePoints;
 use crate::pose::kinematics::Space;
 use crate::pose::units::{LengthUnit, UpAxis};
-use crate::prior::HoldBack;
 use crate::sparse::SelectionRule;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
@@ -104,9 +103,4 @@ choices!(MotivePoints {
     Expected "expected": "Where the markers of rigid bodies and skeletons are expected, also when \
                           they are hidden";
     Bones "bones": "Bones and rigid bodies";
-});
-
-choices!(HoldBack {
-    Takes "takes": "Whole takes, about a fifth of the poses";
-    Frames "frames": "Random frames, a fifth of all";
 });

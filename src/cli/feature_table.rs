@@ -147,9 +147,10 @@ pub fn write(
         let rows = parallel::map_chunks(count, LINES, |range| {
             let mut bytes = Vec::new();
             for t in range.map(|k| start + k) {
-                match is_npy {
-                    true => bytes.extend(features.row(t).iter().flat_map(|v| v.to_le_bytes())),
-                    false => push_line(&mut bytes, poses, t, features),
+                if is_npy {
+                    bytes.extend(features.row(t).iter().flat_map(|v| v.to_le_bytes()))
+                } else {
+                    push_line(&mut bytes, poses, t, features)
                 }
             }
             bytes

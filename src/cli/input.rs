@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// The remedy of commands that read centimeters alone.
 pub(crate) const IN_CENTIMETERS: &str =
-    "this command reads centimeters (complete and denoise convert: --units m --out-units cm)";
+    "this command reads centimeters (posing trim converts: --units m --out-units cm)";
 
 /// Opens a file, or standard input for `-`.
 pub fn open(path: &Path) -> Result<Input> {
@@ -121,7 +121,7 @@ impl<'a> RowStream<'a> {
         if size > 0.0 && size < SMALL_BODY {
             messages::info(&format!(
                 "{}: its points span {size:.2} cm, as its unit is not known; if it is meters, \
-                 give --units m",
+                 give --units m, or convert it with posing trim",
                 self.name()
             ));
         }

@@ -1,8 +1,8 @@
 //! Labeled takes that labels are compared with.
 
-use super::read_args::ReadArgs;
 use crate::Result;
 use crate::io::MotionFile;
+use crate::io::motion_file::ReadRules;
 use crate::label::Templates;
 use clap::Args;
 use std::path::PathBuf;
@@ -22,24 +22,21 @@ pub struct LikeArgs {
 }
 
 impl LikeArgs {
-    /// The takes, read as `read` says.
+    /// The takes, read as `rules` say.
     ///
     /// # Errors
     /// Those of reading a file.
-    pub fn takes(&self, read: &ReadArgs) -> Result<Vec<MotionFile>> {
-        let rules = read.rules()?;
+    pub fn takes(&self, rules: &ReadRules) -> Result<Vec<MotionFile>> {
         let files = self.like.iter();
-        files
-            .map(|path| MotionFile::open_by(path, &rules))
-            .collect()
+        files.map(|path| MotionFile::open_by(path, rules)).collect()
     }
 
-    /// What the takes tell, read as `read` says.
+    /// What the takes tell, read as `rules` say.
     ///
     /// # Errors
     /// Those of reading a file; [`crate::Error::Data`]: one has too few labels.
-    pub fn templates(&self, read: &ReadArgs) -> Result<Arc<Templates>> {
-        self.templates_of(&self.takes(read)?)
+    pub fn templates(&self, rules: &ReadRules) -> Result<Arc<Templates>> {
+        self.templates_of(&self.takes(rules)?)
     }
 
     /// What the takes tell, which were read already.

@@ -1,4 +1,4 @@
-//! The limits of `audit` and `clean` as flags.
+//! The limits of `audit` as flags.
 
 use crate::audit::Limits;
 use clap::Args;
@@ -13,14 +13,6 @@ pub struct LimitArgs {
     /// Largest share of a point's frames that are missing, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     max_missing: f64,
-    #[command(flatten)]
-    motion: MotionLimitArgs,
-}
-
-/// What of the movement is still as it should be.
-#[derive(Debug, Clone, Args)]
-#[command(next_help_heading = "Limits")]
-pub struct MotionLimitArgs {
     /// Largest speed of a point, in meters per second (99% of its steps)
     #[arg(long, value_name = "M/S", default_value_t = 15.0)]
     max_speed: f64,
@@ -38,15 +30,6 @@ impl LimitArgs {
         Limits {
             gap: self.max_gap,
             missing: self.max_missing,
-            ..self.motion.limits()
-        }
-    }
-}
-
-impl MotionLimitArgs {
-    /// The limits of the library.
-    pub fn limits(&self) -> Limits {
-        Limits {
             speed: 100.0 * self.max_speed,
             jump: self.max_jump,
             drift: self.max_drift,

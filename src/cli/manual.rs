@@ -1,6 +1,6 @@
 //! Manual pages, made from the flags.
 
-use clap::Command;
+use clap::{Arg, ArgAction, Command, Id};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 
@@ -12,13 +12,44 @@ pub struct Group {
     pub commands: Vec<Command>,
 }
 
-/// The command as a user types it: `posing NAME`.
+/// Flags that `-h` shows at most, with `--help` and `--version`.
+const MOST_FIRST: usize = 12;
+
+/// The command as a user types it: `posing NAME`. Its `-h` ends with where all flags are.
 pub fn typed(command: Command) -> Command {
     let name = command.get_name().to_string();
-    match &*name {
-        "posing" => command,
-        _ => command.bin_name(format!("posing {name}")),
+    if name == "posing" {
+        return command;
     }
+    let first = first_flags(&command);
+    let examples = command.get_after_help().cloned().unwrap_or_default();
+    let long = command.get_after_long_help().cloned();
+    command
+        .mut_args(|arg| {
+            let is_first = arg.is_positional() || first.contains(arg.get_id());
+            arg.hide_short_help(!is_first)
+        })
+        .bin_name(format!("posing {name}"))
+        .after_help(format!("{examples}\n\nAll flags: posing {name} --help"))
+        .after_long_help(long.unwrap_or(examples))
+}
+
+/// The flags that `-h` shows: where the result goes and what must be given, then those that a
+/// command declares first, but for those of all commands and those that convert tables.
+/// (What captures do not say may be given for each format, so such a flag repeats.)
+fn first_flags(command: &Command) -> Vec<Id> {
+    let is_left_out = |arg: &&Arg| match arg.get_help_heading() {
+        Some("Shared") => arg.get_id() != "seed",
+        Some("Input") => !matches!(arg.get_action(), ArgAction::Append),
+        Some("Output") => arg.get_id() == "to",
+        _ => false,
+    };
+    let is_needed = |arg: &&Arg| arg.is_required_set() || arg.get_id() == "output";
+    let flags = command.get_arguments().filter(|arg| !arg.is_positional());
+    let (needed, other): (Vec<&Arg>, Vec<&Arg>) = flags.partition(is_needed);
+    let other = other.into_iter().filter(|arg| !is_left_out(arg));
+    let first = needed.into_iter().chain(other).take(MOST_FIRST - 2);
+    first.map(|arg| arg.get_id().clone()).collect()
 }
 
 /// The command with the help and version flags that clap adds, and without its `help` subcommand.
@@ -31,7 +62,8 @@ pub(crate) fn built(mut command: Command) -> Command {
 /// The page as roff, called `posing-NAME(1)` for the command NAME; that of `posing` lists the
 /// `groups`.
 pub fn page(command: Command, groups: &[Group]) -> Vec<u8> {
-    let command = built(typed(command));
+    // A page has all flags, those that -h leaves out too.
+    let command = built(typed(command)).mut_args(|arg| arg.hide_short_help(false));
     let title = match command.get_name() {
         "posing" => "posing".to_string(),
         name => format!("posing-{name}"),

@@ -89,17 +89,19 @@ impl MarkerFileArgs {
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         let mut positions = take.only_positions();
-        match self.zeros.zeros_are_missing {
-            true => empty_zeros(&mut positions.xyz),
-            false => report_zeros(&positions),
+        if self.zeros.zeros_are_missing {
+            empty_zeros(&mut positions.xyz)
+        } else {
+            report_zeros(&positions)
         }
         if !model_outputs {
             report_model_outputs(&take);
         }
         // Columns alone stay as they are.
-        let units = match take.points.is_empty() {
-            true => Units::CM_Y,
-            false => self.units.table_units(&take)?,
+        let units = if take.points.is_empty() {
+            Units::CM_Y
+        } else {
+            self.units.table_units(&take)?
         };
         let poses = positions.to_poses(units, self.rate(&take)?, &take_name(&path))?;
         let table = Table::from_poses(poses);
@@ -109,7 +111,7 @@ impl MarkerFileArgs {
         if model_outputs {
             added.extend(model_outputs::columns(&take));
         }
-        write_table(&self.out, Units::CM_Y, &table, xyz, &added, |frame| {
+        write_table(&self.out, [Units::CM_Y; 2], &table, xyz, &added, |frame| {
             let mut cells = carried.cells(frame);
             if model_outputs {
                 cells.extend(model_outputs::cells(&take, frame));

@@ -75,12 +75,11 @@ fn cut_runs(text: &str, is_part: impl Fn(char) -> bool, most: usize) -> String {
     while !rest.is_empty() {
         let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
         let (run, after) = rest.split_at(end);
-        match run.chars().count() > most {
-            true => {
-                out.extend(run.chars().take(most / 3));
-                out.push('…');
-            }
-            false => out.push_str(run),
+        if run.chars().count() > most {
+            out.extend(run.chars().take(most / 3));
+            out.push('…');
+        } else {
+            out.push_str(run)
         }
         let between = after.find(&is_part).unwrap_or(after.len());
         out.push_str(&after[..between]);

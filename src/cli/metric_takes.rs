@@ -166,9 +166,10 @@ impl MetricTakes {
             (needed("a_take")?, needed("a_frame")?),
             (needed("b_take")?, needed("b_frame")?),
         ];
-        let label = match needs_labels {
-            true => Some(needed("label")?),
-            false => file.column("label"),
+        let label = if needs_labels {
+            Some(needed("label")?)
+        } else {
+            file.column("label")
         };
         let takes: HashMap<&str, usize> = (self.names.iter().enumerate())
             .map(|(k, name)| (name.as_str(), k))
@@ -196,9 +197,10 @@ impl MetricTakes {
             };
             pairs.push(pair);
         }
-        match pairs.is_empty() {
-            true => Err(Error::data(Place::file(&source), "has no pairs")),
-            false => Ok((pairs, has_labels)),
+        if pairs.is_empty() {
+            Err(Error::data(Place::file(&source), "has no pairs"))
+        } else {
+            Ok((pairs, has_labels))
         }
     }
 

@@ -40,6 +40,7 @@ pub mod training;
 pub mod usage_json;
 
 use crate::Result;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -77,13 +78,15 @@ where
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
-    crate::error::name_options(flag);
     if let Err(e) = memory_limit::prepare() {
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
     #[cfg(target_os = "linux")]
     signals::end_with_parent();
+    let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
+    let has_joints = command.get_arguments().any(is_joints);
+    crate::error::name_options(if has_joints { flag } else { flag_or_trim });
     let parsed = command
         .try_get_matches_from_mut(words)
         .and_then(|matches| Ok((A::from_arg_matches(&matches)?, matches)));
@@ -101,6 +104,15 @@ fn flag(option: &str) -> String {
     let (name, value) = option.split_once(' ').unwrap_or((option, ""));
     let flag = format!("--{} {value}", name.replace('_', "-"));
     flag.trim_end().to_string()
+}
+
+/// [`flag`] of a command that reads tables with names: trim gives an array names.
+fn flag_or_trim(option: &str) -> String {
+    if option == "joints" {
+        "posing trim --joints".to_string()
+    } else {
+        flag(option)
+    }
 }
 
 /// The exit code of a command that ended; an error is told.
@@ -123,11 +135,18 @@ fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
         return exit_code(streams::write_bytes(None, text.as_bytes(), false));
     }
+    if let Some(flag) = unknown_conversion(error) {
+        let what = format!("has no {flag}; posing trim {flag} converts tables");
+        messages::error(&format!("{what}; see {command} --help"));
+        return ExitCode::from(2);
+    }
     // clap writes several lines: the fault, hints, the usage. The hint to pass a flag as a file's
-    // name misleads.
+    // name misleads, and a value that is like the one given makes the list of all needless.
+    let has_similar = error.get(ContextKind::SuggestedValue).is_some();
     let is_shown = |line: &&str| {
         let dropped = ["For more information", "tip: to pass"];
-        !line.is_empty() && !dropped.iter().any(|start| line.starts_with(start))
+        let is_needless = has_similar && line.starts_with("[possible values:");
+        !line.is_empty() && !is_needless && !dropped.iter().any(|start| line.starts_with(start))
     };
     let lines = text.lines().map(str::trim);
     let lines = lines.take_while(|line| !line.starts_with("Usage:"));
@@ -136,4 +155,15 @@ fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
     let fault = fault.strip_prefix("error: ").unwrap_or(&fault);
     messages::error(&format!("{fault}; see {command} --help"));
     ExitCode::from(2)
+}
+
+/// A flag that converts tables, where the command has none such.
+fn unknown_conversion(error: &clap::Error) -> Option<&'static str> {
+    let converting = "--fps --joints --units --up --out-units --out-up";
+    match error.get(ContextKind::InvalidArg)? {
+        ContextValue::String(flag) if error.kind() == ErrorKind::UnknownArgument => {
+            converting.split(' ').find(|known| known == flag)
+        }
+        _ => None,
+    }
 }

@@ -29,10 +29,6 @@ pub struct OneTakeArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
-    /// comma-separated list
-    #[arg(long, value_name = "LIST")]
-    joints: Option<String>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -83,6 +79,6 @@ impl OneTakeArgs {
     }
 
     fn input(&self) -> InputArgs {
-        InputArgs::plain(self.files.clone(), self.fps, &self.joints)
+        InputArgs::plain(self.files.clone(), self.fps)
     }
 }

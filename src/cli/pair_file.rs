@@ -81,10 +81,11 @@ pub(crate) fn whole_number(
             "expected a {what} counted from 0, found \"{cell}\""
         ))
     })?;
-    match value < count {
-        true => Ok(value),
-        false => Err(wrong(format!(
+    if value < count {
+        Ok(value)
+    } else {
+        Err(wrong(format!(
             "names {what} {value}, there are {count} (counted from 0)"
-        ))),
+        )))
     }
 }

@@ -1,7 +1,7 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of
 //! frames.
 
-use super::args::{InputArgs, OutputArgs, Space};
+use super::args::{InputArgs, OutUnitArgs, OutputArgs, Space};
 use super::choice::choice;
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::json_report::JsonArgs;
@@ -14,12 +14,11 @@ use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
 use crate::label::unlabeled::left_alone;
 use crate::pose::computed::{computed_note, computed_points};
-use crate::pose::{BonePoints, NameMap, PointNaming, Poses, check_unit, joints};
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Units, check_unit, joints};
 use crate::prior::OpenOptions;
 use crate::restore::body_size::check_body_size;
 use crate::restore::gap_report::RestorationReport;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
-use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::Args;
 use std::borrow::Cow;
@@ -48,14 +47,6 @@ struct ModelFlags {
         help_heading = "Model"
     )]
     sparsity: Sparsity,
-    /// For a dictionary: rule that selects the next atom
-    #[arg(
-        long,
-        value_parser = choice::<SelectionRule>(),
-        default_value = "oomp",
-        help_heading = "Model"
-    )]
-    pursuit: SelectionRule,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid
     /// distances and outliers
     #[arg(long, help_heading = "Model")]
@@ -80,17 +71,19 @@ pub struct RestoringArgs {
     /// The tables.
     #[command(flatten)]
     pub input: InputArgs,
-    #[command(flatten)]
-    model: ModelFlags,
-    /// Restore each frame by itself, without its neighbors, in constant memory
-    #[arg(long)]
-    pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
     /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its
     /// pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
+    #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
+    model: ModelFlags,
+    /// Restore each frame by itself, without its neighbors, in constant memory
+    #[arg(long)]
+    pub per_frame: bool,
     /// Where points stand on the bones they are named after: starts, as the joints of BVH files,
     /// or ends, as the joints of CMU and of the built-in model (default: by names and lengths)
     #[arg(
@@ -119,9 +112,9 @@ pub struct RestoringArgs {
     #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     space: Space,
     #[command(flatten)]
-    json: JsonArgs,
-    #[command(flatten)]
     out: OutputArgs,
+    #[command(flatten)]
+    out_units: OutUnitArgs,
 }
 
 /// What is done to the poses.
@@ -257,28 +250,21 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     for what in aside.chain(computed_note(&computed)) {
         messages::info(&what);
     }
-    let units = args.out.table_units(args.input.table_units());
+    let units = args.units();
     let bar = Progress::new(task.name(), table.poses.frames() as u64);
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
-    write_table(
-        &args.out,
-        args.input.table_units(),
-        &table,
-        restored.xyz(),
-        &added,
-        |t| {
-            status_cells(
-                args.status.then_some(units),
-                &restored,
-                t,
-                table.columns.points.len(),
-            )
-        },
-    )?;
+    write_table(&args.out, units, &table, restored.xyz(), &added, |t| {
+        status_cells(
+            args.status.then_some(units[1]),
+            &restored,
+            t,
+            table.columns.points.len(),
+        )
+    })?;
     Ok(report)
 }
 
@@ -290,8 +276,8 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let model = args.model.open()?;
     let (mut restorer, mut naming) = (None, None);
     let added = status_columns(args.status, &columns);
-    let mut sink = create_table(&args.out, args.input.table_units(), &columns, &added)?;
-    let units = args.out.table_units(args.input.table_units());
+    let units = args.units();
+    let mut sink = create_table(&args.out, units, &columns, &added)?;
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
         let (mut rows, table) = next_batch(&mut stream)?;
@@ -325,7 +311,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
         counts.add(restored.counts());
         for (t, row) in rows.iter_mut().enumerate() {
             let cells = status_cells(
-                args.status.then_some(units),
+                args.status.then_some(units[1]),
                 &restored,
                 t,
                 columns.points.len(),
@@ -365,6 +351,12 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
+    /// The units of the table, and those of the result.
+    fn units(&self) -> [Units; 2] {
+        let input = self.input.table_units();
+        [input, self.out_units.table_units(input)]
+    }
+
     /// How the points of a table are named, for the model; without one, for CMU's names, by which a
     /// body is measured.
     fn naming(&self, poses: &Poses, model: Option<&(Model, String)>) -> Result<PointNaming> {
@@ -400,16 +392,13 @@ impl RestoringArgs {
         };
         let options = OpenOptions {
             sparsity: self.model.sparsity.0,
-            rule: self.model.pursuit,
             published: self.model.published,
             ..OpenOptions::default()
         };
         let kind = &model.meta.kind;
-        let asks = options.sparsity.is_some() || options.rule != OpenOptions::default().rule;
-        if asks && kind != "sparse" {
+        if options.sparsity.is_some() && kind != "sparse" {
             messages::info(&format!(
-                "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no \
-                 effect"
+                "{name} is of kind {kind}, not a dictionary: --sparsity has no effect"
             ));
         }
         let mut restorer = Restorer::new(model).with_options(options).named(name);

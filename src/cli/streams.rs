@@ -50,11 +50,11 @@ pub fn write_bytes(path: Option<&Path>, bytes: &[u8], binary: bool) -> Result<()
     output.finish()
 }
 
-/// Starts a table with the columns `columns` and `added`; cells that were read are of the units
-/// `input`.
+/// Starts a table with the columns `columns` and `added`; `units` are those of cells that were read
+/// and those of the output.
 pub fn create_table(
     args: &OutputArgs,
-    input: Units,
+    units: [Units; 2],
     columns: &Columns,
     added: &[AddedColumn],
 ) -> Result<UnitWriter> {
@@ -65,24 +65,18 @@ pub fn create_table(
         lost.iter().for_each(|what| messages::info(what));
     }
     let output = open_output(args.output.as_deref(), format != TableFormat::Csv)?;
-    UnitWriter::new(
-        output,
-        format,
-        [input, args.table_units(input)],
-        columns,
-        added,
-    )
+    UnitWriter::new(output, format, units, columns, added)
 }
 
 /// Writes a whole table with the coordinates `xyz` (frames, 3 J); `cells` gives the added cells of
 /// a frame. See [`create_table`].
 pub fn write_table(
     args: &OutputArgs,
-    input: Units,
+    units: [Units; 2],
     table: &Table,
     xyz: ndarray::ArrayView2<'_, f64>,
     added: &[AddedColumn],
     cells: impl FnMut(usize) -> Vec<String>,
 ) -> Result<()> {
-    create_table(args, input, &table.columns, added)?.write_table(table, xyz, cells)
+    create_table(args, units, &table.columns, added)?.write_table(table, xyz, cells)
 }

@@ -1,6 +1,6 @@
 //! The commands with their arguments as JSON, from which wrappers are made: see posing-json(5).
 
-use super::manual::built;
+use super::manual::{built, typed};
 use super::paths::{FileRole, OutputPath};
 use clap::{Arg, ArgAction, Command};
 use serde::Serialize;
@@ -12,6 +12,8 @@ use std::path::PathBuf;
 pub struct ProgramUsage {
     /// The version of the program.
     posing: &'static str,
+    /// What every command has, and no command lists.
+    common: Vec<Argument>,
     commands: Vec<CommandUsage>,
 }
 
@@ -29,7 +31,7 @@ struct CommandUsage {
 }
 
 /// An argument of a command.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 struct Argument {
     name: String,
     /// `--max-gap`; none of a positional argument.
@@ -57,7 +59,7 @@ struct Argument {
     help: String,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 struct Choice {
     name: String,
     help: String,
@@ -68,11 +70,19 @@ impl ProgramUsage {
     pub fn new(commands: impl IntoIterator<Item = (&'static str, Command)>) -> ProgramUsage {
         let usage = |(group, command)| CommandUsage {
             group: String::from(group),
-            ..CommandUsage::of(&built(command))
+            ..CommandUsage::of(&built(typed(command)))
         };
+        let mut commands: Vec<CommandUsage> = commands.into_iter().map(usage).collect();
+        let is_common = |own: &&Argument| commands.iter().all(|c| c.arguments.contains(own));
+        let first = commands.iter().take(1).flat_map(|c| &c.arguments);
+        let common: Vec<Argument> = first.filter(is_common).cloned().collect();
+        for command in &mut commands {
+            command.arguments.retain(|own| !common.contains(own));
+        }
         ProgramUsage {
             posing: env!("CARGO_PKG_VERSION"),
-            commands: commands.into_iter().map(usage).collect(),
+            common,
+            commands,
         }
     }
 }

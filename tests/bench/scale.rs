@@ -123,7 +123,7 @@ fn learn(all: &mut Stages, work: &Path, clusters: usize) {
     let mut training: Vec<Command> = files.iter().map(|part| train(part)).collect();
     all.run("ksvd-train, a cluster each", cores, &mut training);
     let mut join = command("dict-concat");
-    join.arg("--no-report").arg("-o").arg(work.join("dict.npz"));
+    join.arg("--quiet").arg("-o").arg(work.join("dict.npz"));
     all.run("dict-concat", 1, [join.args(shared::files(&parts, "npz"))]);
 }
 

@@ -648,23 +648,24 @@ fn what_is_no_body_is_told_in_a_line() {
 
     let table = marker_table(&poses(), &[0]);
     let file = setup.write("markers.csv", &table);
-    let fit = |on: &str, table: &str, units: &str| {
-        let args = [
-            "-m", &model, "--on", on, "-o", &out, "--units", units, table,
-        ];
+    let fit = |on: &str, table: &str| {
+        let args = ["-m", &model, "--on", on, "-o", &out, table];
         fails("body-fit", &args, b"", 1)
     };
     let on = setup.file("on.csv");
-    assert!(fit(&on, &file, "m").contains("--units"));
+    let mut millimeters = poses();
+    millimeters.vertices.mapv_inplace(|v| 10.0 * v);
+    let large = setup.write("mm.csv", &marker_table(&millimeters, &[0]));
+    assert!(fit(&on, &large).contains("--units"));
     let wrong = setup.write("w.csv", "point,vertex\nm0,5\nm1,99999\n");
-    let said = fit(&wrong, &file, "cm");
+    let said = fit(&wrong, &file);
     assert!(said.contains("w.csv:3") && said.contains("99999"), "{said}");
     let wrong = setup.write("w.csv", "point,vertex\nm0,5\nm0,6\n");
-    assert!(fit(&wrong, &file, "cm").contains("second vertex"));
+    assert!(fit(&wrong, &file).contains("second vertex"));
     let wrong = setup.write("w.csv", "point,vertex\nm0,5\nankle,6\n");
-    assert!(fit(&wrong, &file, "cm").contains("ankle"));
+    assert!(fit(&wrong, &file).contains("ankle"));
     let few = setup.write("few.csv", "point,vertex\nm0,5\nm1,6\nm2,90\n");
-    assert!(fit(&few, &file, "cm").contains("four markers"));
+    assert!(fit(&few, &file).contains("four markers"));
     let synth = |args: &[&str], code: i32| {
         fails("body-synth", &[&["-m", &model], args].concat(), b"", code)
     };

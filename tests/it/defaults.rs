@@ -57,10 +57,6 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
             figure::Options::default().elevation.to_string(),
         ),
         (
-            ("prior-train", "--hold-back"),
-            format!("{:?}", TrainOptions::default().hold_back).to_lowercase(),
-        ),
-        (
             ("prior-train", "--leaves"),
             TrainSettings::default().max_exemplars.to_string(),
         ),
@@ -72,7 +68,6 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
     .into_iter()
     .collect();
     for command in ["complete", "denoise"] {
-        all.insert((command, "--pursuit"), rule(open.rule).into());
         let sparsity = auto(open.sparsity.is_none());
         all.insert((command, "--sparsity"), sparsity.into());
     }

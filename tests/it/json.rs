@@ -170,10 +170,10 @@ fn the_usage_has_every_command_and_every_flag_of_its_help() {
     assert_eq!(told, command_names());
     for entry in commands {
         let name = entry["name"].as_str().unwrap();
-        let flags: BTreeSet<&str> = entry["arguments"]
-            .as_array()
-            .unwrap()
-            .iter()
+        let (common, own) = (&usage["common"], &entry["arguments"]);
+        let all = common.as_array().unwrap().iter();
+        let flags: BTreeSet<&str> = all
+            .chain(own.as_array().unwrap())
             .filter_map(|argument| argument["flag"].as_str())
             .collect();
         let done = command(name)

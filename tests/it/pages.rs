@@ -3,7 +3,7 @@
 //! `POSING_BLESS=1 cargo test --release --test it pages` writes the pages anew: look at the
 //! difference before you commit it.
 
-use crate::common::{bin, command_names};
+use crate::common::{bin, command_names, fails};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -122,5 +122,86 @@ fn every_help_shows_examples() {
     for name in names() {
         let help = asked(&name, &["--help"]);
         assert!(help.contains("\nExamples:\n"), "{name}");
+    }
+}
+
+/// The flags that a help lists, each at the beginning of a line.
+fn flags(help: &str) -> Vec<&str> {
+    let (list, _) = help.split_once("\nExamples:\n").unwrap();
+    let entries = list.lines().filter_map(|line| {
+        let entry = line.strip_prefix("      ").or(line.strip_prefix("  "))?;
+        entry.starts_with('-').then_some(entry)
+    });
+    let flags = entries.filter_map(|entry| {
+        let mut words = entry.split([' ', ',', '=', '[']).filter(|w| !w.is_empty());
+        let first = words.next()?;
+        let long = words.next().filter(|w| w.starts_with("--"));
+        Some(long.filter(|_| !first.starts_with("--")).unwrap_or(first))
+    });
+    flags.collect()
+}
+
+#[test]
+fn a_short_help_has_what_is_needed_first_and_says_where_the_rest_is() {
+    let usage: serde_json::Value =
+        serde_json::from_str(&asked("posing", &["--json-usage"])).unwrap();
+    let count = |arguments: &serde_json::Value| {
+        let all = arguments.as_array().unwrap().iter();
+        all.filter(|a| !(a["flag"].is_null() && a["short"].is_null()))
+            .count()
+    };
+    for entry in usage["commands"].as_array().unwrap() {
+        let name = entry["name"].as_str().unwrap();
+        let (short, long) = (asked(name, &["-h"]), asked(name, &["--help"]));
+        let (first, all) = (flags(&short), flags(&long));
+        assert!(first.len() <= 12, "{name}: {first:?}");
+        assert!(
+            first.iter().all(|flag| all.contains(flag)),
+            "{name}: {first:?}, {all:?}"
+        );
+        assert_eq!(
+            all.len(),
+            count(&entry["arguments"]) + count(&usage["common"]),
+            "{name}"
+        );
+        let last = format!("All flags: posing {name} --help");
+        assert_eq!(short.trim_end().lines().last(), Some(&*last));
+        assert!(
+            short.contains("\nExamples:\n") && !long.contains(&last),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn a_mistyped_command_gets_the_one_that_is_like_it() {
+    let said = |words: &[&str]| fails("posing", words, b"", 2);
+    for words in [
+        &["clen"][..],
+        &["clen", "walk.bvh", "-o", "whole.bvh"],
+        &["help", "clen"],
+    ] {
+        let said = said(words);
+        assert!(said.contains("'clean'"), "{said}");
+        assert!(
+            said.len() < 140 && said.trim_end().lines().count() == 1,
+            "{said}"
+        );
+    }
+    assert!(said(&["nonsense"]).contains("see posing --help"));
+}
+
+#[test]
+fn a_flag_that_converts_tables_is_found_with_trim() {
+    for (name, flag) in [
+        ("retrieve", "--units"),
+        ("bvh2xyz", "--out-up"),
+        ("encode", "--joints"),
+    ] {
+        let said = fails(name, &[flag, "m", "walk.csv"], b"", 2);
+        assert!(
+            said.contains(&format!("posing trim {flag} converts tables")),
+            "{said}"
+        );
     }
 }

@@ -67,7 +67,7 @@ pub fn work(args: &Args) -> Result<()> {
     let names = joints.iter().map(|&j| bones[j].name.clone()).collect();
     let mut sink = create_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &Columns::for_points(names, true, true),
         &[],
     )?;

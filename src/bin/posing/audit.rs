@@ -47,11 +47,11 @@ pub struct Args {
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
     like: LikeArgs,
     #[command(flatten)]
     limits: LimitArgs,
-    #[command(flatten)]
-    json: JsonArgs,
     /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears
     /// only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -75,7 +75,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let read = args.read.rules()?;
     let auditor = FileAuditor {
         labels: LabelSettings {
-            like: args.like.templates(&args.read)?,
+            like: args.like.templates(&read)?,
             ..LabelSettings::default()
         },
         read,
@@ -101,15 +101,20 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     let failed = audits.iter().filter_map(|audit| audit.error.as_ref());
     failed.for_each(|error| messages::error(error));
-    let text = || match page_path.is_some() {
-        true => page(&audits),
-        false => audits.iter().map(FileAudit::text).collect(),
+    let text = || {
+        if page_path.is_some() {
+            page(&audits)
+        } else {
+            audits.iter().map(FileAudit::text).collect()
+        }
     };
     let output = args.output.as_deref();
     args.json.write_value(output, text, &audits)?;
-    Ok(match audits.iter().any(|audit| audit.error.is_some()) {
-        true => Outcome::Failed,
-        false if audits.iter().any(FileAudit::has_findings) => Outcome::Findings,
-        false => Outcome::Done,
+    Ok(if audits.iter().any(|audit| audit.error.is_some()) {
+        Outcome::Failed
+    } else if audits.iter().any(FileAudit::has_findings) {
+        Outcome::Findings
+    } else {
+        Outcome::Done
     })
 }

@@ -9,7 +9,7 @@ use posing::body::fit_prior::FitPrior;
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::Outcome;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, report_fits, report_free_parts, report_markers,
     write_rotations, write_shapes,
@@ -56,7 +56,7 @@ use std::path::PathBuf;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Body model
     #[arg(short, long, value_name = "BODY.npz")]
     model: PathBuf,
@@ -90,22 +90,24 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     args.json.prepare(Some(&args.output))?;
-    input::check_single_stdin_with(&args.input, [&args.model, &args.on])?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, [&args.model, &args.on])?;
     let body = open_body(&args.model)?;
     let (names, markers) = read_marker_map(&args.on, body.template.vertices.len())?;
-    let table = input::read_table(&args.input, false, false)?;
+    let table = input::read_table(&tables, false, false)?;
     let frames = marker_frames(&body, &markers, &table, &names, "the map")?;
-    let poses = timed(&table.poses, args.input.rate(&table.poses)?);
+    let poses = timed(&table.poses, tables.rate(&table.poses)?);
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
     prior.noise = args.noise;
-    let fits = match args.one_person {
-        true => fit_one_person(&body, &model, &prior, &frames)
-            .map_err(|e| e.at(Place::file(&table.name)))?,
-        false => fit_each(&body, &frames, |frame| {
+    let fits = if args.one_person {
+        fit_one_person(&body, &model, &prior, &frames)
+            .map_err(|e| e.at(Place::file(&table.name)))?
+    } else {
+        fit_each(&body, &frames, |frame| {
             let problem = FitProblem::new(&model, &prior, frame).ok()?;
             Some(problem.solve(None))
-        }),
+        })
     };
     let findings = report(&fits, &table.name, &names)?;
     report_free_parts(&model, &frames, &table.name);

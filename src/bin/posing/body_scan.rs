@@ -42,9 +42,6 @@ pub struct Args {
     /// Output file: .obj, .ply, .stl or .npz
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: OutputPath,
-    /// Write the model's own mesh, which is not warped to the scan
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    predicted: Option<OutputPath>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -52,11 +49,7 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     input::check_single_stdin([&args.scan, &args.model, &args.points])?;
-    let outputs: Vec<MeshOutput> = [Some(&args.output), args.predicted.as_ref()]
-        .into_iter()
-        .flatten()
-        .map(|path| MeshOutput::of(path, "ply"))
-        .collect::<Result<_>>()?;
+    let output = MeshOutput::of(&args.output, "ply")?;
     let body = open_body(&args.model)?;
     let units = args.units.table_units();
     let source = args.scan.display().to_string();
@@ -76,8 +69,5 @@ pub fn work(args: &Args) -> Result<()> {
     if fit.share < 0.5 {
         messages::info("most of the scan is not on the body: are the points and --units right?");
     }
-    for (output, mesh) in outputs.iter().zip([fit.completed, fit.predicted]) {
-        output.write(&[mesh], body.template.surface(), units)?;
-    }
-    Ok(())
+    output.write(&[fit.completed], body.template.surface(), units)
 }

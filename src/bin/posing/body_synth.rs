@@ -55,21 +55,6 @@ pub struct Args {
     /// Frames per second of a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// Unit of length of the pose table [default: cm; of AMASS' markers m]
-    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
-    units: Option<LengthUnit>,
-    /// Axis of the pose table that points up [default: y; of AMASS' markers z]
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Input"
-    )]
-    up: Option<UpAxis>,
-    /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
-    #[arg(long, value_name = "LIST", help_heading = "Input")]
-    joints: Option<String>,
     /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and
     /// viewers; or a folder (ending in /) for a file per mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
@@ -125,12 +110,7 @@ pub fn work(args: &Args) -> Result<()> {
 /// The rotations that are asked for.
 fn take(args: &Args, body: &BodyModel) -> Result<BodyTake> {
     if let Some(path) = &args.pose {
-        let flags = InputArgs {
-            units: args.units,
-            up: args.up,
-            ..InputArgs::plain(vec![path.clone()], args.fps, &args.joints)
-        };
-        return pose_take(body, &flags);
+        return pose_take(body, &InputArgs::plain(vec![path.clone()], args.fps));
     }
     match &args.rotations {
         None => Ok(BodyTake::at_rest(body)),

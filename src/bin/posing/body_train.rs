@@ -94,14 +94,6 @@ pub struct Args {
     /// Points of a pose table at the joints where parts begin, for body-synth --pose
     #[arg(long, value_name = "JOINTS.csv")]
     joints: Option<PathBuf>,
-    /// Largest number of components of shape
-    #[arg(
-        long,
-        value_name = "K",
-        default_value_t = 20,
-        value_parser = clap::value_parser!(u16).range(1..=500)
-    )]
-    components: u16,
     /// The model as Anguelov et al. (2005) published it: two joints a part, components of the
     /// matrices; less accurate
     #[arg(long)]
@@ -117,15 +109,14 @@ pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let units = args.units.table_units();
     let poses = read_meshes(&args.poses, units)?;
-    let people = match args.shapes.is_empty() {
-        true => None,
-        false => {
-            let units = Units {
-                unit: args.shape_units.unwrap_or(units.unit),
-                up: args.shape_up.unwrap_or(units.up),
-            };
-            Some(read_people(args, units, &poses)?)
-        }
+    let people = if args.shapes.is_empty() {
+        None
+    } else {
+        let units = Units {
+            unit: args.shape_units.unwrap_or(units.unit),
+            up: args.shape_up.unwrap_or(units.up),
+        };
+        Some(read_people(args, units, &poses)?)
     };
     report_findings(&poses);
     let meshes = |set: &MeshSet| -> Vec<Vec<DVec3>> {
@@ -141,12 +132,10 @@ pub fn work(args: &Args) -> Result<()> {
         &template,
         names.zip(pose_meshes.iter().chain(&people_meshes)),
     )?;
-    let settings = Settings {
-        components: usize::from(args.components),
-        ..match args.paper {
-            true => Settings::paper(),
-            false => Settings::default(),
-        }
+    let settings = if args.paper {
+        Settings::paper()
+    } else {
+        Settings::default()
     };
     let total = pose_meshes.len() + people_meshes.len();
     let bar = Progress::new("meshes", total as u64);

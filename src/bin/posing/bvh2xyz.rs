@@ -83,7 +83,7 @@ pub fn work(args: &Args) -> Result<()> {
     let table = Table::from_poses(poses);
     write_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &table,
         table.poses.xyz.view(),
         &[],

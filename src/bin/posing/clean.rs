@@ -1,6 +1,7 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::Parser;
+use posing::audit::Limits;
 use posing::clean::{
     CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
 };
@@ -9,7 +10,6 @@ use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
-use posing::cli::limit_args::MotionLimitArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::{OutputPath, command_files};
@@ -67,6 +67,47 @@ pub struct Args {
     /// Write the result of one file to OUT, results of several files into the folder DIR
     #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
     output: OutputPath,
+    #[command(flatten)]
+    json: JsonArgs,
+    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
+    /// --bvh has them; by a marker set's name or file [default: of each take the one that
+    /// knows most of its markers]
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "auto",
+        help_heading = "Output"
+    )]
+    solve: Option<String>,
+    /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
+    /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
+    /// [default: 0.1cm and 0.25deg]
+    #[arg(
+        long,
+        value_name = "CM|DEG",
+        value_parser = NoiseLimit::parse,
+        help_heading = "Method"
+    )]
+    noise_limit: Option<NoiseLimit>,
+    /// Remove no noise: only fill gaps and replace outliers
+    #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
+    no_smooth: bool,
+    /// Longest gap to fill, in seconds (default: no limit)
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
+    max_gap: Option<f64>,
+    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
+    /// (several times, of one file)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Segment::parse,
+        help_heading = "Method"
+    )]
+    redo: Vec<Segment>,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Format of the results [default: that of each file, or by the extension of OUT]
     #[arg(
         long,
@@ -79,8 +120,6 @@ pub struct Args {
     /// the ending .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<OutputPath>,
-    #[command(flatten)]
-    json: JsonArgs,
     /// Clean files again whose results are there, also where somebody changed these
     #[arg(long, help_heading = "Output")]
     again: bool,
@@ -88,8 +127,6 @@ pub struct Args {
     /// for the exit code
     #[arg(long, help_heading = "Output")]
     new_only: bool,
-    #[command(flatten)]
-    read: ReadArgs,
     /// Which points are which of the model's: a shipped map or a TOML file, as for complete
     /// [default: the shipped map that fits]
     #[arg(
@@ -112,19 +149,6 @@ pub struct Args {
     /// Use no model: learn from each take's own frames alone
     #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
     take_alone: bool,
-    /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
-    /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
-    /// [default: 0.1cm and 0.25deg]
-    #[arg(
-        long,
-        value_name = "CM|DEG",
-        value_parser = NoiseLimit::parse,
-        help_heading = "Method"
-    )]
-    noise_limit: Option<NoiseLimit>,
-    /// Remove no noise: only fill gaps and replace outliers
-    #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
-    no_smooth: bool,
     /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
@@ -144,9 +168,6 @@ pub struct Args {
     keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
-    /// Longest gap to fill, in seconds (default: no limit)
-    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
-    max_gap: Option<f64>,
     /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
     /// less sure stays, and is a finding
     #[arg(
@@ -157,32 +178,9 @@ pub struct Args {
         help_heading = "Method"
     )]
     max_sd: f64,
-    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9
-    /// (several times, of one file)
-    #[arg(
-        long,
-        value_name = "NAME:FROM-TO",
-        value_parser = Segment::parse,
-        help_heading = "Method"
-    )]
-    redo: Vec<Segment>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
-    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
-    /// --bvh has them; by a marker set's name or file [default: of each take the one that
-    /// knows most of its markers]
-    #[arg(
-        long,
-        value_name = "NAME|FILE",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "auto",
-        help_heading = "Output"
-    )]
-    solve: Option<String>,
-    #[command(flatten)]
-    limits: MotionLimitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -261,15 +259,17 @@ fn settings(args: &Args) -> Result<CleanSettings> {
     let known = model
         .as_ref()
         .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
-    let outliers = match args.redo.is_empty() {
-        true => args.outliers != Some(OutlierDetection::None),
-        false => args.outliers == Some(OutlierDetection::Auto),
+    let outliers = if args.redo.is_empty() {
+        args.outliers != Some(OutlierDetection::None)
+    } else {
+        args.outliers == Some(OutlierDetection::Auto)
     };
-    let like = args.like.templates(&args.read)?;
+    let read = args.read.rules()?;
+    let like = args.like.templates(&read)?;
     let limit = |of: fn(NoiseLimit) -> Option<f64>| args.noise_limit.and_then(of);
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
-        read: args.read.rules()?,
+        read,
         model,
         map: map.transpose()?,
         method: Clean {
@@ -288,7 +288,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         }),
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
-        limits: args.limits.limits(),
+        limits: Limits::default(),
         force: args.force,
         again: args.again,
         redo: args.redo.clone(),

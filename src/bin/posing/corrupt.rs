@@ -97,7 +97,12 @@ pub fn work(args: &Args) -> Result<()> {
 fn frame_by_frame(args: &Args, corruption: &Corruption) -> Result<()> {
     let mut rows = RowStream::open(&args.table, false, true)?;
     let corruptor = corruption.check(&rows.columns().points)?;
-    let mut sink = create_table(&args.out, args.table.table_units(), rows.columns(), &[])?;
+    let mut sink = create_table(
+        &args.out,
+        [args.table.table_units(); 2],
+        rows.columns(),
+        &[],
+    )?;
     let (mut row, mut frame) = (Row::default(), 0);
     while rows.read(&mut row)? {
         let mut xyz = row.xyz.clone();
@@ -123,7 +128,7 @@ fn with_gaps(args: &Args, corruption: &Corruption, gaps: &GapInjection) -> Resul
     gaps.inject(&mut poses, &rates, &table.name, skipped)?;
     write_table(
         &args.out,
-        args.table.table_units(),
+        [args.table.table_units(); 2],
         &table,
         poses.xyz.view(),
         &[],

@@ -59,7 +59,7 @@ pub fn work(args: &Args) -> Result<()> {
         ));
     }
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
-    let mut sink = create_table(&args.out, Units::CM_Y, &columns, &[])?;
+    let mut sink = create_table(&args.out, [Units::CM_Y; 2], &columns, &[])?;
     for record in reader.records() {
         let record = record.map_err(|e| csv_fault(&name, &e))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -100,9 +100,10 @@ pub fn work(args: &Args) -> Result<()> {
             atoms.push(index);
             coefficients.push(coefficient);
         }
-        let pose = match is_unseen {
-            true => vec![f64::NAN; columns.width()],
-            false => dictionary.combine(&atoms, &coefficients).to_vec(),
+        let pose = if is_unseen {
+            vec![f64::NAN; columns.width()]
+        } else {
+            dictionary.combine(&atoms, &coefficients).to_vec()
         };
         sink.write(
             &mut Row {

@@ -189,12 +189,13 @@ fn output(folder: &Path, words: &[&str]) -> Result<Vec<u8>> {
         .stderr(Stdio::inherit())
         .output()
         .map_err(|e| Error::io(&program, e))?;
-    match done.status.success() {
-        true => Ok(done.stdout),
-        false => Err(Error::data(
+    if done.status.success() {
+        Ok(done.stdout)
+    } else {
+        Err(Error::data(
             Place::file(folder.display().to_string()),
             format!("posing {} failed", words[0]),
-        )),
+        ))
     }
 }
 

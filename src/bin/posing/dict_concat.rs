@@ -15,7 +15,8 @@ use std::path::PathBuf;
 ///
 /// Writes the atoms of all dictionaries, in order. Reports the number of copies, and the
 /// cross-coherence of each pair of dictionaries: for each atom of the later one, its largest
-/// absolute cosine with an atom of the earlier one.
+/// absolute cosine with an atom of the earlier one. The time of this report grows with the square
+/// of the number of atoms; --quiet leaves it out.
 #[derive(Parser)]
 #[command(
     name = "dict-concat",
@@ -32,9 +33,6 @@ pub struct Args {
     /// copies only)
     #[arg(long, value_name = "COHERENCE", value_parser = parse_positive)]
     prune: Option<f64>,
-    /// Skip the report, whose time grows with the square of the number of atoms
-    #[arg(long)]
-    no_report: bool,
     /// Output file
     #[arg(short, long, value_name = "DICT.npz")]
     output: OutputPath,
@@ -56,7 +54,7 @@ pub fn work(args: &Args) -> Result<()> {
         parts.push(dictionary(model, &path.display().to_string())?);
     }
     let joined = DictionaryMerge {
-        compare: !args.no_report && parts.len() > 1,
+        compare: !args.common.quiet && parts.len() > 1,
         prune: args.prune,
     }
     .join(&parts)?;

@@ -112,7 +112,7 @@ pub fn work(args: &Args) -> Result<()> {
 
 /// The table whose rows are edited; its points are the ends of bones.
 fn table(args: &Args, path: &Path) -> Result<Table> {
-    let input = InputArgs::plain(vec![path.to_path_buf()], None, &None);
+    let input = InputArgs::plain(vec![path.to_path_buf()], None);
     let mut table = read_table(&input, false, false)?;
     name_bone_ends(
         &mut table.poses,

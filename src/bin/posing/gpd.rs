@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ndarray::{Axis, concatenate};
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::choice::choice;
 use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
@@ -41,7 +41,7 @@ use posing::{Error, Result};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     #[command(flatten)]
     map: JointMapArgs,
     /// Comma-separated families of features (default: all)
@@ -72,9 +72,10 @@ fn family(text: &str) -> std::result::Result<Family, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let mut families = match args.features.is_empty() {
-        true => Family::ALL.to_vec(),
-        false => args.features.clone(),
+    let mut families = if args.features.is_empty() {
+        Family::ALL.to_vec()
+    } else {
+        args.features.clone()
     };
     if args.is_static {
         families.retain(|f| *f != Family::JointKinetics);
@@ -86,8 +87,9 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let gpd = Gpd::new(&families);
     let map = args.map.joint_map()?;
-    let table = input::read_table(&args.input, false, false)?;
-    let rates = args.input.rates(&table.poses)?;
+    let tables = args.tables.input();
+    let table = input::read_table(&tables, false, false)?;
+    let rates = tables.rates(&table.poses)?;
     if gpd.needs_rate() && rates.iter().any(Option::is_none) {
         return Err(Error::usage(
             "velocities need a frame rate, and the table's times give none; give it with --fps, \

@@ -8,7 +8,7 @@ use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
 use posing::cli::marker_set::marker_set;
 use posing::cli::paths::{OutputPath, check_written};
-use posing::cli::read_args::ReadArgs;
+use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
@@ -66,16 +66,7 @@ pub struct Args {
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
-    read: ReadArgs,
-    /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
-    /// be given again, of one take)
-    #[arg(
-        long,
-        value_name = "NAME:FROM-TO",
-        value_parser = Segment::parse,
-        help_heading = "Method"
-    )]
-    keep_labels: Vec<Segment>,
+    read: TakeReadArgs,
     #[command(flatten)]
     like: LikeArgs,
     /// Name the tracks of takes without any labels, as the markers of --set or of the takes of
@@ -108,6 +99,15 @@ pub struct Args {
         help_heading = "From nothing"
     )]
     learn: bool,
+    /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
+    /// be given again, of one take)
+    #[arg(
+        long,
+        value_name = "NAME:FROM-TO",
+        value_parser = Segment::parse,
+        help_heading = "Method"
+    )]
+    keep_labels: Vec<Segment>,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -132,7 +132,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         let what = "--keep-labels is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));
     }
-    let like = args.like.takes(&args.read)?;
+    let like = args.like.takes(&args.read.rules())?;
     let settings = LabelSettings {
         keep: args.keep_labels.clone(),
         like: args.like.templates_of(&like)?,
@@ -168,7 +168,7 @@ fn learned(files: &[MotionFile], name: &str, set: Option<&MarkerSet>) -> Result<
 
 /// Learns a marker set and writes it.
 fn learn(args: &Args, to: &Path) -> Result<Outcome> {
-    let rules = args.read.rules()?;
+    let rules = args.read.rules();
     let files = args
         .inputs
         .iter()
@@ -186,7 +186,7 @@ fn label(
     model: Option<&BodyModel>,
     job: &BatchJob,
 ) -> Result<(Outcome, Value)> {
-    let rules = args.read.rules()?;
+    let rules = args.read.rules();
     let file = MotionFile::open_by(&job.input, &rules)?;
     check_unit(file.poses(), file.units(), &file.table.name)?;
     let (file, report) = match model {
@@ -206,9 +206,10 @@ fn label(
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
-    let outcome = match report.is_unsure() {
-        false => Outcome::Done,
-        true => Outcome::Findings,
+    let outcome = if report.is_unsure() {
+        Outcome::Findings
+    } else {
+        Outcome::Done
     };
     Ok((outcome, json!({ "labels": report })))
 }

@@ -72,6 +72,8 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
     name = "posing",
     version,
     disable_help_subcommand = true,
+    // Known to be like what is mistyped; they run before these flags are parsed.
+    subcommands = all().map(|entry| Command::new(entry.name).hide(true)),
     help_template = overview(),
     after_help = "Examples:\
         \n  posing                    list the commands\
@@ -167,7 +169,9 @@ fn parser(name: &str) -> Command {
 
 /// The parser of `posing` with those of all commands below it.
 fn whole() -> Command {
-    Args::command().subcommands(all().map(|entry| (entry.command)()))
+    all().fold(Args::command(), |whole, entry| {
+        whole.mut_subcommand(entry.name, |_| (entry.command)())
+    })
 }
 
 /// The commands with their arguments, as JSON.

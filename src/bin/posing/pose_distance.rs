@@ -1,7 +1,7 @@
 //! Distances of poses.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -36,7 +36,7 @@ use std::path::{Path, PathBuf};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Metric, by rdsr-train [default: coordinates and velocities, of a frame and of those .2 s
     /// before and after it]
     #[arg(short, long, value_name = "METRIC.npz")]
@@ -69,18 +69,19 @@ fn baseline(name: &str) -> std::result::Result<Baseline, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
+    let input = args.tables.input();
     let others = (args.model.iter()).chain(&args.labels).chain(&args.pairs);
-    input::check_single_stdin_with(&args.input, others)?;
+    input::check_single_stdin_with(&input, others)?;
     let model = args.model.as_deref().map(open_metric).transpose()?;
     let map = args.map.joint_map(model.as_ref())?;
     let needs_rate = match (&model, args.baseline) {
         (None, Some(baseline)) => baseline.features().needs_rate(),
         (metric, _) => metric.as_ref().is_none_or(PoseMetric::needs_rate),
     };
-    let read = |files| read_takes(&args.input, files, map.as_ref(), needs_rate);
+    let read = |files| read_takes(&input, files, map.as_ref(), needs_rate);
     let tables = match &args.pairs {
-        Some(_) => vec![read(args.input.files.clone())?],
-        None => match &args.input.files[..] {
+        Some(_) => vec![read(input.files.clone())?],
+        None => match &input.files[..] {
             [a, b] => vec![read(vec![a.clone()])?, read(vec![b.clone()])?],
             files => {
                 let what = format!(

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
+use posing::cli::args::{CommonArgs, SeedArgs, Space, TableArgs};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -11,7 +11,7 @@ use posing::cli::{messages, streams};
 use posing::prior::multiscale;
 use posing::prior::provenance::entry;
 use posing::prior::tuning::Tuning;
-use posing::prior::{HoldBack, Kind, TrainOptions};
+use posing::prior::{Kind, TrainOptions};
 
 /// Train a pose model
 ///
@@ -29,15 +29,11 @@ use posing::prior::{HoldBack, Kind, TrainOptions};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TableArgs,
     /// Kind of model (default: multiscale, or nlm for more than 250 points, for which it would
     /// take too long)
     #[arg(long, value_name = "KIND", value_parser = kinds())]
     kind: Option<String>,
-    /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale
-    /// holds out both
-    #[arg(long, value_parser = choice::<HoldBack>(), value_name = "WHAT", default_value = "takes")]
-    hold_back: HoldBack,
     /// Space in which poses are learned
     #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     space: Space,
@@ -75,7 +71,8 @@ fn kinds() -> clap::builder::PossibleValuesParser {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let world = args.space == Space::World;
-    let poses = ready(&args.input, args.input.files.clone(), world, None)?;
+    let tables = args.tables.input();
+    let poses = ready(&tables, tables.files.clone(), world, None)?;
     let kind: Kind = match &args.kind {
         Some(name) => name.parse()?,
         None => Kind::for_points(poses.points.len()),
@@ -90,7 +87,7 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let options = TrainOptions {
         seed: args.seed.seed,
-        hold_back: args.hold_back,
+        ..TrainOptions::default()
     };
     let bar = Progress::new("prior-train", 0);
     let report = &mut |what: &str| {
@@ -114,7 +111,6 @@ pub fn work(args: &Args) -> Result<()> {
     model.meta.credit.clone_from(&args.credit);
     let mut flags = vec![
         ("kind", kind.name().to_string()),
-        ("hold-back", value_name(args.hold_back)),
         ("space", value_name(args.space)),
         ("seed", args.seed.seed.to_string()),
     ];

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, parse_positive};
+use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, parse_positive};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -41,7 +41,7 @@ use std::path::PathBuf;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Labeled pairs of frames of the input; l2 needs none. Where people contradict each other
     /// about a pair, the majority counts, by its lead
     #[arg(long, value_name = "PAIRS.csv")]
@@ -58,26 +58,19 @@ pub struct Args {
         hide_possible_values = true
     )]
     features: Option<String>,
-    /// Seconds to the frames before and after that are described too; 0: none [default: 0.2]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    window: Option<f64>,
     /// How the metric is learned
     #[arg(long, value_parser = learner(), value_name = "METHOD", default_value = "rdsr")]
     learner: Learner,
-    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
-    /// 50]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
-    rank: Option<u16>,
-    /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
-    #[arg(long, value_name = "A", value_parser = parse_positive)]
-    alpha: Option<f64>,
-    /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
-    #[arg(long, value_name = "G", value_parser = share)]
-    gamma: Option<f64>,
-    /// For rdsr: share of the mean variance added to all directions [default: 0.1; with --paper
-    /// 1e-6]
-    #[arg(long, value_name = "R", value_parser = parse_positive)]
-    ridge: Option<f64>,
+    /// Seconds to the frames before and after that are described too; 0: none [default: 0.2]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    window: Option<f64>,
+    /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    reach: Option<f64>,
+    /// The method as Chen et al. (2011) published it: all features of one frame at unit length,
+    /// ratio of traces, pairs as labeled; finds poses across people far worse
+    #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
+    paper: bool,
     /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs
     /// alone
     #[arg(
@@ -88,13 +81,16 @@ pub struct Args {
         value_parser = clap::value_parser!(u32).range(..=20_000)
     )]
     unlabeled: u32,
-    /// Seconds about a labeled frame for which its label holds [default: 1; with --paper 0]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    reach: Option<f64>,
-    /// The method as Chen et al. (2011) published it: all features of one frame at unit length,
-    /// ratio of traces, pairs as labeled; finds poses across people far worse
-    #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
-    paper: bool,
+    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default:
+    /// 50]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
+    rank: Option<u16>,
+    /// For rdsr: weight of the pairs against the unlabeled poses [default: 1]
+    #[arg(long, value_name = "A", value_parser = parse_positive)]
+    alpha: Option<f64>,
+    /// For rdsr: sparsity of the graph of unlabeled poses, above 0 to 1 [default: 0.05]
+    #[arg(long, value_name = "G", value_parser = share)]
+    gamma: Option<f64>,
     /// Output file
     #[arg(short, long, value_name = "METRIC.npz")]
     output: OutputPath,
@@ -135,7 +131,8 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    input::check_single_stdin_with(&args.input, &args.pairs)?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, &args.pairs)?;
     if args.pairs.is_none() && args.learner != Learner::L2 {
         return Err(Error::usage(
             "--pairs PAIRS.csv is missing: labeled pairs to learn from; without labels, retrieve \
@@ -145,12 +142,7 @@ pub fn work(args: &Args) -> Result<()> {
     let map = args.map.joint_map()?;
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
-    let takes = read_takes(
-        &args.input,
-        args.input.files.clone(),
-        Some(&map),
-        needs_rate,
-    )?;
+    let takes = read_takes(&tables, tables.files.clone(), Some(&map), needs_rate)?;
     let pairs = match &args.pairs {
         Some(path) => takes.read_pairs(path)?,
         None => Vec::new(),
@@ -178,9 +170,10 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
-    let mut settings = match args.paper {
-        true => TrainSettings::paper(map),
-        false => TrainSettings::new(map),
+    let mut settings = if args.paper {
+        TrainSettings::paper(map)
+    } else {
+        TrainSettings::new(map)
     };
     if let Some(name) = &args.features {
         settings.features = PoseFeatures::of_name(name).unwrap_or(settings.features);
@@ -194,7 +187,6 @@ fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
     rdsr.rank = args.rank.map_or(rdsr.rank, usize::from);
     rdsr.alpha = args.alpha.unwrap_or(rdsr.alpha);
     rdsr.gamma = args.gamma.unwrap_or(rdsr.gamma);
-    rdsr.ridge = args.ridge.unwrap_or(rdsr.ridge);
     settings
 }
 

@@ -144,9 +144,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
 
 /// The map of a flag.
 fn map(name: &Option<String>) -> Result<Option<NameMap>> {
-    let named = |name: &String| match name.eq_ignore_ascii_case("cmu") {
-        true => Ok(cmu_map()),
-        false => name_map(name, &joints::cmu_names()),
+    let named = |name: &String| {
+        if name.eq_ignore_ascii_case("cmu") {
+            Ok(cmu_map())
+        } else {
+            name_map(name, &joints::cmu_names())
+        }
     };
     name.as_ref().map(named).transpose()
 }

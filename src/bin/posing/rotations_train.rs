@@ -33,9 +33,6 @@ pub struct Args {
     /// Folders, each with the skeleton and the takes of a person
     #[arg(value_name = "DIR", required = true)]
     folders: Vec<PathBuf>,
-    /// Most frames of a take, spread over it
-    #[arg(long, value_name = "N", default_value_t = 300)]
-    frames: usize,
     /// Credit line of the training data, stored in the file
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
@@ -46,13 +43,16 @@ pub struct Args {
     common: CommonArgs,
 }
 
+/// Frames of a take that are learned from, spread over it.
+const MOST_FRAMES: usize = 300;
+
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let bar = Progress::new("rotations-train", args.folders.len() as u64);
     let (mut subjects, mut skeletons) = (Vec::new(), Vec::new());
     let mut digests = Vec::new();
     for (n, folder) in args.folders.iter().enumerate() {
-        let (skeleton, frames) = person(folder, args.frames, &mut digests)?;
+        let (skeleton, frames) = person(folder, &mut digests)?;
         skeletons.push(skeleton);
         subjects.push(frames);
         bar.set(n as u64 + 1);
@@ -65,7 +65,7 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let mut model = prior.to_model();
     model.meta.credit.clone_from(&args.credit);
-    let flags = [("frames", args.frames.to_string())];
+    let flags = [("frames", MOST_FRAMES.to_string())];
     model
         .meta
         .history
@@ -73,12 +73,8 @@ pub fn work(args: &Args) -> Result<()> {
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }
 
-/// The skeleton of a person, and the rotations of the takes, at most `most` frames of each.
-fn person(
-    folder: &Path,
-    most: usize,
-    digests: &mut Vec<String>,
-) -> Result<(Skeleton, Vec<LocalRotations>)> {
+/// The skeleton of a person, and the rotations of the takes, at most [`MOST_FRAMES`] of each.
+fn person(folder: &Path, digests: &mut Vec<String>) -> Result<(Skeleton, Vec<LocalRotations>)> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
     files.sort();
@@ -98,7 +94,7 @@ fn person(
     let mut frames = Vec::new();
     for file in with("amc") {
         let amc = Amc::open(file, &asf)?;
-        let every = amc.frames.numbers.len().div_ceil(most.max(1)).max(1);
+        let every = amc.frames.numbers.len().div_ceil(MOST_FRAMES).max(1);
         let values = amc
             .frames
             .values

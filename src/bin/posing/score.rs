@@ -66,7 +66,10 @@ pub fn work(args: &Args) -> Result<()> {
     let inputs: Vec<InputArgs> = files
         .into_iter()
         .flatten()
-        .map(|file| InputArgs::plain(vec![file.clone()], args.fps, &args.joints))
+        .map(|file| InputArgs {
+            joints: args.joints.clone(),
+            ..InputArgs::plain(vec![file.clone()], args.fps)
+        })
         .collect();
     check_single_stdin(inputs.iter().flat_map(|t| &t.files))?;
     let tables = inputs.iter().map(|input| read_table(input, true, false));

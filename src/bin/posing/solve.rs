@@ -44,8 +44,6 @@ pub struct Args {
     /// Take of labeled markers; with --learn several
     #[arg(value_name = "TAKE", required = true)]
     takes: Vec<PathBuf>,
-    #[command(flatten)]
-    read: TakeReadArgs,
     /// Joints: the 23 of the built-in model, or joint centers
     #[arg(long, value_enum, default_value = "23", help_heading = "Method")]
     joints: Joints,
@@ -57,6 +55,20 @@ pub struct Args {
         help_heading = "Method"
     )]
     set: String,
+    /// Static take of the person: markers on it tell bones too, also those that are only there (of
+    /// the inner knee and ankle, as a rule)
+    #[arg(long = "static", value_name = "STATIC", help_heading = "Method")]
+    static_take: Option<PathBuf>,
+    /// Also write skeleton and motion as BVH
+    #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
+    bvh: Option<OutputPath>,
+    /// Write the standard deviation of each joint into columns NAME.sd
+    #[arg(long, help_heading = "Output")]
+    sd: bool,
+    #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
+    read: TakeReadArgs,
     /// Marker set of your own: a file of lines such as LKNE = "KNL", marker and landmark ({S} for
     /// the side, L or R). Landmarks: ASI PSI SACR ILC GT of the pelvis, in front, behind, in the
     /// middle behind, the crest, the trochanter; C7 CLAV T10 STRN RBAC LBAC STL of the trunk; FHD
@@ -97,30 +109,18 @@ pub struct Args {
         help_heading = "Method"
     )]
     truth: Vec<PathBuf>,
-    /// Static take of the person: markers on it tell bones too, also those that are only there (of
-    /// the inner knee and ankle, as a rule)
-    #[arg(long = "static", value_name = "STATIC", help_heading = "Method")]
-    static_take: Option<PathBuf>,
     /// Skeleton of the person, with CMU's bones, whose lengths are kept
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Method")]
     asf: Option<PathBuf>,
-    /// Write the standard deviation of each joint into columns NAME.sd
-    #[arg(long, help_heading = "Output")]
-    sd: bool,
     /// Also write the motion as AMC, for the skeleton of --asf-out
     #[arg(long, value_name = "OUT.amc", help_heading = "Output")]
     amc: Option<OutputPath>,
     /// Also write the skeleton as ASF
     #[arg(long, value_name = "OUT.asf", help_heading = "Output")]
     asf_out: Option<OutputPath>,
-    /// Also write skeleton and motion as BVH
-    #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
-    bvh: Option<OutputPath>,
     /// Also write a page that plays joints and markers, each with a line to its bone
     #[arg(long, value_name = "OUT.html", help_heading = "Output")]
     page: Option<OutputPath>,
-    #[command(flatten)]
-    json: JsonArgs,
     #[command(flatten)]
     out: OutputArgs,
     #[command(flatten)]
@@ -184,9 +184,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let lines = solved.lines().into_iter().chain(findings.iter().cloned());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     write(args, &file, &solved)?;
-    Ok(match findings.is_empty() {
-        true => Outcome::Done,
-        false => Outcome::Findings,
+    Ok(if findings.is_empty() {
+        Outcome::Done
+    } else {
+        Outcome::Findings
     })
 }
 
@@ -227,24 +228,27 @@ fn learn(args: &Args, set: Option<&MarkerSet>, to: &Path) -> Result<Outcome> {
 fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
     let table = Table::from_poses(solved.joints.clone());
     let names = table.poses.points.iter().enumerate();
-    let added: Vec<AddedColumn> = match args.sd {
-        true => names
+    let added: Vec<AddedColumn> = if args.sd {
+        names
             .map(|(p, n)| AddedColumn::new(format!("{n}.sd"), After::Point(p)))
-            .collect(),
-        false => Vec::new(),
+            .collect()
+    } else {
+        Vec::new()
     };
-    let units = args.out.table_units(Units::CM_Y);
     write_table(
         &args.out,
-        Units::CM_Y,
+        [Units::CM_Y; 2],
         &table,
         table.poses.xyz.view(),
         &added,
         |t| {
             let row = solved.sd.iter().flat_map(|sd| sd.row(t).to_vec());
-            row.map(|sd| match sd.is_finite() {
-                true => format!("{:.4}", units.length(sd)),
-                false => String::new(),
+            row.map(|sd| {
+                if sd.is_finite() {
+                    format!("{sd:.4}")
+                } else {
+                    String::new()
+                }
             })
             .collect()
         },

@@ -1,17 +1,17 @@
 //! Chooses frames and points of takes, changes their rate, filters them.
 
-use posing::cli::choice::{choice, named};
+use posing::cli::choice::named;
 use posing::cli::paths::OutputPath;
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, OutUnitArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
 use posing::io::{Table, TableFormat, parse_point_names};
 use posing::label::points_of_person;
 use posing::pose::Poses;
-use posing::pose::units::{LengthUnit, Units, UpAxis};
+use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 
 /// Choose frames, takes and points, resample, rename, filter
@@ -70,23 +70,8 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    /// Unit of length of the output (default: that of an input table, else cm)
-    #[arg(
-        long,
-        value_parser = choice::<LengthUnit>(),
-        value_name = "UNIT",
-        help_heading = "Output"
-    )]
-    out_units: Option<LengthUnit>,
-    /// Axis of the output that points up (default: that of an input table, else y)
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Output"
-    )]
-    out_up: Option<UpAxis>,
+    #[command(flatten)]
+    out_units: OutUnitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -116,9 +101,8 @@ impl Args {
         })
     }
 
-    /// Where the result goes: in the unit and axis of the input where no flag names others.
+    /// Where the result goes, and its format.
     fn output(&self) -> OutputArgs {
-        let units = self.input.table_units();
         let format = self.to.iter().rev().find_map(|to| match to {
             To::Format(format) => Some(*format),
             To::Seconds(_) => None,
@@ -126,8 +110,6 @@ impl Args {
         OutputArgs {
             output: self.output.clone(),
             to: format,
-            out_units: self.out_units.or(Some(units.unit)),
-            out_up: self.out_up.or(Some(units.up)),
         }
     }
 }
@@ -180,9 +162,9 @@ pub fn work(args: &Args) -> Result<()> {
     result.name.clone_from(&table.name);
     let xyz = result.poses.xyz.view();
     // The poses are in centimeters.
-    write_table(&args.output(), Units::CM_Y, &result, xyz, &[], |_| {
-        Vec::new()
-    })
+    let out_units = args.out_units.table_units(args.input.table_units());
+    let units = [Units::CM_Y, out_units];
+    write_table(&args.output(), units, &result, xyz, &[], |_| Vec::new())
 }
 
 /// The frames that the flags choose.

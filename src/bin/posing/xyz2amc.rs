@@ -62,9 +62,6 @@ pub struct Args {
     /// Frames per second, for a table without times; used only to number the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
-    #[arg(long, value_name = "LIST")]
-    joints: Option<String>,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
@@ -77,7 +74,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;
-    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
+    let input = InputArgs::plain(args.files.clone(), args.fps);
     let table = read_table(&input, false, true)?;
     let name = table.name.clone();
     let (mut poses, sd) = table.one_take(args.take.as_deref())?;

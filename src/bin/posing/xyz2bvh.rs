@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "ORIGINAL.bvh",
-        conflicts_with_all = ["skeleton", "order", "limits", "map", "rotations"]
+        conflicts_with_all = ["skeleton", "order", "map", "rotations"]
     )]
     into: Option<PathBuf>,
     #[command(flatten)]
@@ -73,26 +73,20 @@ pub struct Args {
     /// skeleton]
     #[arg(long, value_name = "ORDER", value_parser = order)]
     order: Option<[Axis; 3]>,
-    /// Respect the skeleton's joint limits, which captured motion often exceeds
-    #[arg(long)]
-    limits: bool,
-    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
-    /// fit
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    units: BvhUnitArgs,
     /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
-    #[arg(long, value_name = "LIST")]
-    joints: Option<String>,
-    #[command(flatten)]
-    units: BvhUnitArgs,
     #[command(flatten)]
     json: JsonArgs,
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not
+    /// fit
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -115,7 +109,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .as_ref()
         .map(|p| skeleton_file(args, p))
         .transpose()?;
-    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
+    let input = InputArgs::plain(args.files.clone(), args.fps);
     let table = read_table(&input, false, true)?;
     let name = table.name.clone();
     let (mut poses, sd) = table.one_take(args.take.as_deref())?;
@@ -142,8 +136,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let skeleton = args.joints_of.skeleton(given, &mut poses, sd, order)?;
     let no_joint = "no point has the name of a joint of the skeleton";
-    let fit_of = skeleton.fit().limits(args.limits);
-    let (fitted, report) = fit(&fit_of, &poses, &name, no_joint, args.force)?;
+    let (fitted, report) = fit(&skeleton.fit(), &poses, &name, no_joint, args.force)?;
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;
@@ -161,7 +154,7 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
     let input = Input::new(original.display().to_string(), Cursor::new(bytes.clone()))?;
     let bvh = Bvh::read(input, unit, false)?;
     let table = read_table(
-        &InputArgs::plain(args.files.clone(), args.fps, &args.joints),
+        &InputArgs::plain(args.files.clone(), args.fps),
         false,
         false,
     )?;

@@ -476,8 +476,8 @@ mod tests {
 
     #[test]
     fn real_files_read_as_bvh_anim_reads_them() {
-        let folder =
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/formats/bvh");
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../../../shared/data/formats/bvh");
         if !folder.exists() {
             eprintln!("skipped: no {}", folder.display());
             return;

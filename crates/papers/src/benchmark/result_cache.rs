@@ -28,17 +28,17 @@ pub struct ResultCache {
 }
 
 impl ResultCache {
-    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete
-    /// last line, left by a killed run, is removed.
+    /// Opens the file, or creates it with its folder. An incomplete last line, left by a killed
+    /// run, is removed.
     ///
     /// # Errors
     /// A line that is not a result, with its number.
-    pub fn open(folder: &Path, fresh: bool) -> Result<ResultCache> {
+    pub fn open(folder: &Path) -> Result<ResultCache> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let path = folder.join(NAME);
         let fail = |e| Error::io(&path, e);
         let text = match fs::read(&path) {
-            Ok(bytes) if !fresh => bytes,
+            Ok(bytes) => bytes,
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fail(e)),
             _ => Vec::new(),
         };
@@ -113,8 +113,7 @@ fn parse(lines: &[u8], path: &Path) -> Result<Results> {
     for (i, line) in lines.filter(|(_, l)| !l.is_empty()) {
         let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
             let name = path.display().to_string();
-            let what =
-                format!("is not a cached result ({e}); remove the file, or use the option `fresh`");
+            let what = format!("is not a cached result ({e}); remove the file");
             Error::data(Place::line(name, i as u64 + 1), what)
         })?;
         results.insert(line.key, line.result);

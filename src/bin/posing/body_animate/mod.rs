@@ -8,7 +8,7 @@ use posing::body::BodyModel;
 use posing::body::Marker;
 use posing::body::animation::Offsets;
 use posing::body::take::BodyTake;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::body::fit_take;
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
@@ -48,7 +48,7 @@ use std::path::PathBuf;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Body model
     #[arg(short, long, value_name = "BODY.npz")]
     model: PathBuf,
@@ -90,17 +90,9 @@ pub struct Args {
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
     /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending
-    /// in /) for a file per frame
+    /// in /) for a PLY file per frame
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: OutputPath,
-    /// Format of the files of a folder [default: ply]
-    #[arg(
-        long,
-        value_name = "FORMAT",
-        value_parser = ["obj", "ply", "stl", "off"],
-        help_heading = "Output"
-    )]
-    mesh_format: Option<String>,
     /// Write the rotations and the root position as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     rotations: Option<OutputPath>,
@@ -114,11 +106,12 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = args.on.iter().chain(&args.scan);
-    input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
-    let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), Units::CM_Y)?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, files.chain([&args.model]))?;
+    let output = TakeOutput::of(&args.output, None, Units::CM_Y)?;
     let body = open_body(&args.model)?;
-    let mut table = input::read_table(&args.input, false, false)?;
-    let fps = args.input.rate(&table.poses)?;
+    let mut table = input::read_table(&tables, false, false)?;
+    let fps = tables.rate(&table.poses)?;
     if !args.no_smooth {
         smooth(&mut table, fps)?;
     }

@@ -4,7 +4,7 @@ mod split;
 
 use self::split::{KMeansArgs, SplitFolder};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
+use posing::cli::args::{CommonArgs, OutputArgs, SeedArgs, TableArgs};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
@@ -13,6 +13,7 @@ use posing::cluster::KMeansProgress;
 use posing::io::Model;
 use posing::io::csv::{AddedColumn, After};
 use posing::io::model::check_point_count;
+use posing::pose::units::Units;
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 
@@ -32,7 +33,7 @@ use posing::{Error, Place, Result};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TableArgs,
     #[command(flatten)]
     kmeans: KMeansArgs,
     /// Write the centroids to a model file
@@ -52,7 +53,6 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let split = args.split.as_deref().map(|folder| SplitFolder {
-        input: args.input.table_units(),
         folder,
         parts: args.kmeans.k as usize,
         out: &args.out,
@@ -61,7 +61,7 @@ pub fn work(args: &Args) -> Result<()> {
         Some(split) => split.check()?,
         None => args.out.format().check_added(&added())?,
     }
-    let table = input::read_table(&args.input, false, true)?;
+    let table = input::read_table(&args.tables.input(), false, true)?;
     if args.save.is_some() {
         check_point_count(table.columns.points.len(), &table.name)?;
     }
@@ -105,7 +105,7 @@ pub fn work(args: &Args) -> Result<()> {
             let label = |t: usize| vec![clustering.labels[t].to_string()];
             streams::write_table(
                 &args.out,
-                args.input.table_units(),
+                [Units::CM_Y; 2],
                 &table,
                 table.poses.xyz.view(),
                 &added(),

@@ -67,8 +67,6 @@ pub struct SplitFolder<'a> {
     pub parts: usize,
     /// The format of the parts.
     pub out: &'a OutputArgs,
-    /// The units of the table.
-    pub input: Units,
 }
 
 impl SplitFolder<'_> {
@@ -128,7 +126,7 @@ impl SplitFolder<'_> {
                 output: Some(self.folder.join(self.name(part)).into()),
                 ..self.out.clone()
             };
-            let mut sink = create_table(&out, self.input, &table.columns, &[])?;
+            let mut sink = create_table(&out, [Units::CM_Y; 2], &table.columns, &[])?;
             for frame in members {
                 table.row_into(frame, &mut row);
                 let xyz = row.xyz.clone();

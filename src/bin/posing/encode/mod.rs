@@ -3,7 +3,7 @@
 mod code_table;
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TableArgs};
 use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 
@@ -30,7 +30,7 @@ use std::path::PathBuf;
 )]
 pub(crate) struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TableArgs,
     /// Dictionary, as ksvd-train writes it
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
@@ -54,10 +54,11 @@ pub(crate) struct Args {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    check_single_stdin_with(&args.input, [&args.model])?;
+    let tables = args.tables.input();
+    check_single_stdin_with(&tables, [&args.model])?;
     let model = open_model(&args.model)?;
     let dictionary = dictionary(&model, &args.model.display().to_string())?;
-    let stream = RowStream::open(&args.input, false, false)?;
+    let stream = RowStream::open(&tables, false, false)?;
     if stream.columns().points != model.meta.points {
         let what = format!(
             "has points that differ from the dictionary's ({}, …), or another order",

@@ -96,9 +96,10 @@ impl BenchmarkArgs {
         let within = |names: Vec<PathBuf>| names.iter().map(|name| folder.join(name)).collect();
         Ok(BenchmarkArgs {
             models: self.models.or(file.models),
-            model_files: match self.model_files.is_empty() {
-                true => within(file.model_files),
-                false => self.model_files,
+            model_files: if self.model_files.is_empty() {
+                within(file.model_files)
+            } else {
+                self.model_files
             },
             tasks: self.tasks.or(file.tasks),
             splits: self.splits.or(file.splits),
@@ -385,9 +386,10 @@ pub fn write_paper_tables(runs: &[PathBuf], folder: &Path) -> Result<()> {
 /// Reads a comma-separated list.
 fn list(text: &str) -> std::result::Result<Vec<String>, String> {
     let names: Vec<String> = text.split(',').map(|n| n.trim().to_string()).collect();
-    match names.iter().any(String::is_empty) {
-        true => Err("expected names with commas between them".into()),
-        false => Ok(names),
+    if names.iter().any(String::is_empty) {
+        Err("expected names with commas between them".into())
+    } else {
+        Ok(names)
     }
 }
 

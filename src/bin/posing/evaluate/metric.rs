@@ -3,7 +3,7 @@
 use super::benchmark::write;
 use super::parsed;
 use clap::Args;
-use posing::cli::args::InputArgs;
+use posing::cli::args::TimedTableArgs;
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::metric_takes::{MetricTakes, read_takes};
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Args)]
 pub struct EvaluateMetricArgs {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// What is done in each take, and by whom: take,class,subject; without a subject it is the
     /// take's name up to the first _
     #[arg(long, value_name = "CLASSES.csv")]
@@ -66,9 +66,10 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 /// or to test on.
 pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()> {
     json.prepare_report();
-    input::check_single_stdin_with(&args.input, [&args.classes])?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, [&args.classes])?;
     let map = args.map.joint_map()?;
-    let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
+    let takes = read_takes(&tables, tables.files.clone(), Some(&map), true)?;
     let source = takes.source.clone();
     let set = classified(takes, &args.classes, &map)?;
     let subjects = set.subjects();
@@ -78,9 +79,10 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()>
     }
     let settings = MetricSettings {
         rules: args.labels.clone(),
-        tested: match args.test.is_empty() {
-            true => subjects.into_iter().skip(1).step_by(2).collect(),
-            false => args.test.clone(),
+        tested: if args.test.is_empty() {
+            subjects.into_iter().skip(1).step_by(2).collect()
+        } else {
+            args.test.clone()
         },
         pairs: args.pairs,
         seed: args.seed,
@@ -134,11 +136,12 @@ fn classified(takes: MetricTakes, path: &Path, map: &JointMap) -> Result<TakeSet
             path.display()
         ));
     }
-    match set.about.is_empty() {
-        true => Err(Error::data(
+    if set.about.is_empty() {
+        Err(Error::data(
             Place::file(path.display().to_string()),
             "gives no class to any take of the input",
-        )),
-        false => Ok(set),
+        ))
+    } else {
+        Ok(set)
     }
 }

@@ -8,14 +8,14 @@ use self::benchmark::{BenchmarkArgs, sources};
 use self::metric::{EvaluateMetricArgs, evaluate_metric};
 use self::takes::{EvaluateTakesArgs, evaluate_takes};
 use clap::{Parser, Subcommand};
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::json_report::JsonArgs;
 use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
 use posing::evaluate::report::BenchmarkReport;
 use posing::{Error, Result};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Compare models on poses they were not trained on
 ///
@@ -57,7 +57,7 @@ pub struct Args {
     #[command(subcommand)]
     command: Option<Tested>,
     #[command(flatten)]
-    table: InputArgs,
+    tables: TimedTableArgs,
     /// Read settings from a TOML file; flags override them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
@@ -71,7 +71,7 @@ pub struct Args {
         value_name = "RUN",
         help_heading = "Output",
         requires = "output",
-        conflicts_with_all = ["config", "fresh", "json"]
+        conflicts_with_all = ["config", "json"]
     )]
     paper: Vec<PathBuf>,
     /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I
@@ -94,12 +94,9 @@ pub struct Args {
         num_args = 1..,
         help_heading = "Output",
         requires = "output",
-        conflicts_with_all = ["cells", "paper", "fresh"]
+        conflicts_with_all = ["cells", "paper"]
     )]
     merge: Vec<PathBuf>,
-    /// Ignore the results cached in DIR
-    #[arg(long, help_heading = "Output")]
-    fresh: bool,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
@@ -177,15 +174,15 @@ pub fn work(args: &Args) -> Result<()> {
     let plan = args.benchmark.clone().or_file(args.config.as_deref())?;
     let settings = plan.settings()?;
     settings.check()?;
-    let tables = match args.table.files.as_slice() {
+    let input = args.tables.input();
+    let tables = match input.files.as_slice() {
         [] => &plan.tables,
         files => files,
     };
-    let data = Dataset::new(&sources(&args.table, tables)?, &plan.subjects)?;
+    let data = Dataset::new(&sources(&input, tables)?, &plan.subjects)?;
     let bench = Benchmark::new(&data, settings)?;
     benchmark::report_exclusions(&bench);
-    let open = |folder: &Path| ResultCache::open(folder, args.fresh);
-    let mut cache = plan.output.as_deref().map(open).transpose()?;
+    let mut cache = plan.output.as_deref().map(ResultCache::open).transpose()?;
     if let Some(shard) = args.cells
         && let Some(cache) = cache
     {

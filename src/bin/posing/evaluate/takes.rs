@@ -4,7 +4,7 @@ use super::benchmark::{sources, write};
 use super::rows_of;
 use clap::Args;
 use posing::Result;
-use posing::cli::args::InputArgs;
+use posing::cli::args::TimedTableArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 pub struct EvaluateTakesArgs {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Model to test, which must not have been trained on these takes (default: for each subject,
     /// one trained here on all other subjects; a take's subject is its name up to the first _)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
@@ -77,8 +77,9 @@ fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
 /// As [`TestTakes::test`]; also if a file cannot be read or written.
 pub fn evaluate_takes(args: &EvaluateTakesArgs, json: &JsonArgs) -> Result<()> {
     json.prepare_report();
-    input::check_single_stdin_with(&args.input, &args.model)?;
-    let takes = TestTakes::new(&sources(&args.input, &args.input.files)?)?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, &args.model)?;
+    let takes = TestTakes::new(&sources(&tables, &tables.files)?)?;
     for take in &takes.untimed {
         messages::info(&format!(
             "take {take} is left out: its times give no frame rate"

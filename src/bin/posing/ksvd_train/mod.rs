@@ -5,7 +5,7 @@ mod training;
 use self::training::{KsvdArgs, TrainingRun};
 use clap::{ArgGroup, Parser};
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
+use posing::cli::args::{CommonArgs, SeedArgs, Space, TableArgs};
 use posing::cli::paths::OutputPath;
 use posing::cli::training::ready;
 use posing::cli::{input, messages, streams};
@@ -30,12 +30,9 @@ use posing::sparse::Dictionary;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TableArgs,
     #[command(flatten)]
     training: KsvdArgs,
-    /// Credit line of the training data, stored in the model
-    #[arg(long, value_name = "TEXT")]
-    credit: Option<String>,
     /// Dictionary
     #[arg(short, long, value_name = "DICT.npz")]
     output: OutputPath,
@@ -48,15 +45,16 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let (own, seed) = (&args.training, args.seed.seed);
-    input::check_single_stdin_with(&args.input, own.init.iter().chain(&own.valid))?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, own.init.iter().chain(&own.valid))?;
     let world = own.space == Space::World;
-    let poses = ready(&args.input, args.input.files.clone(), world, None)?;
+    let poses = ready(&tables, tables.files.clone(), world, None)?;
     let valid = own.valid.as_ref();
-    let valid = valid.map(|v| ready(&args.input, vec![v.clone()], world, Some(&poses)));
+    let valid = valid.map(|v| ready(&tables, vec![v.clone()], world, Some(&poses)));
     let valid = valid.transpose()?;
     let ksvd = own.ksvd(seed);
     ksvd.check()?;
-    let init = own.initial(&args.input, &poses)?;
+    let init = own.initial(&poses)?;
     let flags = own.history(seed, init.as_ref(), &poses);
     let valid_digest = valid.as_ref().map(|v| digest(&v.points, v.xyz.view()));
     let training = TrainingRun {
@@ -81,7 +79,6 @@ pub fn work(args: &Args) -> Result<()> {
         ));
     }
     let mut model = sparse_model(&poses, &state.dictionary, &ksvd.omp())?;
-    model.meta.credit.clone_from(&args.credit);
     let step = entry("ksvd-train", &flags, poses.digests());
     model.meta.history.push(step);
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;

@@ -1,13 +1,13 @@
 //! `ksvd-train` around the library: its flags, the log, the checkpoint, the progress bar.
 
 use ndarray::ArrayView2;
-use posing::cli::args::{InputArgs, Space, parse_positive};
+use posing::cli::args::{Space, parse_positive};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages};
 use posing::io::input::ContentKind;
-use posing::io::{Input, Model, Table};
+use posing::io::{Input, Model, Table, TableOptions};
 use posing::prior::provenance::digest;
 use posing::prior::{TrainingSet, sparse_coding};
 use posing::sparse::{
@@ -45,17 +45,10 @@ pub struct KsvdArgs {
     /// Number of iterations
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub iterations: u32,
-    /// For a dictionary: rule that selects the next atom
-    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp")]
-    pub pursuit: SelectionRule,
     /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random
     /// poses)
     #[arg(long, value_name = "DICT.npz|TABLE")]
     pub init: Option<PathBuf>,
-    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest
-    /// error (default: off)
-    #[arg(long, value_name = "C", value_parser = parse_positive)]
-    pub coherence: Option<f64>,
     /// Validation table; its error is reported after each iteration
     #[arg(long, value_name = "FILE")]
     pub valid: Option<PathBuf>,
@@ -68,6 +61,13 @@ pub struct KsvdArgs {
     /// Space in which poses are learned
     #[arg(long, value_parser = choice::<Space>(), default_value = "world")]
     pub space: Space,
+    /// For a dictionary: rule that selects the next atom
+    #[arg(long, value_parser = choice::<SelectionRule>(), default_value = "oomp")]
+    pub pursuit: SelectionRule,
+    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest
+    /// error (default: off)
+    #[arg(long, value_name = "C", value_parser = parse_positive)]
+    pub coherence: Option<f64>,
 }
 
 impl KsvdArgs {
@@ -91,7 +91,7 @@ impl KsvdArgs {
     /// # Errors
     /// Data: the points or the space differ from those of the training poses. Usage: `-n`
     /// contradicts the number of atoms.
-    pub fn initial(&self, flags: &InputArgs, poses: &TrainingSet) -> Result<Option<Dictionary>> {
+    pub fn initial(&self, poses: &TrainingSet) -> Result<Option<Dictionary>> {
         let Some(path) = &self.init else {
             return Ok(None);
         };
@@ -105,7 +105,7 @@ impl KsvdArgs {
             }
             sparse_coding::dictionary(&model, &name)?
         } else {
-            let table = Table::read(input, &flags.options(false, false)?)?;
+            let table = Table::read(input, &TableOptions::default())?;
             Dictionary::from_rows(poses.comparable(&table.poses, &name)?.xyz.view())?
         };
         match self.atoms {

@@ -5,7 +5,7 @@ mod output;
 use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, format_of};
+use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, format_of};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -33,7 +33,7 @@ use posing::metric::pair_proposal::PairRules;
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     #[command(flatten)]
     map: JointMapArgs,
     /// Largest mean joint distance of a pair, cm at the takes' median body height
@@ -87,7 +87,8 @@ pub fn work(args: &Args) -> Result<()> {
     };
     let rules = args.rules();
     let map = args.map.joint_map()?;
-    let takes = read_takes(&args.input, args.input.files.clone(), Some(&map), true)?;
+    let tables = args.tables.input();
+    let takes = read_takes(&tables, tables.files.clone(), Some(&map), true)?;
     let pairs = PairSet::propose(&takes, &map, &rules)?;
     if let Some(path) = &args.csv {
         let bytes = pairs.write(PairFormat::Csv, "");

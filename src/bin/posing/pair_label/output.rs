@@ -83,11 +83,12 @@ fn summary(proposal: &Proposal, rules: &PairRules) -> String {
         "{pairs} of {} poses within {near} cm; proposed {proposed}",
         proposal.poses
     );
-    match proposed < rules.count {
-        true => format!(
+    if proposed < rules.count {
+        format!(
             "{found} of {}: any other is within {NEAR_COPY} s of one of these on both sides",
             rules.count
-        ),
-        false => found,
+        )
+    } else {
+        found
     }
 }

@@ -67,6 +67,8 @@ pub struct Args {
     /// Heading
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
+    #[command(flatten)]
+    svg: SvgArgs,
     /// Text below the heading
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -75,8 +77,6 @@ pub struct Args {
     credit: Option<String>,
     #[command(flatten)]
     meshes: MeshArgs,
-    #[command(flatten)]
-    svg: SvgArgs,
     /// CSV file to show below the figures, such as scores
     #[arg(long, value_name = "CSV", help_heading = "Page")]
     table: Option<PathBuf>,
@@ -120,9 +120,10 @@ pub fn work(args: &Args) -> Result<()> {
             file.display()
         )));
     }
-    let text = match are_meshes(&files)? {
-        true => meshes(args, to)?,
-        false => poses(args, to, &files)?,
+    let text = if are_meshes(&files)? {
+        meshes(args, to)?
+    } else {
+        poses(args, to, &files)?
     };
     write_bytes(args.output.as_deref(), text.as_bytes(), false)
 }

@@ -188,9 +188,12 @@ impl PlotTable {
     /// Puts the points in the order of `first`.
     fn match_to(&mut self, first: &PlotTable) -> Result<()> {
         let order = point_order(&first.poses, &self.poses);
-        let order = order.and_then(|order| match order.len() == self.poses.points.len() {
-            true => Ok(order),
-            false => Err("has more points".into()),
+        let order = order.and_then(|order| {
+            if order.len() == self.poses.points.len() {
+                Ok(order)
+            } else {
+                Err("has more points".into())
+            }
         });
         let order = order.map_err(|what| {
             let rule = "tables drawn together must have the same points and frames";

@@ -4,7 +4,7 @@ mod matches;
 
 use self::matches::Matches;
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_index, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -42,14 +42,14 @@ use std::path::{Path, PathBuf};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Metric, by rdsr-train [default: coordinates and velocities, of a frame and of those .2 s
     /// before and after it]
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
     #[command(flatten)]
     map: FittingMapArgs,
-    /// Table of the poses that are searched; same --fps, --joints, --units and --up as the input
+    /// Table of the poses that are searched; same --fps as the input
     #[arg(long, value_name = "DB", required_unless_present = "index")]
     database: Option<PathBuf>,
     /// With --database: keep it described in FILE; without: search that FILE, which is read far
@@ -150,20 +150,20 @@ pub fn work(args: &Args) -> Result<()> {
     let others = (args.database.iter().chain(&args.model))
         .chain(&args.classes)
         .chain(&index);
-    input::check_single_stdin_with(&args.input, others)?;
+    let input = args.tables.input();
+    input::check_single_stdin_with(&input, others)?;
     let most = args.k.unwrap_or(MOST);
     if let Some(scope) = args.scope.iter().find(|s| **s > most) {
         return Err(Error::usage(format!("--scope {scope} is above -k {most}")));
     }
     let (table, database) = database(args)?;
-    let queries = read(args, args.input.files.clone(), &database.metric)?;
+    let queries = read(args, input.files, &database.metric)?;
     let described = queries.index(&database.metric, args.every as usize);
-    match args.events {
-        true => find_events(args, &described, &database),
-        false => {
-            let poses = [(Some(&queries), &described), (table.as_ref(), &database)];
-            find_poses(args, most as usize, poses)
-        }
+    if args.events {
+        find_events(args, &described, &database)
+    } else {
+        let poses = [(Some(&queries), &described), (table.as_ref(), &database)];
+        find_poses(args, most as usize, poses)
     }
 }
 
@@ -204,7 +204,12 @@ fn read(args: &Args, files: Vec<PathBuf>, metric: &PoseMetric) -> Result<MetricT
         ));
     }
     let map = args.map.joint_map(learned)?;
-    read_takes(&args.input, files, map.as_ref(), metric.needs_rate())
+    read_takes(
+        &args.tables.input(),
+        files,
+        map.as_ref(),
+        metric.needs_rate(),
+    )
 }
 
 fn find_events(args: &Args, examples: &PoseIndex, database: &PoseIndex) -> Result<()> {

@@ -5,7 +5,7 @@ mod take_pairs;
 
 use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -41,7 +41,7 @@ use std::path::{Path, PathBuf};
 )]
 pub struct Args {
     #[command(flatten)]
-    input: InputArgs,
+    tables: TimedTableArgs,
     /// Metric, by rdsr-train (default: coordinates and velocities)
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
@@ -56,9 +56,6 @@ pub struct Args {
     /// Also transitions of a take into itself, of 1 s or more
     #[arg(long)]
     within: bool,
-    /// Only the transition at these frames of the two takes
-    #[arg(long, value_name = "A,B", value_parser = frames)]
-    at: Option<[usize; 2]>,
     /// Transitions of each pair of takes, at most
     #[arg(
         short,
@@ -70,15 +67,18 @@ pub struct Args {
     /// Good transitions only: looks past others until N are found
     #[arg(long, conflicts_with = "at")]
     good: bool,
+    /// Write the blended take of the nearest good transition to FILE, CSV or NPY
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    blend: Option<OutputPath>,
+    /// Only the transition at these frames of the two takes
+    #[arg(long, value_name = "A,B", value_parser = frames)]
+    at: Option<[usize; 2]>,
     /// Seconds between two transitions, in one of the takes at least
     #[arg(long, value_name = "S", default_value = "0.5", value_parser = seconds)]
     apart: f64,
     /// Seconds of the blend [default: 0.3 to 1.2, the longest that is good]
     #[arg(long, value_name = "S", value_parser = seconds)]
     over: Option<f64>,
-    /// Write the blended take of the nearest good transition to FILE, CSV or NPY
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    blend: Option<OutputPath>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
@@ -103,7 +103,8 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 
 pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    input::check_single_stdin_with(&args.input, &args.model)?;
+    let tables = args.tables.input();
+    input::check_single_stdin_with(&tables, &args.model)?;
     let is_stdout = |path: &Option<OutputPath>| path.as_deref().is_none_or(|p| p == Path::new("-"));
     if args.blend.is_some() && is_stdout(&args.blend) && is_stdout(&args.output) {
         return Err(Error::usage(
@@ -113,7 +114,7 @@ pub fn work(args: &Args) -> Result<()> {
     let metric = args.model.as_deref().map(open_metric).transpose()?;
     let map = args.map.joint_map(metric.as_ref())?;
     // A blend is so many frames, whatever the metric needs.
-    let takes = read_takes(&args.input, args.input.files.clone(), map.as_ref(), true)?;
+    let takes = read_takes(&tables, tables.files.clone(), map.as_ref(), true)?;
     let metric = match (metric, map) {
         (Some(metric), _) => metric,
         (None, Some(map)) => PoseMetric::of_coordinates(map),
@@ -134,7 +135,7 @@ pub fn work(args: &Args) -> Result<()> {
     report(&found);
     transitions.write(args.output.as_deref(), &found)?;
     match &args.blend {
-        Some(path) => transitions.write_blend(&found, &args.input, path),
+        Some(path) => transitions.write_blend(&found, path),
         None => Ok(()),
     }
 }

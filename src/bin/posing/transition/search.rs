@@ -3,7 +3,7 @@
 
 use super::take_pairs::{check_rates, take_pairs};
 use ndarray::Array2;
-use posing::cli::args::{InputArgs, OutputArgs};
+use posing::cli::args::OutputArgs;
 use posing::cli::metric_takes::MetricTakes;
 use posing::cli::{messages, streams};
 use posing::io::Table;
@@ -14,6 +14,7 @@ use posing::metric::{
     TransitionSearch,
 };
 use posing::numeric::parallel;
+use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -157,9 +158,10 @@ impl<'a> Transitions<'a> {
         let search = TransitionSearch {
             most: self.settings.most,
             apart: a.clip.frames_in(self.settings.apart),
-            least_jump: match takes[0] == takes[1] {
-                true => a.clip.frames_in(LEAST_JUMP),
-                false => 0,
+            least_jump: if takes[0] == takes[1] {
+                a.clip.frames_in(LEAST_JUMP)
+            } else {
+                0
             },
         };
         let blender = Blender::new([&a.clip, &b.clip]);
@@ -252,7 +254,7 @@ impl<'a> Transitions<'a> {
     ///
     /// # Errors
     /// [`Error::Data`]: nothing was found. When the output cannot be written.
-    pub fn write_blend(&self, found: &[Transition], input: &InputArgs, path: &Path) -> Result<()> {
+    pub fn write_blend(&self, found: &[Transition], path: &Path) -> Result<()> {
         let nearest = |is_good: bool| {
             let wanted = found.iter().filter(|t| t.quality.is_good() == is_good);
             wanted.min_by(|x, y| x.candidate.distance.total_cmp(&y.candidate.distance))
@@ -267,9 +269,10 @@ impl<'a> Transitions<'a> {
         let (blend, _) = blend.ok_or_else(none)?;
         let [a, b] = chosen.takes.map(|take| excerpt(&self.takes.names[take]));
         let [i, j] = chosen.candidate.frames;
-        let verdict = match chosen.quality.is_good() {
-            true => "",
-            false => "; no transition is good, this is the nearest",
+        let verdict = if chosen.quality.is_good() {
+            ""
+        } else {
+            "; no transition is good, this is the nearest"
         };
         messages::info(&format!(
             "blended frame {i} of {a} with frame {j} of {b} over {:.2} s, {b} at {:.2} frames for \
@@ -282,13 +285,9 @@ impl<'a> Transitions<'a> {
         let output = OutputArgs {
             output: Some(path.to_path_buf().into()),
             to: None,
-            out_units: None,
-            out_up: None,
         };
         let xyz = table.poses.xyz.view();
-        streams::write_table(&output, input.table_units(), &table, xyz, &[], |_| {
-            Vec::new()
-        })
+        streams::write_table(&output, [Units::CM_Y; 2], &table, xyz, &[], |_| Vec::new())
     }
 }
 

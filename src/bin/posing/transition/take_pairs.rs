@@ -26,13 +26,14 @@ pub fn take_pairs(
     let all = (lefts.iter()).flat_map(|a| rights.iter().map(move |b| [*a, *b]));
     let with_itself = within || from.is_some() && from == to;
     let pairs: Vec<[usize; 2]> = all.filter(|[a, b]| a != b || with_itself).collect();
-    match pairs.is_empty() {
-        true => Err(Error::usage(format!(
+    if pairs.is_empty() {
+        Err(Error::usage(format!(
             "{}: transitions need two takes; give another, or --within for those of a take into \
              itself",
             takes.source
-        ))),
-        false => Ok(pairs),
+        )))
+    } else {
+        Ok(pairs)
     }
 }
 
