@@ -49,8 +49,8 @@
 //! | m | poses | | |
 //! | n | atoms of a dictionary | | |
 //! | kappa, k | largest number of atoms in a code (sparsity) | | |
-//! | Y | poses, one per row (the transpose of the paper's Y) | (m, D) | cm |
-//! | A | atoms, one per row, unit norm (the transpose of the paper's A) | (n, D) | none |
+//! | Y | poses, one per row (the transpose of Lai et al.'s Y) | (m, D) | cm |
+//! | A | atoms, one per row, unit norm (the transpose of Lai et al.'s A) | (n, D) | none |
 //! | X, x | sparse codes; of one pose: Y is about X A | (m, n) stored as (m, k); (k) | cm |
 //! | R, t, s | placement: world = s R model + t | (3, 3); (3); 1 | none; cm; none |
 //! | tau | Euler angles, about x, then y, then z: R = Rz Ry Rx | (3) | radians |
@@ -62,8 +62,8 @@
 //! | S | covariance of the residual of sparse coding | (D, D) | cm^2 |
 //! | W, w | precisions: 1 / variance of each coordinate's noise | (D) | 1/cm^2 |
 //!
-//! Rows are frames, atoms and centroids everywhere. Angles are in radians, except in files. The
-//! paper gives errors as mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
+//! Rows are frames, atoms and centroids everywhere. Angles are in radians, except in files.
+//! Lai et al. give errors as mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
 //!
 //! # Modules
 //!
@@ -127,8 +127,8 @@
 //!
 //! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags,
 //! `crates/restore/src/denoise.rs` is the method, `tests/it/denoise.rs` tests the command,
-//! `man/denoise.1` is its manual page. A new pose model is a file in [`prior`] and a line in its registry. A new
-//! format is a file in [`io`].
+//! `man/denoise.1` is its manual page. A new pose model is a file in [`prior`] and a line in its
+//! registry. A new format is a file in [`io`].
 //!
 //! `make test` runs all tests, `make bless` writes the manual pages again, `make bench` measures
 //! speed.

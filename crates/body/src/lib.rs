@@ -17,7 +17,8 @@
 //! use posing_body::surface::Surface;
 //!
 //! let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-//! let nearest = Surface::new(corners, vec![[0, 1, 2]]).nearest(DVec3::new(0.2, 0.3, 5.0)).unwrap();
+//! let surface = Surface::new(corners, vec![[0, 1, 2]]);
+//! let nearest = surface.nearest(DVec3::new(0.2, 0.3, 5.0)).unwrap();
 //! assert!((nearest.at - DVec3::new(0.2, 0.3, 0.0)).length() < 1e-12);
 //! ```
 

@@ -3,8 +3,8 @@
 //! Whole takes: what is wrong in them, and the same takes with it mended.
 //!
 //! [`audit`] finds faults and changes nothing: rates, units, gaps, swaps, held frames. [`clean`]
-//! takes files and folders of any format, puts labels right, fills, smooths where noise is measured,
-//! solves joints, and writes a record beside each result.
+//! takes files and folders of any format, puts labels right, fills, smooths where noise is
+//! measured, solves joints, and writes a record beside each result.
 //!
 //! ```
 //! use posing_clean::audit::{FindingKind, Limits, audit};

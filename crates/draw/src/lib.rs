@@ -3,8 +3,8 @@
 //! Drawings: figures as SVG, pages that play takes and meshes, pages of text.
 //!
 //! [`figure`] draws poses side by side as SVG; [`player`] writes one HTML page without other files
-//! that plays takes, with what happened to each point in time; [`scene`] and [`mesh_scene`] are what
-//! the pages show.
+//! that plays takes, with what happened to each point in time; [`scene`] and [`mesh_scene`] are
+//! what the pages show.
 //!
 //! ```
 //! use ndarray::array;
@@ -14,7 +14,8 @@
 //! let xyz = array![[0.0, 90.0, 0.0, 0.0, 45.0, 5.0]]; // one frame: hip and knee
 //! let points = ["hip", "knee"].map(String::from);
 //! let leg = Figure { name: "a leg", xyz: xyz.view(), status: None, sd: None, method: None };
-//! let scene = Scene { points: &points, bones: &[(0, 1)], rate: 1.0, figures: vec![leg], ..Scene::default() };
+//! let (bones, figures) = (&[(0, 1)][..], vec![leg]);
+//! let scene = Scene { points: &points, bones, rate: 1.0, figures, ..Scene::default() };
 //! let svg = figure::svg(&scene, &[0], &Options::default())?;
 //! assert!(svg.starts_with("<svg"));
 //! # Ok::<(), posing_core::Error>(())

@@ -2,11 +2,12 @@
 #![warn(missing_docs)]
 //! Readers and writers of motion files, meshes and models.
 //!
-//! [`MotionFile`] opens a take of any format (BVH, C3D, TRC, AMC, CSV, NPY and others) with its unit
-//! and axes, and writes it back; what was not changed stays as it was, byte for byte. [`Table`] reads
-//! a table of poses from a stream, [`TableWriter`] writes one. Each format has a type and a file of
-//! its own ([`Bvh`], [`C3d`], [`Asf`], [`Amc`]). [`Mesh`] and [`glb`] are bodies, [`Model`] is a
-//! trained model, one NPZ file. An [`Output`] is at its path only when it is complete.
+//! [`MotionFile`] opens a take of any format (BVH, C3D, TRC, AMC, CSV, NPY and others) with its
+//! unit and axes, and writes it back; what was not changed stays as it was, byte for byte.
+//! [`Table`] reads a table of poses from a stream, [`TableWriter`] writes one. Each format has a
+//! type and a file of its own ([`Bvh`], [`C3d`], [`Asf`], [`Amc`]). [`Mesh`] and [`glb`] are
+//! bodies, [`Model`] is a trained model, one NPZ file. An [`Output`] is at its path only when it is
+//! complete.
 //!
 //! ```
 //! use posing_io::{MotionFile, motion_file::ReadOptions};

@@ -5,8 +5,8 @@
 //! [`cluster`] groups poses by k-means, in levels where they are many. [`sparse`] learns a
 //! dictionary by K-SVD, so that each pose is approximately a sum of a few atoms, and merges
 //! dictionaries. [`prior`] trains pose models, saves and opens them; each answers one question
-//! behind the trait [`prior::Prior`]: given noisy and missing coordinates, which pose is it, and how
-//! sure is that?
+//! behind the trait [`prior::Prior`]: given noisy and missing coordinates, which pose is it, and
+//! how sure is that?
 //!
 //! ```
 //! use posing_core::pose::Observation;

@@ -35,7 +35,8 @@
 //! let mut xyz = ndarray::Array2::from_shape_fn((9, 3), |(t, c)| (10 * t + c) as f64);
 //! xyz.row_mut(4).fill(f64::NAN);
 //! let time = Some((0..9).map(|t| f64::from(t) / 100.0).collect());
-//! let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, time, ..Poses::default() });
+//! let poses = Poses { points: vec!["knee".into()], xyz, time, ..Poses::default() };
+//! let table = Table::from_poses(poses);
 //! let done = Restorer::without_model().complete(&table, &Complete::default())?;
 //! assert_eq!(done.filled(), 1);
 //! assert!((done.xyz()[[4, 0]] - 40.0).abs() < 1e-6);

@@ -2,8 +2,8 @@
 #![warn(missing_docs)]
 //! How good a restoration is: damage of a known kind, and scores against the truth.
 //!
-//! [`damage`] puts noise and gaps into clean poses, [`Score`] compares restored poses with the truth
-//! (position, [`error_breakdown`] by joint and by what was damaged, [`motion_quality`]), and
+//! [`damage`] puts noise and gaps into clean poses, [`Score`] compares restored poses with the
+//! truth (position, [`error_breakdown`] by joint and by what was damaged, [`motion_quality`]), and
 //! [`restoration`] cuts gaps into the user's own takes, restores them and reports what is left.
 //!
 //! ```
