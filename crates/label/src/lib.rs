@@ -4,9 +4,11 @@
 //!
 //! ```
 //! // Two people in one capture, told apart by what stands before the names of their markers.
-//! let points = ["Ann:LFHD", "Ann:RFHD", "Bob:LFHD", "Bob:RFHD"].map(String::from);
-//! let ann = posing_label::points_of_person(&points, "Ann")?;
-//! assert_eq!(ann, [(0, "LFHD".to_string()), (1, "RFHD".to_string())]);
+//! let names = ["LFHD", "RFHD", "C7", "CLAV", "LASI", "RASI"];
+//! let of = |person: &str| names.map(|name| format!("{person}:{name}"));
+//! let points = [of("Ann"), of("Ben")].concat();
+//! let ben = posing_label::points_of_person(&points, "Ben")?;
+//! assert_eq!(ben[0], (6, "LFHD".to_string()));
 //! # Ok::<(), posing_core::Error>(())
 //! ```
 

@@ -17,9 +17,9 @@
 //! ```
 //! use posing_likeness::{JointMap, PoseMetric};
 //!
-//! // The rival of every metric: the distance of the joints, without learning.
+//! // The rival of every metric: coordinates and velocities of the joints, without learning.
 //! let metric = PoseMetric::of_coordinates(JointMap::cmu());
-//! assert!(metric.is_of_coordinates() && !metric.needs_rate());
+//! assert!(metric.is_of_coordinates() && metric.needs_rate());
 //! ```
 
 #[macro_use]
