@@ -1,7 +1,7 @@
 //! Labels from nothing: the tracks of a take named as the markers of a set.
 //!
 //! 1. Tracks are cut to pieces, and these linked to paths, each of which is one marker
-//!    ([`super::loose_tracks`]).
+//!    (`loose_tracks`).
 //! 2. A model of the labels names the points of some frames, each by itself, and these vote for the
 //!    labels of the paths.
 //! 3. Some rounds: the model is fitted to the take as it is labeled then, and says where each label

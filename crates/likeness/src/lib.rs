@@ -9,7 +9,7 @@
 //! place, heading and size, and `gpd` describes the pose; `features` and [`scaling`] say what
 //! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
 //! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
-//! and [`pose_metric`] is what was learned. [`nearest`] searches with it; [`baselines`] are the
+//! and [`pose_metric`] is what was learned. [`nearest`] searches with it; `baselines` are the
 //! distances to compare with. [`transition`] finds frames at which one clip can go over into
 //! another, [`Blend`] joins the clips there, and [`blend_test`] tells whether the result moves
 //! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.

@@ -3,9 +3,9 @@
 //! 1. [`crate::label::out_and_back`] finds stretches of a track that stand away from their point,
 //!    `trajectory` spikes: points that leave their path for some frames. No model is needed.
 //! 2. The model is adapted to the body that the other points show. Rigid distances then say which
-//!    frames hold outliers ([`super::rigid::noise_floor`]), each frame together with its neighbors.
+//!    frames hold outliers (`rigid::noise_floor`), each frame together with its neighbors.
 //! 3. In those frames distances say which points are outliers, and where they leave a point open,
-//!    the prior too ([`frame_posterior`]).
+//!    the prior too (`frame_posterior`).
 
 mod assignment;
 pub(crate) mod frame_posterior;
