@@ -16,7 +16,10 @@
 //! # Ok::<(), posing_core::Error>(())
 //! ```
 
-use posing_core::{Error, Place, Result, numeric, pose};
+#[cfg(feature = "server")]
+use posing_core::Place;
+use posing_core::{Error, Result, numeric, pose};
+#[cfg(feature = "server")]
 use posing_draw as draw;
 use posing_io as io;
 use posing_joints::ik;
