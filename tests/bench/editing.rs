@@ -68,9 +68,10 @@ fn main() {
         return println!("no people at ../shared/data/cmu: nothing is edited");
     }
     published::register();
-    let kinds: Vec<Kind> = match wants("points") {
-        true => Kind::all(),
-        false => vec![Kind::Multiscale],
+    let kinds: Vec<Kind> = if wants("points") {
+        Kind::all()
+    } else {
+        vec![Kind::Multiscale]
     };
     let groups = [0, 1].map(|g| {
         let of = |other: bool| -> Vec<&Person> {

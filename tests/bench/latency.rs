@@ -116,9 +116,10 @@ impl Dragging<'_> {
                 let ms = self
                     .pose(seen, |s| s.solve(self.prior, seen, self.anchor, &[]))
                     .1;
-                match times.first.is_empty() {
-                    true => times.first.push(ms),
-                    false => times.nothing.push(ms),
+                if times.first.is_empty() {
+                    times.first.push(ms)
+                } else {
+                    times.nothing.push(ms)
                 }
             }
             let (solution, ms) = self.pose(seen, |s| match &before {

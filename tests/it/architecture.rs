@@ -172,9 +172,10 @@ fn members(prefix: &str, rest: &str, found: &mut Vec<String>) -> usize {
     };
     let mut at = 0;
     while at < group.len() && !group[at..].starts_with('}') {
-        match group[at..].starts_with(is_path) || group[at..].starts_with('{') {
-            true => at += members(&path, &group[at..], found),
-            false => at += group[at..].chars().next().map_or(1, char::len_utf8),
+        if group[at..].starts_with(is_path) || group[at..].starts_with('{') {
+            at += members(&path, &group[at..], found)
+        } else {
+            at += group[at..].chars().next().map_or(1, char::len_utf8)
         }
     }
     length + at + 2

@@ -93,9 +93,10 @@ fn files_are_read_audited_and_cleaned_as_their_truth() {
         let done = command(reader).args(flags).arg(&path).output().unwrap();
         let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
         assert!(done.status.success(), "{name}: {stderr}");
-        match said.is_empty() {
-            true => assert_eq!(stderr, "", "{name}"),
-            false => assert_eq!(stderr.matches(said).count(), 1, "{name}: {stderr}"),
+        if said.is_empty() {
+            assert_eq!(stderr, "", "{name}")
+        } else {
+            assert_eq!(stderr.matches(said).count(), 1, "{name}: {stderr}")
         }
         let table = Numbers::read(&String::from_utf8_lossy(&done.stdout));
         same(&table, &truth, name);

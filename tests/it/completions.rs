@@ -31,13 +31,12 @@ fn shell(name: &str, script: &str) -> Option<String> {
     std::fs::write(folder.path().join("script"), script).unwrap();
     let path = format!("{}:{}", bin().display(), std::env::var("PATH").unwrap());
     // A shell that waits for ever is ended, where there is the means.
-    let mut command = match cfg!(target_os = "linux") {
-        true => {
-            let mut command = Command::new("timeout");
-            command.args(["120", name]);
-            command
-        }
-        false => Command::new(name),
+    let mut command = if cfg!(target_os = "linux") {
+        let mut command = Command::new("timeout");
+        command.args(["120", name]);
+        command
+    } else {
+        Command::new(name)
     };
     if name == "zsh" {
         command.arg("-f");

@@ -55,10 +55,7 @@ proptest! {
         let mut text = String::from("a.x,note,a.y,a.z\n");
         for (i, xyz) in cells.chunks_exact(3).enumerate() {
             let word = &words[i % words.len()];
-            let word = match word.contains([',', '"']) {
-                true => format!("\"{}\"", word.replace('"', "\"\"")),
-                false => word.clone(),
-            };
+            let word = if word.contains([',', '"']) { format!("\"{}\"", word.replace('"', "\"\"")) } else { word.clone() };
             text += &format!("{},{word},{},{}\n", xyz[0], xyz[1], xyz[2]);
         }
         for args in [&["--dense", "0"][..], &["--keep", "a"], &["--sparse", "1", "--share", "0"]] {

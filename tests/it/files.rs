@@ -23,9 +23,12 @@ fn walk(from: usize, hidden: std::ops::Range<usize>) -> Option<String> {
         .enumerate()
         .map(|(t, row)| {
             let cells = row.split(',').enumerate();
-            let shown = |(c, cell): (usize, &str)| match hidden.contains(&t) && foot.contains(&c) {
-                true => String::new(),
-                false => cell.to_string(),
+            let shown = |(c, cell): (usize, &str)| {
+                if hidden.contains(&t) && foot.contains(&c) {
+                    String::new()
+                } else {
+                    cell.to_string()
+                }
             };
             cells.map(shown).collect::<Vec<_>>().join(",") + "\n"
         });

@@ -73,9 +73,12 @@ fn labels_are_put_back_in_every_frame_that_repeats_the_one_before() {
     let (from, to) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
     // Every frame twice, and one of twelve dropped, the one before in its place.
     for (is_doubled, frames, exchanged) in [(true, 600, "200 to 279"), (false, 300, "100 to 139")] {
-        let shown = |t: usize| match is_doubled {
-            true => t / 2,
-            false => t - usize::from(t % 12 == 5),
+        let shown = |t: usize| {
+            if is_doubled {
+                t / 2
+            } else {
+                t - usize::from(t % 12 == 5)
+            }
         };
         let held = |is_wrong: bool| {
             let table = table(is_wrong);

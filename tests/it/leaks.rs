@@ -107,9 +107,10 @@ fn copies_and_mirror_images_of_takes_are_found_and_kept_together() {
                     _ => name.to_string(),
                 };
                 let from = names.iter().position(|n| *n == other).unwrap_or(i);
-                match name.ends_with(".x") {
-                    true => format!("{}", -cells[from].parse::<f64>().unwrap()),
-                    false => cells[from].to_string(),
+                if name.ends_with(".x") {
+                    format!("{}", -cells[from].parse::<f64>().unwrap())
+                } else {
+                    cells[from].to_string()
                 }
             }
         });

@@ -165,9 +165,12 @@ fn a_limit_of_memory_gives_a_result_or_an_error() {
     let rows: String = (0..200)
         .map(|t| {
             let gap = (80..90).contains(&t);
-            let of = |p: i32| match gap && p == 2 {
-                true => ",,,".to_string(),
-                false => format!(",{},{},{}", 3 * p + t, 4 * p * p, (7 * p) % 5 + t / 3),
+            let of = |p: i32| {
+                if gap && p == 2 {
+                    ",,,".to_string()
+                } else {
+                    format!(",{},{},{}", 3 * p + t, 4 * p * p, (7 * p) % 5 + t / 3)
+                }
             };
             format!(
                 "{:.4}{}\n",

@@ -47,8 +47,8 @@ fn c3d(path: &Path) -> (Numbers, bool) {
     let said = String::from_utf8_lossy(&bare.stderr).into_owned();
     let asks = !bare.status.success();
     assert!(!asks || said.contains("give it with --u"), "{said}");
-    let out = match asks {
-        true => run(
+    let out = if asks {
+        run(
             "c3d2xyz",
             &[
                 "-q",
@@ -60,8 +60,9 @@ fn c3d(path: &Path) -> (Numbers, bool) {
                 text(path),
             ],
             "",
-        ),
-        false => String::from_utf8(bare.stdout).unwrap(),
+        )
+    } else {
+        String::from_utf8(bare.stdout).unwrap()
     };
     (Numbers::read(&out), asks)
 }

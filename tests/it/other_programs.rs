@@ -102,9 +102,12 @@ fn clean_fills_each_in_its_own_format() {
     let points = 6;
     let cells = |t: usize, separator: &str| {
         let is_gap = (20..24).contains(&t);
-        let cell = |(i, v): (usize, f64)| match is_gap && (3..6).contains(&i) {
-            true => String::new(),
-            false => format!("{v:.2}"),
+        let cell = |(i, v): (usize, f64)| {
+            if is_gap && (3..6).contains(&i) {
+                String::new()
+            } else {
+                format!("{v:.2}")
+            }
         };
         let cells: Vec<String> = moving(t, points)
             .into_iter()

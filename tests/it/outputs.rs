@@ -217,9 +217,10 @@ fn a_result_replaces_no_input_by_any_name() {
     assert_eq!(fs::read_to_string(&t).unwrap(), table);
     // What is no input is replaced as before, and streams are no files.
     for sound in ["new.csv", "new.csv", "u.csv", "/dev/null"] {
-        let to = match sound.starts_with('/') {
-            true => sound.to_string(),
-            false => at(sound),
+        let to = if sound.starts_with('/') {
+            sound.to_string()
+        } else {
+            at(sound)
         };
         run("trim", &["-q", &t, "-o", &to], "");
     }

@@ -64,9 +64,10 @@ const KEPT: &[&str] = &["learnt_from", "unlabelled"];
 fn files(folder: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        match path.is_dir() {
-            true => files(&path, out),
-            false => out.push(path),
+        if path.is_dir() {
+            files(&path, out)
+        } else {
+            out.push(path)
         }
     }
 }

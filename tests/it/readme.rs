@@ -154,12 +154,13 @@ fn script(recipe: &str) -> String {
         return lines.collect::<Vec<_>>().join("\n");
     }
     let finds = recipe.contains("posing clean") || recipe.contains("posing audit");
-    let recipe = match finds {
-        true => recipe
+    let recipe = if finds {
+        recipe
             .lines()
             .map(|line| format!("{line} || [ $? = 3 ]\n"))
-            .collect(),
-        false => recipe.to_string(),
+            .collect()
+    } else {
+        recipe.to_string()
     };
     let smaller = SMALLER.iter();
     let recipe = smaller.fold(recipe, |text, (long, short)| text.replace(long, short));

@@ -128,9 +128,12 @@ fn frames_in_place_of_dropped_ones_are_only_told() {
             .iter()
             .position(|line| line.starts_with("Frame Time"))
             .unwrap();
-        let line = |n: usize| match n > first && (n - first) % every == 3 {
-            true => format!("{}\n", lines[n - 1]),
-            false => format!("{}\n", lines[n]),
+        let line = |n: usize| {
+            if n > first && (n - first) % every == 3 {
+                format!("{}\n", lines[n - 1])
+            } else {
+                format!("{}\n", lines[n])
+            }
         };
         let motion: String = (0..lines.len()).map(line).collect();
         fs::write(&rotations, &motion).unwrap();

@@ -462,12 +462,13 @@ fn with_gaps(
     let mut out = format!("{head}{}", lines.next().unwrap());
     for (t, line) in lines.enumerate() {
         let cells = line.trim_end().split(' ').enumerate();
-        let cells = cells.map(
-            |(c, cell)| match frames.contains(&t) && channels.contains(&c) {
-                true => "nan",
-                false => cell,
-            },
-        );
+        let cells = cells.map(|(c, cell)| {
+            if frames.contains(&t) && channels.contains(&c) {
+                "nan"
+            } else {
+                cell
+            }
+        });
         out += &(cells.collect::<Vec<_>>().join(" ") + "\n");
     }
     out

@@ -90,9 +90,10 @@ pub fn animate(
         last = Some((fit.state.clone(), fit.left_out.len(), usual));
         fits.push(Some(fit));
     }
-    match fits.iter().any(Option::is_some) {
-        true => Ok(Animation { shape, fits }),
-        false => Err("no frame has four of the body's points or more".into()),
+    if fits.iter().any(Option::is_some) {
+        Ok(Animation { shape, fits })
+    } else {
+        Err("no frame has four of the body's points or more".into())
     }
 }
 

@@ -131,9 +131,12 @@ mod tests {
         let template = column(12);
         let bend = from_rotation_vector(DVec3::new(0.0, 0.0, 0.6));
         let bent: Vec<DVec3> = (template.vertices.iter())
-            .map(|v| match v.y > 5.5 {
-                true => bend * (*v - DVec3::new(0.0, 5.5, 0.0)) + DVec3::new(0.0, 5.5, 0.0),
-                false => *v,
+            .map(|v| {
+                if v.y > 5.5 {
+                    bend * (*v - DVec3::new(0.0, 5.5, 0.0)) + DVec3::new(0.0, 5.5, 0.0)
+                } else {
+                    *v
+                }
             })
             .collect();
         let decomposer = Decomposer::new(&template, 1e-6).unwrap();

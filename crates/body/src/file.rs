@@ -137,9 +137,10 @@ impl BodyModel {
             errors: errors(model),
             template,
         };
-        match is_sound(&body, model.meta.points.len()) {
-            true => Ok(body),
-            false => Err(damaged()),
+        if is_sound(&body, model.meta.points.len()) {
+            Ok(body)
+        } else {
+            Err(damaged())
         }
     }
 }

@@ -11,9 +11,10 @@ pub fn joint_markers(template: &Template, joints: &[(usize, String)]) -> Vec<Mar
     let is_second = |k: usize| joints[..k].iter().any(|(part, _)| *part == joints[k].0);
     let marker = |k: usize| {
         let part = joints[k].0;
-        let vertices = match is_second(k) {
-            true => vec![(far_end(template, part), 1.0)],
-            false => mean_of(start(template, part)),
+        let vertices = if is_second(k) {
+            vec![(far_end(template, part), 1.0)]
+        } else {
+            mean_of(start(template, part))
         };
         Marker {
             vertices,

@@ -247,9 +247,12 @@ mod tests {
             let turn = from_rotation_vector(DVec3::new(0.0, 0.0, by));
             let pivot = DVec3::new(0.0, 6.5, 0.0);
             (template.vertices.iter())
-                .map(|v| match v.y > 6.5 {
-                    true => pivot + turn * (*v - pivot),
-                    false => *v,
+                .map(|v| {
+                    if v.y > 6.5 {
+                        pivot + turn * (*v - pivot)
+                    } else {
+                        *v
+                    }
                 })
                 .collect()
         };

@@ -247,9 +247,12 @@ fn learn_group(
 ) -> Option<Array2<f64>> {
     let own = numbers[0].first().map_or(0, Vec::len);
     let width = own * joints.len() + 1;
-    let inputs = Array2::from_shape_fn((poses.len(), width), |(i, c)| match c + 1 == width {
-        true => 1.0,
-        false => numbers[i][joints[c / own]][c % own],
+    let inputs = Array2::from_shape_fn((poses.len(), width), |(i, c)| {
+        if c + 1 == width {
+            1.0
+        } else {
+            numbers[i][joints[c / own]][c % own]
+        }
     });
     let outputs = Array2::from_shape_fn((poses.len(), 9 * faces.len()), |(i, c)| {
         poses[i].1[faces[c / 9]].to_cols_array()[c % 9]

@@ -110,9 +110,10 @@ mod tests {
             let moved = |h: f64| {
                 let mut shape = shape.clone();
                 let mut unit = [0.0; 6];
-                match column < 6 {
-                    true => unit[column] = h,
-                    false => shape[column - 6] += h,
+                if column < 6 {
+                    unit[column] = h
+                } else {
+                    shape[column - 6] += h
                 }
                 at(&|p| DVec3::from_slice(&unit[3 * p..3 * p + 3]), &shape)
             };

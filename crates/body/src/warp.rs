@@ -123,9 +123,10 @@ fn smoothing(moves: &[(DVec3, DVec3)]) -> f64 {
     let (middle, mean) = (sum(&|d, _| d) / count, sum(&|_, v| v) / count);
     let slope = sum(&|d, v| (d - middle) * (v - mean)) / sum(&|d, _| (d - middle).powi(2));
     let start = mean - slope * middle;
-    let (noise, growth) = match slope > 0.0 {
-        true => (start.max(0.0), slope),
-        false => (mean, 0.0),
+    let (noise, growth) = if slope > 0.0 {
+        (start.max(0.0), slope)
+    } else {
+        (mean, 0.0)
     };
     // Where nothing but noise is seen, the warp is all but stiff.
     let least = noise / (100.0 * NEAR);

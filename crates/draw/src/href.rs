@@ -32,9 +32,10 @@ pub fn relative(folder: &Path, to: &Path) -> String {
 
 /// The path of a folder without links, where it exists.
 fn absolute(folder: &Path) -> PathBuf {
-    let folder = match folder.as_os_str().is_empty() {
-        true => Path::new("."),
-        false => folder,
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
     };
     folder.canonicalize().unwrap_or(folder.to_path_buf())
 }
@@ -43,12 +44,11 @@ fn absolute(folder: &Path) -> PathBuf {
 pub fn encoded(text: &str) -> String {
     let mut out = String::new();
     for byte in text.bytes() {
-        match byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte) {
-            true => out.push(byte as char),
-            false => {
-                // Writing to memory cannot fail.
-                let _ = write!(out, "%{byte:02X}");
-            }
+        if byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte) {
+            out.push(byte as char)
+        } else {
+            // Writing to memory cannot fail.
+            let _ = write!(out, "%{byte:02X}");
         }
     }
     out

@@ -108,9 +108,10 @@ impl MeshFiles<'_> {
             }
         }
         if let (Some(first), Some(last)) = (single.first(), single.last()) {
-            let sets = match self.one_topology {
-                true => vec![MeshSet::open(&single)?],
-                false => single.chunks(1).map(MeshSet::open).collect::<Result<_>>()?,
+            let sets = if self.one_topology {
+                vec![MeshSet::open(&single)?]
+            } else {
+                single.chunks(1).map(MeshSet::open).collect::<Result<_>>()?
             };
             let (first, last) = (name_of(first), name_of(last));
             sequences.push(Sequence {

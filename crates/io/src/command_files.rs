@@ -66,9 +66,10 @@ impl CommandFiles {
     /// # Errors
     /// [`Error::Usage`]: it is a file that is written.
     pub fn read(&mut self, called: impl Into<String>, path: &Path) -> Result<()> {
-        let path = match path == Path::new("-") {
-            true => Path::new("/dev/stdin"),
-            false => path,
+        let path = if path == Path::new("-") {
+            Path::new("/dev/stdin")
+        } else {
+            path
         };
         let Some(id) = FileId::of(path) else {
             return Ok(());

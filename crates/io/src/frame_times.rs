@@ -148,9 +148,10 @@ impl TimeCells {
         let count = first * rate - from as f64;
         // The first frame's time counts frames, where its rounding allows that.
         let whole = count.round();
-        let start = match (whole - count).abs() <= 0.51 * last_digit * rate {
-            true => whole,
-            false => count,
+        let start = if (whole - count).abs() <= 0.51 * last_digit * rate {
+            whole
+        } else {
+            count
         };
         let time = |frame: usize| (start + frame as f64) / rate;
         let agrees = |(frame, t): &(usize, f64)| (time(*frame) - t).abs() <= 1.01 * last_digit;

@@ -192,9 +192,10 @@ impl MarkerRows {
         let (points, xyz, kept) =
             named_points(self.dense(width), &stated.labels, &mut stated.notes);
         let first = self.first + u64::from(stated.from_zero);
-        let own = match stated.has_times {
-            true => self.times.times(xyz.nrows(), first, stated.rate),
-            false => FrameTimes::default(),
+        let own = if stated.has_times {
+            self.times.times(xyz.nrows(), first, stated.rate)
+        } else {
+            FrameTimes::default()
         };
         stated.notes.extend(own.note);
         Ok(MarkerTake {
@@ -291,9 +292,10 @@ fn named_points(
     }
     let columns: Vec<usize> = kept.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
     let chosen = (xyz.nrows(), columns.len());
-    let xyz = match kept.len() == points {
-        true => xyz,
-        false => Array2::from_shape_fn(chosen, |(t, c)| xyz[[t, columns[c]]]),
+    let xyz = if kept.len() == points {
+        xyz
+    } else {
+        Array2::from_shape_fn(chosen, |(t, c)| xyz[[t, columns[c]]])
     };
     (names, xyz, kept)
 }
@@ -309,9 +311,10 @@ fn frame_number(text: &str) -> Result<u64> {
 /// A coordinate; NaN where it is missing.
 fn coordinate(cell: &str) -> Result<f64> {
     let cell = cell.trim();
-    match is_missing(cell) {
-        true => Ok(f64::NAN),
-        false => parse_number(cell),
+    if is_missing(cell) {
+        Ok(f64::NAN)
+    } else {
+        parse_number(cell)
     }
 }
 

@@ -241,11 +241,12 @@ impl MarkerTake {
     #[doc(hidden)]
     pub fn carried_rows(&self) -> CarriedRows<'_> {
         let mut row = 0..self.carried.rows.len();
-        let rows = match self.points.is_empty() {
-            true => row.map(Some).collect(),
-            false => (self.cells.lines.iter())
+        let rows = if self.points.is_empty() {
+            row.map(Some).collect()
+        } else {
+            (self.cells.lines.iter())
                 .map(|line| line.and_then(|_| row.next()))
-                .collect(),
+                .collect()
         };
         CarriedRows {
             columns: &self.carried,

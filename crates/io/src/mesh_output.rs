@@ -82,13 +82,14 @@ impl MeshOutput {
         std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
         let files = std::fs::read_dir(path).map_err(|e| Error::io(path, e))?;
         let is_mesh = |e: &std::fs::DirEntry| MeshFormat::of(e.path()).is_ok();
-        match files.flatten().any(|e| is_mesh(&e)) {
-            true => Err(Error::usage(format!(
+        if files.flatten().any(|e| is_mesh(&e)) {
+            Err(Error::usage(format!(
                 "{}: holds meshes already, and old and new ones would be mixed; name another \
-                 folder, or empty it",
+             folder, or empty it",
                 path.display()
-            ))),
-            false => Ok(()),
+            )))
+        } else {
+            Ok(())
         }
     }
 

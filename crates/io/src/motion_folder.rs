@@ -44,9 +44,10 @@ impl MotionFolder {
             let entries = match std::fs::read_dir(&next) {
                 Ok(entries) => entries,
                 Err(e) => {
-                    let name = match next == folder {
-                        true => next.clone(),
-                        false => within(&next),
+                    let name = if next == folder {
+                        next.clone()
+                    } else {
+                        within(&next)
                     };
                     let error = Error::io(&next, e);
                     out.unreadable.push((next, name, error));

@@ -37,9 +37,10 @@ impl NewTake {
     /// [`crate::Error::Usage`]: no points or frames, or more than the format counts.
     pub fn c3d(&self) -> Result<Vec<u8>> {
         let name = self.units.up.name().to_uppercase();
-        let up = match name.starts_with('-') {
-            true => name,
-            false => format!("+{name}"),
+        let up = if name.starts_with('-') {
+            name
+        } else {
+            format!("+{name}")
         };
         let right = match self.units.up {
             UpAxis::X | UpAxis::MinusX => "+Y",

@@ -62,9 +62,10 @@ impl Zipped<'_> {
                 header,
             });
         }
-        match out.is_empty() {
-            true => Err(bad("is a ZIP archive without arrays: unpack it first")),
-            false => Ok(out),
+        if out.is_empty() {
+            Err(bad("is a ZIP archive without arrays: unpack it first"))
+        } else {
+            Ok(out)
         }
     }
 
@@ -76,9 +77,10 @@ impl Zipped<'_> {
         let mut content = Vec::new();
         let read = entry.take(most + 1).read_to_end(&mut content);
         read.map_err(|e| self.fail(&e.to_string()))?;
-        match content.len() as u64 > most {
-            true => Err(self.fail("unpacks to far more than its size")),
-            false => Ok(content),
+        if content.len() as u64 > most {
+            Err(self.fail("unpacks to far more than its size"))
+        } else {
+            Ok(content)
         }
     }
 
@@ -126,11 +128,12 @@ pub(super) fn texts(descr: &str, bytes: &[u8]) -> Vec<String> {
         return Vec::new();
     };
     let text = |bytes: &[u8]| -> String {
-        let text: String = match descr.starts_with("<U") {
-            true => (bytes.as_chunks::<4>().0.iter())
+        let text: String = if descr.starts_with("<U") {
+            (bytes.as_chunks::<4>().0.iter())
                 .filter_map(|b| char::from_u32(u32::from_le_bytes(*b)))
-                .collect(),
-            false => String::from_utf8_lossy(bytes).into_owned(),
+                .collect()
+        } else {
+            String::from_utf8_lossy(bytes).into_owned()
         };
         text.trim_end_matches('\0').to_string()
     };

@@ -332,15 +332,14 @@ fn choose(entries: &[Entry]) -> Result<&Entry> {
 fn without_positions(entries: &[Entry]) -> String {
     let has = |name: &str| entries.iter().any(|e| e.name == name);
     let arrays = listed(entries.iter());
-    match has("poses") || has("body_pose") || has("pose_body") || has("smpl_poses") {
-        true => format!(
+    if has("poses") || has("body_pose") || has("pose_body") || has("smpl_poses") {
+        format!(
             "holds parameters of a SMPL body and no positions ({arrays}): a body model (smplx in \
-             Python) turns them into joints; save these with numpy.save and read them with the \
-             option `joints` smpl"
-        ),
-        false => format!(
-            "holds no array of positions (frames, points, 3) of <f4 or <f8; it has {arrays}"
-        ),
+         Python) turns them into joints; save these with numpy.save and read them with the \
+         option `joints` smpl"
+        )
+    } else {
+        format!("holds no array of positions (frames, points, 3) of <f4 or <f8; it has {arrays}")
     }
 }
 
@@ -363,9 +362,10 @@ mod tests {
     /// An archive of arrays: name, type, shape, bytes.
     fn archive(arrays: &[(&str, &str, &[usize], Vec<u8>)], is_packed: bool) -> Vec<u8> {
         let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-        let method = match is_packed {
-            true => zip::CompressionMethod::Deflated,
-            false => zip::CompressionMethod::Stored,
+        let method = if is_packed {
+            zip::CompressionMethod::Deflated
+        } else {
+            zip::CompressionMethod::Stored
         };
         for (name, descr, shape, bytes) in arrays {
             let options = SimpleFileOptions::default().compression_method(method);

@@ -163,9 +163,12 @@ impl Header {
     fn notes(&self, rows: usize) -> Vec<String> {
         let more = self.rows.filter(|n| *n < rows);
         let more = more.map(|n| format!("announces {n} rows but has {rows}"));
-        let angles = self.in_degrees.map(|is| match is {
-            true => "its angles are in degrees".to_string(),
-            false => "its angles are in radians".to_string(),
+        let angles = self.in_degrees.map(|is| {
+            if is {
+                "its angles are in degrees".to_string()
+            } else {
+                "its angles are in radians".to_string()
+            }
         });
         more.into_iter().chain(angles).collect()
     }
@@ -188,9 +191,10 @@ fn cells(line: &str, expected: Option<usize>) -> Vec<&str> {
         Some(count) => by_tabs.len() == count,
         None => by_tabs.len() > 1,
     };
-    match is_of_tabs {
-        true => by_tabs,
-        false => line.split_whitespace().collect(),
+    if is_of_tabs {
+        by_tabs
+    } else {
+        line.split_whitespace().collect()
     }
 }
 

@@ -202,9 +202,10 @@ pub(crate) fn points_of(columns: &[String]) -> Option<Vec<String>> {
         let is_one = x.key() == y.key() && y.key() == z.key();
         (is_one && [x.axis, y.axis, z.axis] == [0, 1, 2]).then(|| x.name.to_string())
     };
-    match rest.is_empty() {
-        true => points.iter().map(point).collect(),
-        false => None,
+    if rest.is_empty() {
+        points.iter().map(point).collect()
+    } else {
+        None
     }
 }
 

@@ -86,9 +86,10 @@ impl Cells {
             let is_word = is_word && !digits.eq_ignore_ascii_case("nan");
             is_word || is_whole && (is_padded || digits.len() > DIGITS)
         };
-        match self.texts.iter().any(is_name) {
-            true => None,
-            false => self.numbers(),
+        if self.texts.iter().any(is_name) {
+            None
+        } else {
+            self.numbers()
         }
     }
 
@@ -265,9 +266,10 @@ fn free_name(column: &str, arrays: &[NpzArray]) -> String {
 fn values(columns: &[Option<&Cells>], frames: usize, is_text: bool) -> NpzValues {
     let missing = || vec![f64::NAN; frames];
     let numbers = |c: &Option<&Cells>| c.map_or_else(|| Some(missing()), Cells::quantities);
-    let all: Option<Vec<Vec<f64>>> = match is_text {
-        true => None,
-        false => columns.iter().map(numbers).collect(),
+    let all: Option<Vec<Vec<f64>>> = if is_text {
+        None
+    } else {
+        columns.iter().map(numbers).collect()
     };
     match all {
         Some(all) => NpzValues::Doubles(
@@ -312,9 +314,10 @@ impl Values {
             Values::Texts(texts) => texts.len(),
         };
         let wanted = shape.iter().fold(1, |n: u64, axis| n.saturating_mul(*axis));
-        match count as u64 == wanted {
-            true => Ok(Some(values)),
-            false => Err(zipped.fail(&format!("{} has not as many values as it says", entry.name))),
+        if count as u64 == wanted {
+            Ok(Some(values))
+        } else {
+            Err(zipped.fail(&format!("{} has not as many values as it says", entry.name)))
         }
     }
 

@@ -14,9 +14,10 @@ const DOS_END: u8 = 0x1a;
 /// [`MAX_LINE_BYTES`].
 pub(crate) fn line_end(text: &[u8]) -> u8 {
     let start = &text[..text.len().min(MAX_LINE_BYTES + 1)];
-    match !start.contains(&b'\n') && start.contains(&b'\r') {
-        true => b'\r',
-        false => b'\n',
+    if !start.contains(&b'\n') && start.contains(&b'\r') {
+        b'\r'
+    } else {
+        b'\n'
     }
 }
 

@@ -256,15 +256,16 @@ fn unsure_line(unsure: &Unsure, names: &[String]) -> String {
     let all: Vec<&str> = unsure.labels.iter().map(|l| names[*l].as_str()).collect();
     let frames: Vec<String> = unsure.frames.iter().map(frames).collect();
     let (all, frames) = (all.join(" and "), frames.join(", "));
-    match unsure.is_part {
-        true => format!(
+    if unsure.is_part {
+        format!(
             "{all} changed places, perhaps in {frames} too: the distances do not say, so nothing \
-             moves there"
-        ),
-        false => format!(
+         moves there"
+        )
+    } else {
+        format!(
             "{all} changed places in {frames}, or in all others: nothing says which, so nothing \
-             moves"
-        ),
+         moves"
+        )
     }
 }
 

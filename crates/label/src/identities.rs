@@ -309,9 +309,12 @@ impl Course<'_> {
             let places: Vec<DVec3> = (labels.iter())
                 .map(|l| point_at(self.places, t, *l))
                 .collect();
-            let at = |(k, s): (usize, usize)| match places[s].is_finite() {
-                true => evidence.at(labels[k], places[s], t, self.places, labels),
-                false => Some(0.0),
+            let at = |(k, s): (usize, usize)| {
+                if places[s].is_finite() {
+                    evidence.at(labels[k], places[s], t, self.places, labels)
+                } else {
+                    Some(0.0)
+                }
             };
             let all = (0..count * count).map(|n| at((n / count, n % count)));
             let Some(all) = all.collect::<Option<Vec<f64>>>() else {
@@ -358,9 +361,12 @@ fn likeliest(
         false if is_closed => -CLEAR,
         false => 0.0,
     };
-    let own = |c: usize, s: usize| match c == first && s > 0 {
-        true => f64::NEG_INFINITY,
-        false => gains[c][s],
+    let own = |c: usize, s: usize| {
+        if c == first && s > 0 {
+            f64::NEG_INFINITY
+        } else {
+            gains[c][s]
+        }
     };
     let most = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::NEG_INFINITY, f64::max);
     // The best way to each state, and on from it.

@@ -205,9 +205,10 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         // Each fits better: else one of them is set elsewhere on the other side, or is not there.
         let better = [of_label(a, b), of_label(b, a)].into_iter().flatten();
         let better: Vec<f64> = better.collect();
-        match all.contains(&None) || better.iter().any(|gain| *gain <= 0.0) {
-            true => 0.0,
-            false => better.iter().sum(),
+        if all.contains(&None) || better.iter().any(|gain| *gain <= 0.0) {
+            0.0
+        } else {
+            better.iter().sum()
         }
     }
 }

@@ -41,9 +41,10 @@ pub fn stretches(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> 
             let all = seen_ranges(xyz, point, runs);
             let candidates = all.iter().flat_map(|seen| track.candidates(seen, longest));
             let candidates: Vec<Stretch> = candidates.collect();
-            match candidates.is_empty() {
-                true => candidates,
-                false => track.denied(candidates),
+            if candidates.is_empty() {
+                candidates
+            } else {
+                track.denied(candidates)
             }
         };
         points.flat_map(of_point).collect::<Vec<_>>()

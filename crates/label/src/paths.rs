@@ -182,9 +182,10 @@ impl<'a> Paths<'a> {
             .enumerate()
             .filter(|(_, path)| !path.stands)
         {
-            match path.named.is_empty() && path.label.is_none() {
-                true => loose.push(n),
-                false => labeled.push(n),
+            if path.named.is_empty() && path.label.is_none() {
+                loose.push(n)
+            } else {
+                labeled.push(n)
             }
         }
         labeled.sort_by_key(|p| (self.paths[*p].frames, *p));

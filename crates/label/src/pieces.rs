@@ -191,9 +191,10 @@ impl Miss {
         };
         let parabola = of(&PARABOLA, squares(&CUBIC) + squares(&QUARTIC), 2.0);
         let line = of(&LINE, squares(&BENT), 1.0);
-        match line.distance < parabola.distance {
-            true => line,
-            false => parabola,
+        if line.distance < parabola.distance {
+            line
+        } else {
+            parabola
         }
     }
 }

@@ -50,13 +50,17 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     let Links { mut links, ends } = Links::new(take.xyz, &pieces, take.labels, take.rate);
     let found = exchanges(&pieces, &mut links, take.labels);
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
-    let sides = match found.is_empty() {
-        true => Sides::default(),
-        false => take.sides(&found, named, &pieces),
+    let sides = if found.is_empty() {
+        Sides::default()
+    } else {
+        take.sides(&found, named, &pieces)
     };
-    let identity = |piece: &Piece| match piece.track < take.labels {
-        true => Some(point_in(piece.track, piece.frames.start, &sides.exchanged)),
-        false => None,
+    let identity = |piece: &Piece| {
+        if piece.track < take.labels {
+            Some(point_in(piece.track, piece.frames.start, &sides.exchanged))
+        } else {
+            None
+        }
     };
     let identities: Vec<Option<usize>> = pieces.iter().map(identity).collect();
     let mut paths = Paths::new(take, pieces, ends, identities);

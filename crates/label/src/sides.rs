@@ -174,9 +174,10 @@ impl LabeledTake<'_> {
         let like =
             |frames: &[Range<usize>]| (self.like).cost(self.person, names, places, labels, frames);
         // Another person's take says nothing against most frames.
-        let among = match self.like.are_same_person() {
-            true => groups.iter().collect(),
-            false => long.clone(),
+        let among = if self.like.are_same_person() {
+            groups.iter().collect()
+        } else {
+            long.clone()
         };
         if let Some(state) = clearest(&among, &like) {
             // Nor does one take against most frames or the sides of the body.

@@ -68,9 +68,10 @@ impl Template {
             labels: names.iter().map(|n| own_name(n).to_string()).collect(),
             distances: Distances::measure(places),
             hand: Hand::learn(places),
-            unlike: match is_same_person {
-                true => SAME_PERSON,
-                false => OTHER_PERSON,
+            unlike: if is_same_person {
+                SAME_PERSON
+            } else {
+                OTHER_PERSON
             },
             is_same_person,
         }
@@ -94,9 +95,12 @@ impl Template {
         }
         let has_sides = known.iter().any(|l| mirrored[*l] != *l);
         let other_hand = has_sides && self.hand.is_other(&here, take.places) == Some(true);
-        let of = |k: usize| match other_hand {
-            true => mirrored[both[k][0]],
-            false => both[k][0],
+        let of = |k: usize| {
+            if other_hand {
+                mirrored[both[k][0]]
+            } else {
+                both[k][0]
+            }
         };
         let tracks: Vec<usize> = (0..both.len()).map(of).collect();
         let own = |a: usize, b: usize| take.distances.between(tracks[a], tracks[b]);
@@ -212,9 +216,10 @@ impl Template {
         let steady = pairs.iter().filter(|both| both.iter().all(is_steady));
         let ratios = steady.map(|[own, there]| own.median / there.median);
         Beside {
-            size: match self.is_same_person {
-                true => 1.0,
-                false => median(ratios.collect()).unwrap_or(1.0),
+            size: if self.is_same_person {
+                1.0
+            } else {
+                median(ratios.collect()).unwrap_or(1.0)
             },
             unlike: self.unlike,
             spreads,

@@ -117,9 +117,12 @@ impl Templates {
     pub fn digest(&self) -> Option<String> {
         let digest = self.digest.clone().finalize();
         let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        (!self.all.is_empty()).then(|| match self.are_same_person {
-            true => format!("same person {hex}"),
-            false => hex,
+        (!self.all.is_empty()).then(|| {
+            if self.are_same_person {
+                format!("same person {hex}")
+            } else {
+                hex
+            }
         })
     }
 

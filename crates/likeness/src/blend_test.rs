@@ -155,9 +155,10 @@ fn feet(blend: &impl BlendedClips, ranges: [&ClipRange; 2], offset: isize) -> f6
     let share = |(k, j): (usize, usize)| {
         let is_low = clip.joint(at, j).y <= ranges[leader].lowest[k] + PLANTED_HEIGHT;
         let is_planted = is_low && speed(&|t| clip.joint(t, j), at) <= PLANTED_SPEED;
-        match is_planted {
-            true => speed(&|k| blend.joint(k, j), offset) / SLIDING,
-            false => 0.0,
+        if is_planted {
+            speed(&|k| blend.joint(k, j), offset) / SLIDING
+        } else {
+            0.0
         }
     };
     FEET.into_iter().enumerate().map(share).fold(0.0, f64::max)

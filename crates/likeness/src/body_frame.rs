@@ -90,9 +90,10 @@ impl BodyFramePoses {
 /// z = 0, x > 0. Where it stands upright, no turn.
 fn without_yaw(across: DVec3) -> impl Fn(DVec3) -> DVec3 {
     let length = across.x.hypot(across.z);
-    let (c, s) = match length > 0.0 {
-        true => (across.x / length, across.z / length),
-        false => (1.0, 0.0),
+    let (c, s) = if length > 0.0 {
+        (across.x / length, across.z / length)
+    } else {
+        (1.0, 0.0)
     };
     move |v| DVec3::new(c * v.x + s * v.z, v.y, c * v.z - s * v.x)
 }

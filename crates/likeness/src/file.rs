@@ -67,15 +67,17 @@ impl PoseMetric {
                 scale: column("scale")?,
             },
             window: window.filter(|w| *w >= 0.0).ok_or_else(damaged)?,
-            projection: match model.get("weights").is_some() {
-                true => Projection::Weights(column("weights")?),
-                false => Projection::Matrix(model.array("projection", source)?.into_owned()),
+            projection: if model.get("weights").is_some() {
+                Projection::Weights(column("weights")?)
+            } else {
+                Projection::Matrix(model.array("projection", source)?.into_owned())
             },
             norm: (text("norm").and_then(Norm::of_name)).ok_or_else(damaged)?,
         };
-        match metric.is_sound() {
-            true => Ok(metric),
-            false => Err(damaged()),
+        if metric.is_sound() {
+            Ok(metric)
+        } else {
+            Err(damaged())
         }
     }
 

@@ -135,9 +135,10 @@ impl PoseIndex {
         for (k, take) in self.takes.iter().enumerate() {
             let chosen: Vec<usize> = (0..take.frames).step_by(every).collect();
             let rows = self.motion(k);
-            parts.push(match is_one {
-                true => self.windows(take, rows, &chosen),
-                false => rows.select(Axis(0), &chosen),
+            parts.push(if is_one {
+                self.windows(take, rows, &chosen)
+            } else {
+                rows.select(Axis(0), &chosen)
             });
             frames.extend(chosen.into_iter().map(|frame| FrameRef { take: k, frame }));
         }
@@ -202,9 +203,10 @@ impl PoseIndex {
             takes,
             vectors,
         };
-        match index.is_sound() {
-            true => Ok(index),
-            false => Err(fail("is a damaged index".into())),
+        if index.is_sound() {
+            Ok(index)
+        } else {
+            Err(fail("is a damaged index".into()))
         }
     }
 

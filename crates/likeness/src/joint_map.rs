@@ -167,13 +167,14 @@ impl JointMap {
                 None => missing.push(format!("\"{name}\" ({joint})")),
             }
         }
-        match missing.is_empty() {
-            true => Ok(found),
-            false => Err(format!(
+        if missing.is_empty() {
+            Ok(found)
+        } else {
+            Err(format!(
                 "has no point {}; say with the option `map` which points the joints are",
                 missing.join(", ")
             )
-            .into()),
+            .into())
         }
     }
 }

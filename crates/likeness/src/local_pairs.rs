@@ -40,9 +40,10 @@ impl Links {
         let around = |label: FrameRef, other: FrameRef| {
             let reach = (reach * rates[label.take]).round() as usize;
             // Within one take the moments stay apart, or each pose would be its own nearest.
-            let reach = match label.take == other.take {
-                true => reach.min(label.frame.abs_diff(other.frame) / 4),
-                false => reach,
+            let reach = if label.take == other.take {
+                reach.min(label.frame.abs_diff(other.frame) / 4)
+            } else {
+                reach
             };
             let last = frames[label.take] - 1;
             Around {

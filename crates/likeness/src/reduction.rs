@@ -143,9 +143,10 @@ pub(super) fn complete_rows(rows: ArrayView2<'_, f32>) -> Array2<f32> {
 /// `most`). Those with a singular value under 1e-10 of the largest are dropped, or under what
 /// double precision tells of the products (d, d).
 fn components(x: ArrayView2<'_, f64>, most: usize, centered: bool) -> Result<Array2<f64>> {
-    let mean = match centered {
-        true => x.mean_axis(Axis(0)).unwrap_or_default(),
-        false => Array1::zeros(x.ncols()),
+    let mean = if centered {
+        x.mean_axis(Axis(0)).unwrap_or_default()
+    } else {
+        Array1::zeros(x.ncols())
     };
     let products = gram((&x - &mean).view());
     let (values, vectors) = symmetric_eigen(&products).ok_or("the poses are not finite")?;

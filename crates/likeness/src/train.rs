@@ -276,9 +276,10 @@ impl Training<'_> {
 
     /// By another learner, from poses as `start` embeds them.
     fn by_pairs(mut self, learner: &dyn PairLearner, start: &PoseMetric) -> Result<Trained> {
-        let others = match learner.weighs_features() || self.settings.unlabeled == 0 {
-            true => &[][..],
-            false => &self.sample,
+        let others = if learner.weighs_features() || self.settings.unlabeled == 0 {
+            &[][..]
+        } else {
+            &self.sample
         };
         let labeled = Labeled::new(self.takes, self.pairs, start, others);
         let x = labeled.vectors.mapv(f64::from);
@@ -304,9 +305,10 @@ impl Training<'_> {
 
     /// A projection, learned among the directions in which poses vary.
     fn projection(mut self, full: &PoseMetric) -> Result<Trained> {
-        let basis = match self.settings.is_reduced {
-            true => reduction::principal(full, self.takes, &self.sample)?,
-            false => reduction::range(full, self.takes, &self.sample)?,
+        let basis = if self.settings.is_reduced {
+            reduction::principal(full, self.takes, &self.sample)?
+        } else {
+            reduction::range(full, self.takes, &self.sample)?
         };
         self.clock.lap("principal components");
         if let Learner::Other(learner) = self.settings.learner {

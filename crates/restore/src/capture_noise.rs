@@ -93,9 +93,10 @@ impl CaptureNoise {
     /// noise: a clean take stays as it is.
     pub(crate) fn of_path(&self, point: usize) -> PathNoise {
         let r = self.sd[point] * self.sd[point];
-        let own = match self.correlation > 0.0 {
-            true => r,
-            false => r * r / (r + MOTION_VARIANCE),
+        let own = if self.correlation > 0.0 {
+            r
+        } else {
+            r * r / (r + MOTION_VARIANCE)
         };
         PathNoise {
             variance: own.max(LEAST_VARIANCE),

@@ -82,9 +82,10 @@ impl Method for Clean {
     ) -> TakeResult {
         let noise = point_noise(take.xyz, take.runs);
         let level = noise.typical().sqrt();
-        let mut out = match level > self.noise_limit && noise.is_noise(take.rate) {
-            true => self.denoise().restore_take(mapping, take, done),
-            false => self.complete().restore_take(mapping, take, done),
+        let mut out = if level > self.noise_limit && noise.is_noise(take.rate) {
+            self.denoise().restore_take(mapping, take, done)
+        } else {
+            self.complete().restore_take(mapping, take, done)
         };
         if out.noise == 0.0 && level > self.noise_limit {
             out.doubtful_noise = Some(level);

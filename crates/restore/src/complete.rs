@@ -133,9 +133,10 @@ fn novelty_of_filled(adapted: &AdaptedPrior<'_>, out: &TakeResult) -> Vec<f64> {
     parallel::map_chunks(poses.nrows(), FRAMES_PER_TASK, |range| {
         let of = |t: usize| {
             let pose = poses.row(t).to_vec();
-            match out.is_any_filled(t) && pose.iter().all(|v| v.is_finite()) {
-                true => estimator.novelty(&pose, &Similarity::IDENTITY),
-                false => f64::NAN,
+            if out.is_any_filled(t) && pose.iter().all(|v| v.is_finite()) {
+                estimator.novelty(&pose, &Similarity::IDENTITY)
+            } else {
+                f64::NAN
             }
         };
         range.map(of).collect::<Vec<_>>()

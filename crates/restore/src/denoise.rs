@@ -159,9 +159,10 @@ fn put_denoised(
                 let variance = OWN_SHARE * e.sd[t * points + p].powi(2) + common;
                 (1.0 - share) * left.sqrt() + share * variance.sqrt()
             });
-            let status = match moved <= UNCHANGED * UNCHANGED {
-                true => Status::Observed,
-                false => Status::Changed,
+            let status = if moved <= UNCHANGED * UNCHANGED {
+                Status::Observed
+            } else {
+                Status::Changed
             };
             out.set(t, p, status, sd);
         }
@@ -216,9 +217,10 @@ impl Denoise {
         mapping: Option<&PointMapping<'_>>,
         take: &Take<'_>,
     ) -> (Outliers, SmoothedTake) {
-        let (mut outliers, adapted) = match self.outliers {
-            true => find_outliers(mapping, take, self.noise),
-            false => (Outliers::none(take.xyz.nrows()), None),
+        let (mut outliers, adapted) = if self.outliers {
+            find_outliers(mapping, take, self.noise)
+        } else {
+            (Outliers::none(take.xyz.nrows()), None)
         };
         let smooth = |outliers: &Outliers| {
             let seen = outliers.removed_from(take.xyz);

@@ -39,9 +39,10 @@ impl ModelEstimates {
         // Lengths measured through noise are all too long: keeping them would do more harm than
         // good.
         let keeps_lengths = adapted.is_own_body() || smoothed.noise_left() <= MEASURES_LENGTHS;
-        let estimator = match keeps_lengths {
-            true => adapted.rigid_estimator(),
-            false => adapted.estimator(),
+        let estimator = if keeps_lengths {
+            adapted.rigid_estimator()
+        } else {
+            adapted.estimator()
         };
         let knots = Knots::new(seen.nrows(), take.runs, take.rate);
         let found = parallel::map_chunks(knots.frames.len(), FRAMES_PER_TASK, |range| {

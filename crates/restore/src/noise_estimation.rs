@@ -30,9 +30,12 @@ pub(crate) fn rounded(sd: f64) -> f64 {
 /// Noise variances (3 J, cm²) of coordinates measured with standard deviation `sd` (cm; 0: exact);
 /// infinite where a coordinate is missing or its point `hidden`.
 pub(crate) fn variances(y: &[f64], sd: f64, hidden: &[usize]) -> Vec<f64> {
-    let variance = |(i, v): (usize, &f64)| match v.is_finite() && !hidden.contains(&(i / 3)) {
-        true => (sd * sd).max(EXACT_VARIANCE),
-        false => f64::INFINITY,
+    let variance = |(i, v): (usize, &f64)| {
+        if v.is_finite() && !hidden.contains(&(i / 3)) {
+            (sd * sd).max(EXACT_VARIANCE)
+        } else {
+            f64::INFINITY
+        }
     };
     y.iter().enumerate().map(variance).collect()
 }

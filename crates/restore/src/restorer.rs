@@ -423,13 +423,13 @@ struct Labeled<'t> {
 impl<'t> Labeled<'t> {
     /// Some points of a table, at the places that they have in `poses`.
     fn of(table: &'t Table, poses: &'t Poses, points: &[usize]) -> Labeled<'t> {
-        let sd = table
-            .sd
-            .as_ref()
-            .map(|sd| match points.len() == sd.ncols() {
-                true => CowArray::from(sd),
-                false => CowArray::from(sd.select(Axis(1), points)),
-            });
+        let sd = table.sd.as_ref().map(|sd| {
+            if points.len() == sd.ncols() {
+                CowArray::from(sd)
+            } else {
+                CowArray::from(sd.select(Axis(1), points))
+            }
+        });
         Labeled {
             poses: labeled_poses(poses, points),
             points: points.to_vec(),

@@ -277,9 +277,12 @@ mod tests {
     }
 
     fn only(points: &[usize]) -> Vec<f64> {
-        let noise = (0..18).map(|c| match points.contains(&(c / 3)) {
-            true => 0.0,
-            false => f64::INFINITY,
+        let noise = (0..18).map(|c| {
+            if points.contains(&(c / 3)) {
+                0.0
+            } else {
+                f64::INFINITY
+            }
         });
         noise.collect()
     }

@@ -94,9 +94,10 @@ impl ErrorBreakdown {
                 close(gap, &mut bins, last_rate);
             }
         }
-        let limits = match last_rate.is_some() {
-            true => GAP_SECONDS,
-            false => GAP_FRAMES.map(|f| f as f64),
+        let limits = if last_rate.is_some() {
+            GAP_SECONDS
+        } else {
+            GAP_FRAMES.map(|f| f as f64)
         };
         let by_gap = bins.iter().enumerate().map(|(i, (gaps, sums))| GapErrors {
             longer_than: if i == 0 { 0.0 } else { limits[i - 1] },

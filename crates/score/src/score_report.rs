@@ -40,18 +40,15 @@ impl fmt::Display for ScoreReport {
 fn text(report: &ScoreReport) -> String {
     let unit = &report.units;
     let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
-    let rate = match rates.is_empty() {
-        true => {
-            "no frame rate: gap lengths in frames, no accelerations (give the option `fps`)".into()
-        }
-        false => {
-            let (some, rest) = rates.split_at(rates.len().min(PRINTED_RATES));
-            let more = match rest.len() {
-                0 => String::new(),
-                more => format!(" and {more} other rates"),
-            };
-            format!("{} frames/s{more}", some.join(" and "))
-        }
+    let rate = if rates.is_empty() {
+        "no frame rate: gap lengths in frames, no accelerations (give the option `fps`)".into()
+    } else {
+        let (some, rest) = rates.split_at(rates.len().min(PRINTED_RATES));
+        let more = match rest.len() {
+            0 => String::new(),
+            more => format!(" and {more} other rates"),
+        };
+        format!("{} frames/s{more}", some.join(" and "))
     };
     let mut out = format!(
         "{} frames, {} points, {rate}\n",

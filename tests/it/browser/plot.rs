@@ -18,9 +18,10 @@ const FRAMES: usize = 1000;
 /// A take of three points at 100 frames a second. `told`: how gaps were filled stands beside the
 /// points; else gaps are empty cells.
 fn table(told: bool) -> String {
-    let columns = match told {
-        true => &["x", "y", "z", "status", "sd", "method"][..],
-        false => &["x", "y", "z"],
+    let columns = if told {
+        &["x", "y", "z", "status", "sd", "method"][..]
+    } else {
+        &["x", "y", "z"]
     };
     let names = ["a", "b", "c"];
     let head = names
@@ -34,12 +35,11 @@ fn table(told: bool) -> String {
                 .iter()
                 .find(|g| g.0 == p && (g.1..g.1 + g.2).contains(&t));
             let filled = gap.filter(|g| !g.3.is_empty());
-            out += &match gap.is_some() && !(told && filled.is_some()) {
-                true => ",,,".to_string(),
-                false => {
-                    let high = 50.0 + 10.0 * (t as f64 / 20.0).sin();
-                    format!(",{},{high},{}", p as f64 * 20.0 + t as f64 / 50.0, p * 5)
-                }
+            out += &if gap.is_some() && !(told && filled.is_some()) {
+                ",,,".to_string()
+            } else {
+                let high = 50.0 + 10.0 * (t as f64 / 20.0).sin();
+                format!(",{},{high},{}", p as f64 * 20.0 + t as f64 / 50.0, p * 5)
             };
             out += &match (told, gap, filled) {
                 (false, ..) => String::new(),

@@ -31,12 +31,11 @@ pub(super) fn size(take: &Take<'_>, apart: &[PointApart]) -> Option<[f64; 3]> {
 /// Points that stand far off all others, farther than any body is long.
 pub(super) fn stray(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let finding = |a: &PointApart| {
-        let remedy = match moves(take, a.point) {
-            true => "it is far from all other points",
-            false => {
-                "it is of no body; make its cells empty, or leave it out (trim, the option \
-                 `points`)"
-            }
+        let remedy = if moves(take, a.point) {
+            "it is far from all other points"
+        } else {
+            "it is of no body; make its cells empty, or leave it out (trim, the option \
+             `points`)"
         };
         let what = format!(
             "{} stands {:.1} m from the middle of all points: {remedy}",

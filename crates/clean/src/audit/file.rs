@@ -40,9 +40,10 @@ impl FileAuditor {
     /// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
     pub fn audit(&self, path: &Path, bytes: Result<Vec<u8>>, number: usize) -> Result<FileAudit> {
         let mut out = FileAudit {
-            file: match path == Path::new("-") {
-                true => "standard input".to_string(),
-                false => path.display().to_string(),
+            file: if path == Path::new("-") {
+                "standard input".to_string()
+            } else {
+                path.display().to_string()
             },
             ..FileAudit::default()
         };

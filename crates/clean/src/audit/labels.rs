@@ -159,11 +159,10 @@ impl Labels<'_> {
     fn unsure(&self, unsure: &Unsure) -> Finding {
         let frames: Vec<String> = unsure.frames.iter().map(|f| self.frames(f)).collect();
         let (names, frames) = (self.names(&unsure.labels), frames.join(", "));
-        let what = match unsure.is_part {
-            true => format!("{names} changed places, perhaps in {frames} too: nothing says it"),
-            false => {
-                format!("{names} changed places in {frames}, or in all others: nothing says which")
-            }
+        let what = if unsure.is_part {
+            format!("{names} changed places, perhaps in {frames} too: nothing says it")
+        } else {
+            format!("{names} changed places in {frames}, or in all others: nothing says which")
         };
         self.finding(
             FindingKind::Swap,

@@ -58,9 +58,10 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
         return Vec::new();
     };
     let mut spikes = spikes_of_take(take.xyz, &take.runs, rate);
-    let away = match take.are_joints {
-        true => Vec::new(),
-        false => stretches(take.xyz, &take.runs, rate),
+    let away = if take.are_joints {
+        Vec::new()
+    } else {
+        stretches(take.xyz, &take.runs, rate)
     };
     let mut out = Vec::new();
     for stretch in away.iter().filter(|away| away.height > limits.jump) {

@@ -9,9 +9,10 @@ use crate::solve::body_points;
 /// What is wrong with the axes of a take; `None` where names tell no legs.
 pub(super) fn findings(take: &Take<'_>) -> Option<Vec<Finding>> {
     let joints = BodyPoints::of_joints(take.points, take.xyz, None);
-    let body = match joints.has_legs() {
-        true => joints,
-        false => body_points(take.points).filter(BodyPoints::has_legs)?,
+    let body = if joints.has_legs() {
+        joints
+    } else {
+        body_points(take.points).filter(BodyPoints::has_legs)?
     };
     let finding = |kind: FindingKind, what: String| take.finding(kind, &[], None, what);
     let standing = body.standing(take.xyz);

@@ -79,9 +79,10 @@ impl CleanSettings {
         match (unheld, keeps) {
             (0, _) => {}
             (n, true) => {
-                let are = match self.held_is_missing {
-                    true => "are still held or nan",
-                    false => "are still nan",
+                let are = if self.held_is_missing {
+                    "are still held or nan"
+                } else {
+                    "are still nan"
                 };
                 findings.push(format!("missing: {n} values of the file {are}"));
             }
@@ -191,9 +192,12 @@ fn left_open(restored: &Restoration<'_>) -> Option<String> {
         .filter(|(frames, _)| *frames > 0)
         .collect();
     points.sort_by_key(|(frames, _)| std::cmp::Reverse(*frames));
-    let one = |(frames, p): &(usize, usize)| match *frames == poses.frames() {
-        true => format!("{} always", poses.points[*p]),
-        false => format!("{} in {}", poses.points[*p], count(*frames, "frame")),
+    let one = |(frames, p): &(usize, usize)| {
+        if *frames == poses.frames() {
+            format!("{} always", poses.points[*p])
+        } else {
+            format!("{} in {}", poses.points[*p], count(*frames, "frame"))
+        }
     };
     let left: usize = points.iter().map(|(frames, _)| frames).sum();
     (left > 0).then(|| {

@@ -329,9 +329,10 @@ impl CleanSettings {
         match (keeps_rotations(file, to), file.motion()) {
             (true, Some(motion)) => {
                 let how = RotationCleaning {
-                    noise_limit: match self.smooth {
-                        true => self.rotation_noise_limit,
-                        false => f64::INFINITY,
+                    noise_limit: if self.smooth {
+                        self.rotation_noise_limit
+                    } else {
+                        f64::INFINITY
                     },
                     pops: self.method.outliers,
                     max_gap: self.method.max_gap,
@@ -355,9 +356,10 @@ impl CleanSettings {
         }
         let method = Clean {
             fps: file.rate().or(Some(1.0)),
-            noise_limit: match self.smooth {
-                true => self.method.noise_limit,
-                false => f64::INFINITY,
+            noise_limit: if self.smooth {
+                self.method.noise_limit
+            } else {
+                f64::INFINITY
             },
             ..self.method
         };

@@ -24,9 +24,10 @@ pub(crate) fn write_page(
     summary: &Summary,
 ) -> Result<Option<String>> {
     let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
-    let html = match is_seen {
-        true => take_page(&job.name, file, labels, restored)?,
-        false => None,
+    let html = if is_seen {
+        take_page(&job.name, file, labels, restored)?
+    } else {
+        None
     };
     write_page_of(&job.output, html.as_deref())
 }

@@ -348,9 +348,10 @@ impl Record<'_> {
     }
 
     fn text(&self, pretty: bool) -> Result<String> {
-        let json = match pretty {
-            true => serde_json::to_string_pretty(self),
-            false => serde_json::to_string(self),
+        let json = if pretty {
+            serde_json::to_string_pretty(self)
+        } else {
+            serde_json::to_string(self)
         };
         Ok(json.map_err(|e| Error::usage(e.to_string()))? + "\n")
     }

@@ -60,12 +60,14 @@ pub struct CleanReport {
 impl CleanReport {
     /// Whether somebody has to look at a result.
     pub fn has_findings(&self) -> bool {
-        let has = |row: &Row| match self.only_new {
-            true => !row.new.is_empty(),
-            false => row
-                .outcome
-                .summary()
-                .is_some_and(|s| !s.findings.is_empty()),
+        let has = |row: &Row| {
+            if self.only_new {
+                !row.new.is_empty()
+            } else {
+                row.outcome
+                    .summary()
+                    .is_some_and(|s| !s.findings.is_empty())
+            }
         };
         self.rows.iter().any(has)
     }

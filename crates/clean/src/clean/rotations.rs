@@ -191,9 +191,12 @@ impl CleanedFile {
     ) -> impl Iterator<Item = &'a (Range<usize>, f64)> + use<'a> {
         let long = LONG * self.rate;
         let most = if track.is_place { self.max_sd } else { UNSURE };
-        let is_unsure = move |(frames, error): &&(Range<usize>, f64)| match error.is_nan() {
-            true => frames.len() as f64 > long,
-            false => *error > most,
+        let is_unsure = move |(frames, error): &&(Range<usize>, f64)| {
+            if error.is_nan() {
+                frames.len() as f64 > long
+            } else {
+                *error > most
+            }
         };
         track.gaps.iter().filter(is_unsure)
     }

@@ -105,9 +105,10 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
         return Err(Error::usage(what));
     }
     let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !is_results_folder(output, &inputs[0]);
-    let out = match is_one {
-        true => Jobs::one(&inputs[0], output, to)?,
-        false => Jobs::into_folder(inputs, output, to),
+    let out = if is_one {
+        Jobs::one(&inputs[0], output, to)?
+    } else {
+        Jobs::into_folder(inputs, output, to)
     };
     if out.jobs.is_empty() && out.unreadable.is_empty() {
         let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
@@ -143,9 +144,10 @@ impl Jobs {
         let results = folder.canonicalize().ok();
         let mut taken: HashSet<PathBuf> = HashSet::new();
         for input in inputs {
-            let files = match input.is_dir() {
-                true => out.files_of(input, results.as_deref()),
-                false => vec![(input.clone(), name_of(input))],
+            let files = if input.is_dir() {
+                out.files_of(input, results.as_deref())
+            } else {
+                vec![(input.clone(), name_of(input))]
             };
             for (input, within) in files {
                 let mut output = renamed(&folder.join(&within), to);

@@ -89,9 +89,10 @@ mod tests {
         let (mut values, mut rejected) = (Vec::new(), 0);
         let (end, converged) =
             DAMPING.minimize((100, 100), TOLERANCE, start, |at, damping, fresh| {
-                match fresh {
-                    true => values.push(rosenbrock(*at)),
-                    false => rejected += 1,
+                if fresh {
+                    values.push(rosenbrock(*at))
+                } else {
+                    rejected += 1
                 }
                 Some(step(at, damping))
             });

@@ -71,10 +71,10 @@ fn suboptimality(gradient: &Array1<f64>, w: &Array1<f64>) -> f64 {
         .zip(w)
         .map(|(&g, &w)| if w > 0.0 { g.abs() } else { -g });
     // A fold by `max` would pass over NaN.
-    errors.fold(0.0, |most, e| match most.is_nan() || e <= most {
-        true => most,
-        false => e,
-    })
+    errors.fold(
+        0.0,
+        |most, e| if most.is_nan() || e <= most { most } else { e },
+    )
 }
 
 #[cfg(test)]

@@ -236,9 +236,10 @@ mod tests {
             let (mut read, mut all) = (0, Vec::new());
             let next = || {
                 read += 1;
-                match read == reading {
-                    true => Err(wrong(read)),
-                    false => Ok(Some(read)),
+                if read == reading {
+                    Err(wrong(read))
+                } else {
+                    Ok(Some(read))
                 }
             };
             let work = |i| if i == working { Err(wrong(i)) } else { Ok(i) };

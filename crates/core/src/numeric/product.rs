@@ -13,10 +13,11 @@ pub fn product<T: LinalgScalar + Send + Sync>(
 ) -> Array2<T> {
     let parts = parallel::map_chunks(a.nrows(), ROWS, |rows| a.slice(s![rows, ..]).dot(&b));
     let parts: Vec<_> = parts.iter().map(|p| p.view()).collect();
-    match parts.is_empty() {
-        true => Array2::from_elem((0, b.ncols()), T::zero()),
+    if parts.is_empty() {
+        Array2::from_elem((0, b.ncols()), T::zero())
+    } else {
         // Each part has the columns of `b`.
-        false => concatenate(Axis(0), &parts).unwrap_or_else(|_| a.dot(&b)),
+        concatenate(Axis(0), &parts).unwrap_or_else(|_| a.dot(&b))
     }
 }
 

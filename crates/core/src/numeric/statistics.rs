@@ -35,9 +35,10 @@ pub fn less_local_mean(values: &[f64], reach: usize) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0)];
     for v in values {
         let (sum, count) = sums[sums.len() - 1];
-        sums.push(match v.is_finite() {
-            true => (sum + v, count + 1.0),
-            false => (sum, count),
+        sums.push(if v.is_finite() {
+            (sum + v, count + 1.0)
+        } else {
+            (sum, count)
         });
     }
     let local = |t: usize| {

@@ -138,9 +138,12 @@ pub fn body_parts(points: &[String]) -> BodyParts {
         return whole;
     };
     let part = |list: &[usize], with_root: bool| {
-        coordinates_where(&|p| match points[p] == CMU[0] {
-            true => with_root,
-            false => list.contains(&limbs[p]),
+        coordinates_where(&|p| {
+            if points[p] == CMU[0] {
+                with_root
+            } else {
+                list.contains(&limbs[p])
+            }
         })
     };
     let parts = vec![

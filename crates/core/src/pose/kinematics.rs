@@ -124,9 +124,10 @@ impl Skeleton {
                 turn = axis.rotation(value + dof.offset) * turn;
             }
         }
-        let rotation = match bone.dofs.is_empty() {
-            true => rest.fixed_rotation,
-            false => bone.axis * turn * rest.inverse_axis,
+        let rotation = if bone.dofs.is_empty() {
+            rest.fixed_rotation
+        } else {
+            bone.axis * turn * rest.inverse_axis
         };
         Local {
             rotation,
@@ -175,9 +176,10 @@ impl Skeleton {
         out.starts.push(start);
         let along = bone.offset + rest.direction * local.longer;
         // A bone without length ends where it starts, even if its rotation is missing.
-        out.ends.push(match along == DVec3::ZERO {
-            true => start,
-            false => start + rotation * along,
+        out.ends.push(if along == DVec3::ZERO {
+            start
+        } else {
+            start + rotation * along
         });
     }
 

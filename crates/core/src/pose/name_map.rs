@@ -281,10 +281,11 @@ impl<'p> NameFinder<'p> {
     }
 
     fn find_one(&self, name: &str) -> Option<usize> {
-        let wanted = match name.is_empty() {
+        let wanted = if name.is_empty() {
             // The prefix itself: the root of a biped is called Bip01.
-            true => self.prefix.trim_end_matches(['_', ':', '/']).to_string(),
-            false => format!("{}{}", self.prefix, fold(name)),
+            self.prefix.trim_end_matches(['_', ':', '/']).to_string()
+        } else {
+            format!("{}{}", self.prefix, fold(name))
         };
         let named = |p: &usize| !wanted.is_empty() && self.folded[*p] == wanted;
         let all = || (0..self.points.len()).filter(named);

@@ -70,9 +70,10 @@ pub fn take_rows(poses: &Poses, wanted: Option<&str>, name: &str) -> Result<Opti
             Ok(Some((0..poses.frames()).filter(is_wanted).collect()))
         }
         (Some(wanted), _) => {
-            let what = match names.is_empty() {
-                true => "has no column take; leave the option `take` out".to_string(),
-                false => format!("has no take \"{wanted}\"; it has {}", listed()),
+            let what = if names.is_empty() {
+                "has no column take; leave the option `take` out".to_string()
+            } else {
+                format!("has no take \"{wanted}\"; it has {}", listed())
             };
             Err(Error::data(Place::file(name), what))
         }

@@ -93,9 +93,10 @@ impl RepeatedFrames {
 
     /// The rows a second ([`RepeatedFrames::rows`]), of `rate` frames.
     pub fn rate(&self, rate: f64) -> f64 {
-        match self.keep_times {
-            true => rate,
-            false => rate * self.kept.len() as f64 / self.shown.len().max(1) as f64,
+        if self.keep_times {
+            rate
+        } else {
+            rate * self.kept.len() as f64 / self.shown.len().max(1) as f64
         }
     }
 
@@ -115,10 +116,7 @@ impl RepeatedFrames {
 
     /// For each frame, the row that it shows.
     pub fn shown_rows(&self) -> Vec<usize> {
-        let row = |k: &usize| match self.keep_times {
-            true => self.kept[*k],
-            false => *k,
-        };
+        let row = |k: &usize| if self.keep_times { self.kept[*k] } else { *k };
         self.shown.iter().map(row).collect()
     }
 
@@ -134,9 +132,12 @@ impl RepeatedFrames {
 
     /// The frames that show a range of rows.
     pub fn frames(&self, rows: &Range<usize>) -> Range<usize> {
-        let first = |row: usize| match self.keep_times {
-            true => self.kept.partition_point(|kept| *kept < row),
-            false => row,
+        let first = |row: usize| {
+            if self.keep_times {
+                self.kept.partition_point(|kept| *kept < row)
+            } else {
+                row
+            }
         };
         let at = |row: usize| {
             let kept = self.kept.get(first(row));

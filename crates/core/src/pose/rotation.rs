@@ -179,9 +179,10 @@ pub fn rotation_vector(r: &DMat3) -> DVec3 {
 #[doc(hidden)]
 pub fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
     let angle = v.length();
-    let square = match angle < 1e-4 {
-        true => 1.0 / 12.0,
-        false => 1.0 / (angle * angle) - 1.0 / (2.0 * angle * (angle / 2.0).tan()),
+    let square = if angle < 1e-4 {
+        1.0 / 12.0
+    } else {
+        1.0 / (angle * angle) - 1.0 / (2.0 * angle * (angle / 2.0).tan())
     };
     let cross = cross_matrix(v);
     DMat3::IDENTITY + cross * 0.5 + cross * cross * square

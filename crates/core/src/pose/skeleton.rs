@@ -215,9 +215,12 @@ impl Skeleton {
     pub fn nearest_equivalent(&self, q: &[f64], near: &[f64]) -> Vec<f64> {
         let dofs = self.bones.iter().flat_map(|b| &b.dofs);
         (q.iter().zip(near).zip(dofs))
-            .map(|((&q, &near), dof)| match dof.channel.is_angle() {
-                true => nearest_equivalent_angle(q, near),
-                false => q,
+            .map(|((&q, &near), dof)| {
+                if dof.channel.is_angle() {
+                    nearest_equivalent_angle(q, near)
+                } else {
+                    q
+                }
             })
             .collect()
     }

@@ -92,14 +92,16 @@ impl WrongSize {
 
     /// What is wrong, and what to do, for numbers that were read in a `unit`.
     fn sentence(&self, unit: LengthUnit) -> String {
-        let of = match self.is_of_names {
-            true => "from foot to head",
-            false => "in all",
+        let of = if self.is_of_names {
+            "from foot to head"
+        } else {
+            "in all"
         };
         let factor = self.own.centimeters() / unit.centimeters();
-        let (times, size) = match factor < 1.0 {
-            true => (1.0 / factor, "large"),
-            false => (factor, "small"),
+        let (times, size) = if factor < 1.0 {
+            (1.0 / factor, "large")
+        } else {
+            (factor, "small")
         };
         format!(
             "the body measures {} {of}, {times:.0} times too {size} for a person: its numbers are \

@@ -118,9 +118,10 @@ impl Picture<'_, '_> {
         }
         for (p, view) in seen.iter().enumerate() {
             let Some(view) = view else { continue };
-            let radius = match self.geometry.head == Some(p) {
-                true => HEAD * self.geometry.size * scale + 1.5 * above as f64,
-                false => thick * 0.72,
+            let radius = if self.geometry.head == Some(p) {
+                HEAD * self.geometry.size * scale + 1.5 * above as f64
+            } else {
+                thick * 0.72
             };
             let color = self.color(figure, self.geometry.sides[p]);
             let status = self.geometry.status(figure, frame, p);

@@ -358,9 +358,10 @@ impl PoseSolver {
             } else {
                 goals.rest
             };
-            let mut variance = match goals.forgotten[k] {
-                true => f64::INFINITY,
-                false => rest * rest,
+            let mut variance = if goals.forgotten[k] {
+                f64::INFINITY
+            } else {
+                rest * rest
             };
             if let Some((target, sd)) = goals.drags[k] {
                 y[3 * p..3 * p + 3].copy_from_slice(&target.to_array());

@@ -132,9 +132,10 @@ impl Editor {
     }
 
     fn exported(&self, format: &str, keys: bool) -> Result<Reply> {
-        let motion = match keys {
-            true => self.session.motion()?,
-            false => self.session.still(self.rate),
+        let motion = if keys {
+            self.session.motion()?
+        } else {
+            self.session.still(self.rate)
         };
         let (content_type, body) = match format {
             "json" => ("application/json", self.session.to_json().into_bytes()),

@@ -215,9 +215,10 @@ fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
         };
         let cells: Vec<String> = (0..rig.joints())
             .flat_map(|k| {
-                let status = match motion.fixed[[t, k]] {
-                    true => Status::Observed,
-                    false => Status::Inferred,
+                let status = if motion.fixed[[t, k]] {
+                    Status::Observed
+                } else {
+                    Status::Inferred
                 };
                 [status.name().to_string(), number(motion.sd[[t, k]])]
             })

@@ -202,11 +202,12 @@ impl<'a> Amc<'a> {
 }
 
 fn check_rate(rate: f64) -> Result<()> {
-    match rate > 0.0 && rate.is_finite() {
-        true => Ok(()),
-        false => Err(Error::usage(format!(
+    if rate > 0.0 && rate.is_finite() {
+        Ok(())
+    } else {
+        Err(Error::usage(format!(
             "a rate of {rate}: expected a number above zero"
-        ))),
+        )))
     }
 }
 

@@ -63,12 +63,13 @@ impl<'a> BvhExporter<'a> {
                 parent: bone.parent.map(|p| place[p]),
                 offset: bone.parent.map_or(DVec3::ZERO, |p| turn * all[p].offset),
                 channels,
-                ends: match children[i].is_empty() {
-                    true => vec![EndSite {
+                ends: if children[i].is_empty() {
+                    vec![EndSite {
                         offset: turn * bone.offset,
                         after: 0,
-                    }],
-                    false => Vec::new(),
+                    }]
+                } else {
+                    Vec::new()
                 },
             }
         });

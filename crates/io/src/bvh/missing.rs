@@ -55,9 +55,10 @@ impl Bvh {
             };
             match motion.get(at).filter(is_new) {
                 Some(value) => {
-                    let value = match is_angle[at[1]] {
-                        true => value.to_degrees(),
-                        false => value / unit,
+                    let value = if is_angle[at[1]] {
+                        value.to_degrees()
+                    } else {
+                        value / unit
                     };
                     out.extend(decimals.text(value, piece).bytes());
                 }

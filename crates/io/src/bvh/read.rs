@@ -518,9 +518,10 @@ fn values(
     let mut channel = 0;
     while let Some((at, word)) = words.next() {
         // No number of the format: what is missing.
-        let value = match word.eq_ignore_ascii_case("nan") {
-            true => Ok(f64::NAN),
-            false => bounded(word),
+        let value = if word.eq_ignore_ascii_case("nan") {
+            Ok(f64::NAN)
+        } else {
+            bounded(word)
         };
         let value = value.map_err(|what| {
             let frame = out.len() / scales.len().max(1) + 1;

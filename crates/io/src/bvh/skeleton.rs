@@ -49,9 +49,12 @@ impl BvhSkeleton {
     /// [`crate::Error::Usage`]: the joints are no tree.
     pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<BvhSkeleton> {
         let trunk = trunk(joints);
-        BvhSkeleton::with_moving(joints, turn, |joint, _| match sliding || joint <= trunk {
-            true => Moving::FromOrigin,
-            false => Moving::No,
+        BvhSkeleton::with_moving(joints, turn, |joint, _| {
+            if sliding || joint <= trunk {
+                Moving::FromOrigin
+            } else {
+                Moving::No
+            }
         })
     }
 
@@ -75,9 +78,12 @@ impl BvhSkeleton {
         let mut end_sites = Vec::new();
         for (i, joint) in joints.iter().enumerate() {
             let kinds: Vec<Moving> = (joint.channels.iter().enumerate())
-                .map(|(c, channel)| match channel.is_angle() {
-                    true => Moving::FromOrigin,
-                    false => moving(i, c),
+                .map(|(c, channel)| {
+                    if channel.is_angle() {
+                        Moving::FromOrigin
+                    } else {
+                        moving(i, c)
+                    }
                 })
                 .collect();
             let of_joint = || joint.channels.iter().copied().zip(&kinds);

@@ -35,14 +35,16 @@ pub(crate) fn up(
         m.contains("qualisys") || m.contains("qtm")
     });
     let is_custom = word == "-Z" && matches!(right.to_ascii_uppercase().as_str(), "+X" | "X");
-    let found = match is_custom && is_qualisys {
-        true => None,
-        false => axis_of_points(points, xyz),
+    let found = if is_custom && is_qualisys {
+        None
+    } else {
+        axis_of_points(points, xyz)
     };
     if found.is_none() && is_custom && (is_qualisys || maker.is_none()) {
-        let unnamed = match is_qualisys {
-            true => "",
-            false => ", the file names no maker and its points tell no axis",
+        let unnamed = if is_qualisys {
+            ""
+        } else {
+            ", the file names no maker and its points tell no axis"
         };
         notes.push(format!(
             "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken \

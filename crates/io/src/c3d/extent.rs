@@ -138,9 +138,10 @@ fn trial(parameters: &Parameters) -> Option<(u32, u32)> {
 }
 
 fn contradiction(said: [usize; 2], taken: [usize; 2]) -> String {
-    let (what, said, taken) = match said[0] == taken[0] {
-        true => ("analog values a frame", said[1], taken[1]),
-        false => ("points", said[0], taken[0]),
+    let (what, said, taken) = if said[0] == taken[0] {
+        ("analog values a frame", said[1], taken[1])
+    } else {
+        ("points", said[0], taken[0])
     };
     format!(
         "its header says {said} {what}, its parameters {taken}, which fits the file's length and \
@@ -153,9 +154,10 @@ fn contradiction(said: [usize; 2], taken: [usize; 2]) -> String {
 fn shapes(words: Words, parameters: &Parameters) -> Vec<[usize; 2]> {
     let number = |name: &str| parameters.number(name).filter(|n| *n >= 0.0 && *n < 1e6);
     let used = number("ANALOG:USED").unwrap_or(0.0);
-    let rate = match words.rate > 0.0 {
-        true => words.rate,
-        false => number("POINT:RATE").unwrap_or(0.0),
+    let rate = if words.rate > 0.0 {
+        words.rate
+    } else {
+        number("POINT:RATE").unwrap_or(0.0)
     };
     let samples = number("ANALOG:RATE").map_or(0.0, |analog| (analog / rate).round());
     let header = f64::from(words.analog);

@@ -151,12 +151,13 @@ fn without_points(analog: u16, parameters: &Parameters) -> String {
     } else if analog > 0 {
         has.push(format!("{analog} analog values a frame"));
     }
-    match has.is_empty() {
-        true => "has no points".into(),
-        false => format!(
+    if has.is_empty() {
+        "has no points".into()
+    } else {
+        format!(
             "has no points, only {}, which posing does not read: export the file with markers or \
-             joint positions",
+         joint positions",
             has.join(" and ")
-        ),
+        )
     }
 }

@@ -127,13 +127,14 @@ impl Entry {
         let offset = section.get(after..after + 2).ok_or_else(cut)?;
         let offset = processor.u16([offset[0], offset[1]]) as usize;
         let next = (offset > 0).then_some(after + offset);
-        let value = match number > 0 {
-            true => Some(value(
+        let value = if number > 0 {
+            Some(value(
                 section.get(after + 2..).unwrap_or_default(),
                 processor,
                 &name,
-            )?),
-            false => None,
+            )?)
+        } else {
+            None
         };
         Ok(Some(Entry {
             group: number.unsigned_abs(),

@@ -24,9 +24,10 @@ pub(crate) fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     let width = layout.number_bytes();
     let number = |i: usize| {
         let b = &bytes[i * width..];
-        match layout.real {
-            true => f64::from(layout.processor.f32([b[0], b[1], b[2], b[3]])),
-            false => f64::from(layout.processor.u16([b[0], b[1]]) as i16),
+        if layout.real {
+            f64::from(layout.processor.f32([b[0], b[1], b[2], b[3]]))
+        } else {
+            f64::from(layout.processor.u16([b[0], b[1]]) as i16)
         }
     };
     let scale = if layout.real { 1.0 } else { layout.scale };
@@ -84,9 +85,10 @@ mod tests {
         };
         let is_there = |fourth: f32, layout: &Layout| {
             let numbers = [1.0, 2.0, 3.0, fourth];
-            let bytes: Vec<u8> = match layout.real {
-                true => numbers.iter().flat_map(|v| v.to_le_bytes()).collect(),
-                false => (numbers.iter().flat_map(|v| (*v as i16).to_le_bytes())).collect(),
+            let bytes: Vec<u8> = if layout.real {
+                numbers.iter().flat_map(|v| v.to_le_bytes()).collect()
+            } else {
+                (numbers.iter().flat_map(|v| (*v as i16).to_le_bytes())).collect()
             };
             let point = decode(&bytes, layout);
             // What stays as it was is written with all of its bytes elsewhere; a missing one is

@@ -121,15 +121,17 @@ fn keys(animation: &Animation, bones: usize, shapes: usize) -> Checked {
 }
 
 fn sized(what: &str, found: usize, expected: usize) -> Checked {
-    match found == expected {
-        true => Ok(()),
-        false => Err(format!("expected {expected} {what}, found {found}")),
+    if found == expected {
+        Ok(())
+    } else {
+        Err(format!("expected {expected} {what}, found {found}"))
     }
 }
 
 fn finite<'a>(numbers: impl IntoIterator<Item = &'a f32>) -> Checked {
-    match numbers.into_iter().all(|v| v.is_finite()) {
-        true => Ok(()),
-        false => Err("holds a number that is not finite".into()),
+    if numbers.into_iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err("holds a number that is not finite".into())
     }
 }

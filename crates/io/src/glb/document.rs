@@ -149,9 +149,10 @@ fn scaled(weights: &[(u16, f32); 4]) -> ([u16; 4], [f32; 4]) {
 /// free).
 fn corners(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Index<Accessor> {
     let corners = mesh.faces.iter().flatten().copied();
-    match mesh.vertices.len() <= usize::from(u16::MAX) {
-        true => buffer.shorts(root, corners.map(|v| [v as u16]), View::ElementArrayBuffer),
-        false => buffer.integers(root, corners, View::ElementArrayBuffer),
+    if mesh.vertices.len() <= usize::from(u16::MAX) {
+        buffer.shorts(root, corners.map(|v| [v as u16]), View::ElementArrayBuffer)
+    } else {
+        buffer.integers(root, corners, View::ElementArrayBuffer)
     }
 }
 

@@ -250,12 +250,13 @@ impl<'a> Body<'a> {
         let top = height(self.shoulders);
         for knot in &spine {
             let lowest = knots.last().map_or(0.0, |k| height(k.at)) + 0.5;
-            match (lowest..top - 0.5).contains(&height(knot.at)) {
-                true => knots.push(*knot),
-                false => knots
+            if (lowest..top - 0.5).contains(&height(knot.at)) {
+                knots.push(*knot)
+            } else {
+                knots
                     .last_mut()
                     .into_iter()
-                    .for_each(|k| k.bone = knot.bone),
+                    .for_each(|k| k.bone = knot.bone)
             }
         }
         if let Some(last) = knots
@@ -276,9 +277,10 @@ impl<'a> Body<'a> {
         let shoulders = half(&self.arms).max(SHOULDERS * self.unit);
         let width = |(share, wide, deep): (f64, f64, f64)| Width {
             share,
-            wide: match share < BY_HIPS {
-                true => hips + wide * self.unit,
-                false => shoulders * wide,
+            wide: if share < BY_HIPS {
+                hips + wide * self.unit
+            } else {
+                shoulders * wide
             },
             deep: deep * self.unit,
         };
@@ -346,15 +348,14 @@ impl<'a> Body<'a> {
         let ends = beyond
             .iter()
             .filter(|j| !beyond.iter().any(|c| self.joints[*c].parent == Some(**j)));
-        let mitten = match ends.count() >= FINGERS {
-            true => Vec::new(),
-            false => {
-                let mut knots = self.farthest(wrist, beyond);
-                let along = (at(wrist) - at(elbow)).normalize_or(self.up);
-                self.lengthen(&mut knots, HAND * self.unit, along);
-                push_tube(mesh, &knots, &flat(&MITTEN, self.unit), self.front);
-                self.chain(wrist, beyond)
-            }
+        let mitten = if ends.count() >= FINGERS {
+            Vec::new()
+        } else {
+            let mut knots = self.farthest(wrist, beyond);
+            let along = (at(wrist) - at(elbow)).normalize_or(self.up);
+            self.lengthen(&mut knots, HAND * self.unit, along);
+            push_tube(mesh, &knots, &flat(&MITTEN, self.unit), self.front);
+            self.chain(wrist, beyond)
         };
         for &j in beyond.iter().filter(|j| !mitten.contains(j)) {
             let Some(parent) = self.joints[j].parent else {
@@ -373,10 +374,10 @@ impl<'a> Body<'a> {
         let tip = knots[knots.len() - 1].at - start;
         let flat_tip = tip - tip.dot(self.up) * self.up;
         // Feet of rigs that rest on tiptoe have no way forwards of their own.
-        let forwards = match flat_tip.length() > 0.3 * tip.length() && flat_tip.length() > SHORTEST
-        {
-            true => flat_tip.normalize(),
-            false => self.front,
+        let forwards = if flat_tip.length() > 0.3 * tip.length() && flat_tip.length() > SHORTEST {
+            flat_tip.normalize()
+        } else {
+            self.front
         };
         self.lengthen(&mut knots, FOOT * unit, forwards);
         // The sole is flat.

@@ -44,15 +44,12 @@ impl Bone {
 
 /// The unit axes with this y.
 fn axes(y: DVec3) -> DMat3 {
-    let (x, z) = match y.x.abs() < SIDEWAYS {
-        true => {
-            let x = (DVec3::X - y.x * y).normalize();
-            (x, x.cross(y))
-        }
-        false => {
-            let z = (DVec3::Z - y.z * y).normalize();
-            (y.cross(z), z)
-        }
+    let (x, z) = if y.x.abs() < SIDEWAYS {
+        let x = (DVec3::X - y.x * y).normalize();
+        (x, x.cross(y))
+    } else {
+        let z = (DVec3::Z - y.z * y).normalize();
+        (y.cross(z), z)
     };
     DMat3::from_cols(x, y, z)
 }

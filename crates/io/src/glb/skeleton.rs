@@ -147,9 +147,12 @@ impl Nodes {
                 .collect()
         };
         let places = |p: &Posture| {
-            let place = |&(b, starts): &(usize, bool)| match starts {
-                true => p.starts[b] / 100.0,
-                false => p.ends[b] / 100.0,
+            let place = |&(b, starts): &(usize, bool)| {
+                if starts {
+                    p.starts[b] / 100.0
+                } else {
+                    p.ends[b] / 100.0
+                }
             };
             self.at.iter().map(place).collect()
         };

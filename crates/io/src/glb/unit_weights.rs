@@ -56,9 +56,10 @@ impl SkinnedMesh {
         let (least, largest) = (weights.filter_map(|w| w.get(k))).fold((0.0, 0.0), |(a, b), w| {
             (f64::min(a, f64::from(*w)), f64::max(b, f64::from(*w)))
         });
-        match least >= 0.0 && largest <= 1.0 {
-            true => (0.0, 1.0),
-            false => (least, largest),
+        if least >= 0.0 && largest <= 1.0 {
+            (0.0, 1.0)
+        } else {
+            (least, largest)
         }
     }
 }

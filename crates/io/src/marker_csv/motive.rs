@@ -131,14 +131,15 @@ fn left_out(columns: &Columns, kind: MotivePoints) -> Vec<String> {
     if columns.components.iter().any(|c| c == "Rotation") {
         others.push("rotations".into());
     }
-    match others.is_empty() {
-        true => Vec::new(),
-        false => vec![format!(
+    if others.is_empty() {
+        Vec::new()
+    } else {
+        vec![format!(
             "{} {} are converted; {} are not (see the option `points`)",
             count(kind),
             kind.name(),
             others.join(", ")
-        )],
+        )]
     }
 }
 

@@ -92,12 +92,13 @@ fn trajectories(
     let mut next = None;
     let last_point = at.iter().copied().max().unwrap_or_default();
     loop {
-        let line = match ahead.is_empty() {
-            false => ahead.remove(0),
-            true => match lines.next_line()? {
+        let line = if !ahead.is_empty() {
+            ahead.remove(0)
+        } else {
+            match lines.next_line()? {
                 Some(line) => line.to_string(),
                 None => break,
-            },
+            }
         };
         if is_section(&line) {
             next = Some(line.trim_matches(BLANK).to_string());

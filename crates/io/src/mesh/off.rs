@@ -20,9 +20,10 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
         return Err(Error::data(lines.here(), what));
     }
     let rest: Vec<&str> = words.collect();
-    let counts = match rest.is_empty() {
-        true => next(&mut lines)?.ok_or_else(|| ends("numbers of vertices and faces"))?,
-        false => rest.join(" "),
+    let counts = if rest.is_empty() {
+        next(&mut lines)?.ok_or_else(|| ends("numbers of vertices and faces"))?
+    } else {
+        rest.join(" ")
     };
     let counts = counts.split(' ').take(2).map(|w| w.parse().ok());
     let Some(&[vertices, faces]) = counts.collect::<Option<Vec<usize>>>().as_deref() else {

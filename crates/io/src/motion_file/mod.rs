@@ -348,9 +348,12 @@ fn read_as(rate: Option<Assumed<f64>>, units: Units, sources: [Source; 2]) -> Re
 
 /// Where the unit and the axis of a format come from that does not say them.
 fn custom_sources(options: &ReadOptions) -> [Source; 2] {
-    [options.units.is_some(), options.up.is_some()].map(|given| match given {
-        true => Source::Option,
-        false => Source::Custom,
+    [options.units.is_some(), options.up.is_some()].map(|given| {
+        if given {
+            Source::Option
+        } else {
+            Source::Custom
+        }
     })
 }
 
@@ -374,12 +377,13 @@ fn of_markers(
         take.up_axis().is_some() && !(inferred[1] && options.up.is_some()),
     ];
     // Columns alone stay as they are.
-    let units = match take.points.is_empty() {
-        true => Units::CM_Y,
-        false => take.units_or(
+    let units = if take.points.is_empty() {
+        Units::CM_Y
+    } else {
+        take.units_or(
             options.units.filter(|_| !said[0]),
             options.up.filter(|_| !said[1]),
-        )?,
+        )?
     };
     let rate = rate_of(take.rate, options);
     let value = rate.as_ref().map(|rate| rate.value);

@@ -34,9 +34,10 @@ impl Header {
             return Err(Error::data(lines.here(), what));
         };
         // Some files name each column.
-        let labels = match markers == Some(labels.len() as f64) {
-            true => labels,
-            false => points_of(&labels).unwrap_or(labels),
+        let labels = if markers == Some(labels.len() as f64) {
+            labels
+        } else {
+            points_of(&labels).unwrap_or(labels)
         };
         let mut notes = Vec::new();
         if let Some(markers) = markers.filter(|&n| n < labels.len() as f64) {

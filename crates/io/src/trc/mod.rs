@@ -36,9 +36,10 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let header = Header::read(&mut lines)?;
     // The cells of a whole row: the frame's number, its time, the points.
     let whole = 2 + 3 * header.stated.labels.len();
-    let separator = match header.has_commas {
-        true => Separator::Comma,
-        false => Separator::TabOrBlanks { whole },
+    let separator = if header.has_commas {
+        Separator::Comma
+    } else {
+        Separator::TabOrBlanks { whole }
     };
     let mut rows = MarkerRows::default();
     let (mut is_first, mut decimal_comma) = (true, false);
@@ -53,13 +54,12 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
             continue;
         }
         let commaless;
-        let line = match !header.has_commas && line.contains(',') {
-            true => {
-                decimal_comma = true;
-                commaless = decimal(line);
-                &commaless
-            }
-            false => line,
+        let line = if !header.has_commas && line.contains(',') {
+            decimal_comma = true;
+            commaless = decimal(line);
+            &commaless
+        } else {
+            line
         };
         let mut cells = cells(line, separator);
         let is_blank = cells.iter().all(|c| c.trim().is_empty());
@@ -128,12 +128,13 @@ fn check_first(lines: &mut Lines<impl BufRead>, other: Option<&'static str>) -> 
                     return Err(bad(other.unwrap_or(what).into()));
                 }
                 let axes = words.get(2).copied().unwrap_or_default();
-                return match axes.starts_with('(') && !axes.eq_ignore_ascii_case("(X/Y/Z)") {
-                    true => Err(bad(format!(
+                return if axes.starts_with('(') && !axes.eq_ignore_ascii_case("(X/Y/Z)") {
+                    Err(bad(format!(
                         "has columns {}, expected (X/Y/Z)",
                         excerpt(axes)
-                    ))),
-                    false => Ok(()),
+                    )))
+                } else {
+                    Ok(())
                 };
             }
         }

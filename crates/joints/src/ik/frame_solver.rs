@@ -176,9 +176,10 @@ impl<'a> FrameSolver<'a> {
 
     /// What a point that is off by so many squared deviations costs.
     fn cost(&self, square: f64) -> f64 {
-        match self.outlier.is_finite() {
-            true => self.outlier * (square / self.outlier).ln_1p(),
-            false => square,
+        if self.outlier.is_finite() {
+            self.outlier * (square / self.outlier).ln_1p()
+        } else {
+            square
         }
     }
 
@@ -267,9 +268,10 @@ impl<'a> FrameSolver<'a> {
         let size = self.columns.len();
         let mut to_columns: Array2<f64> = Array2::zeros((size, 3 * prior.bones.len()));
         for (&n, &(bone, first, count)) in of.iter().zip(&self.with_prior) {
-            let rows: Vec<DVec3> = match self.is_ball[bone] {
-                true => vec![DVec3::X, DVec3::Y, DVec3::Z],
-                false => pseudo_inverse(&turn_axes(self.skeleton, bone, &self.mean.values)),
+            let rows: Vec<DVec3> = if self.is_ball[bone] {
+                vec![DVec3::X, DVec3::Y, DVec3::Z]
+            } else {
+                pseudo_inverse(&turn_axes(self.skeleton, bone, &self.mean.values))
             };
             for (i, j) in (0..count).flat_map(|i| (0..3).map(move |j| (i, j))) {
                 to_columns[[first + i, 3 * n + j]] = rows[i][j];
@@ -469,9 +471,12 @@ impl<'a> FrameSolver<'a> {
         let bones = self.skeleton.bones();
         let above: Vec<usize> = std::iter::successors(Some(bone), |&b| bones[b].parent).collect();
         let place = at.posture.ends[bone];
-        let of = |(c, column): (usize, &Column)| match above.contains(&column.bone()) {
-            true => scratch.motions[c].derivative(place),
-            false => DVec3::ZERO,
+        let of = |(c, column): (usize, &Column)| {
+            if above.contains(&column.bone()) {
+                scratch.motions[c].derivative(place)
+            } else {
+                DVec3::ZERO
+            }
         };
         self.columns.iter().enumerate().map(of).collect()
     }
@@ -770,9 +775,10 @@ fn moving_bones(skeleton: &Skeleton, joints: &[usize]) -> Vec<bool> {
     let bones = skeleton.bones();
     let mut moving = vec![false; bones.len()];
     for &joint in joints {
-        let first = match bones[joint].offset == DVec3::ZERO {
-            true => bones[joint].parent,
-            false => Some(joint),
+        let first = if bones[joint].offset == DVec3::ZERO {
+            bones[joint].parent
+        } else {
+            Some(joint)
         };
         std::iter::successors(first, |&b| bones[b].parent).for_each(|b| moving[b] = true);
     }

@@ -171,9 +171,10 @@ impl Solving<'_> {
         let mut weights = Vec::with_capacity(3 * self.known.len());
         for &(p, bone) in self.known {
             let at = point_at(self.poses.xyz.view(), t, p);
-            let (target, weight) = match at.is_finite() {
-                true => (at, 1.0),
-                false => (posture.ends[bone], UNKNOWN_WEIGHT),
+            let (target, weight) = if at.is_finite() {
+                (at, 1.0)
+            } else {
+                (posture.ends[bone], UNKNOWN_WEIGHT)
             };
             targets.extend(target.to_array());
             weights.extend([weight; 3]);
@@ -203,9 +204,10 @@ mod tests {
         let text = |hide: bool| {
             let row = |t: usize| {
                 let s = (0.2 * t as f64).sin();
-                let middle = match hide && is_missing(t) {
-                    true => "nan nan nan".to_string(),
-                    false => format!("{} {} {}", 40.0 * s, 20.0 * s * s, 10.0 * s),
+                let middle = if hide && is_missing(t) {
+                    "nan nan nan".to_string()
+                } else {
+                    format!("{} {} {}", 40.0 * s, 20.0 * s * s, 10.0 * s)
                 };
                 format!(
                     "{} 90 0 5 {} 3 {middle} {} 0 {}\n",

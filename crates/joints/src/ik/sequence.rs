@@ -312,9 +312,10 @@ impl TakeFitter<'_> {
         };
         let tried = |n: usize, fits: &[Option<FrameFit>], scratch: &mut Scratch| {
             let (own, other) = (fits[n].as_ref()?, fits[neighbor(n)?].as_ref()?);
-            match self.is_near(&own.state, &other.state) {
-                true => None,
-                false => self.solve(keys[n], Start::Far(other.state.clone()), scratch),
+            if self.is_near(&own.state, &other.state) {
+                None
+            } else {
+                self.solve(keys[n], Start::Far(other.state.clone()), scratch)
             }
         };
         let known: &[Option<FrameFit>] = fits;
@@ -362,9 +363,10 @@ impl TakeFitter<'_> {
                     break;
                 };
                 let after = after.unwrap_or(before);
-                let share = match after > before {
-                    true => (t - before) as f64 / (after - before) as f64,
-                    false => 0.0,
+                let share = if after > before {
+                    (t - before) as f64 / (after - before) as f64
+                } else {
+                    0.0
                 };
                 let (Some(from), Some(to)) = (fits[before].clone(), fits[after].clone()) else {
                     continue;

@@ -210,9 +210,10 @@ fn bones_of_template(template: &BvhTemplate, poses: &Poses) -> Vec<Option<usize>
     };
     let (by_origins, by_ends) = (misfit(&origins), misfit(&ends));
     let is_ends = by_origins.is_some_and(|origins| by_ends.is_some_and(|ends| ends <= origins));
-    match is_ends && !template.has_end_site_among(&poses.points) {
-        true => ends,
-        false => origins,
+    if is_ends && !template.has_end_site_among(&poses.points) {
+        ends
+    } else {
+        origins
     }
 }
 

@@ -109,9 +109,10 @@ impl Calibrator<'_> {
             let mut about = start;
             about.rotations[0] = DMat3::from_rotation_y(PI) * about.rotations[0];
             let about = solve(about);
-            match about.energy < fit.energy {
-                true => about.state,
-                false => fit.state,
+            if about.energy < fit.energy {
+                about.state
+            } else {
+                fit.state
             }
         })?;
         Ok(State { numbers, poses })

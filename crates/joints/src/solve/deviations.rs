@@ -52,9 +52,10 @@ impl Deviations<'_> {
 
     /// By how much more a joint may be off than the fit tells.
     pub(super) fn factor_of(name: &str) -> f64 {
-        match name.ends_with("SJC") || name.ends_with("clavicle") {
-            true => SHOULDER,
-            false => 1.0,
+        if name.ends_with("SJC") || name.ends_with("clavicle") {
+            SHOULDER
+        } else {
+            1.0
         }
     }
 }

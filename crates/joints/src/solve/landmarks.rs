@@ -32,9 +32,10 @@ const CENTERS: [(&str, &str); 6] = [
 impl JointSet {
     /// The set that some joints are of.
     pub(super) fn of(points: &[String]) -> JointSet {
-        match points.iter().any(|p| CMU.contains(&p.as_str())) {
-            true => JointSet::Cmu,
-            false => JointSet::Anatomical,
+        if points.iter().any(|p| CMU.contains(&p.as_str())) {
+            JointSet::Cmu
+        } else {
+            JointSet::Anatomical
         }
     }
 
@@ -121,10 +122,7 @@ impl Landmark {
     /// Where it is, from a share of the bone, and the deviations of that, cm.
     pub(crate) fn place(&self, joints: JointSet, is_right: bool) -> [DVec3; 2] {
         let [at, sd] = self.offsets[usize::from(joints == JointSet::Anatomical)];
-        match is_right {
-            true => [mirror(at), sd],
-            false => [at, sd],
-        }
+        if is_right { [mirror(at), sd] } else { [at, sd] }
     }
 }
 

@@ -95,12 +95,13 @@ const RARE: char = '?';
 
 /// Fails for more names than a set has.
 fn check_count(names: usize) -> std::result::Result<(), String> {
-    match names > MOST_NAMES {
-        true => Err(format!(
+    if names > MOST_NAMES {
+        Err(format!(
             "names {names} markers, and a marker set has {MOST_NAMES} at most: leave out those \
-             that no take has"
-        )),
-        false => Ok(()),
+         that no take has"
+        ))
+    } else {
+        Ok(())
     }
 }
 
@@ -174,9 +175,10 @@ impl MarkerSet {
     ) -> MarkerSet {
         let mut lines = BTreeMap::new();
         for (pattern, landmark) in markers {
-            let sides: &[(&str, bool)] = match pattern.contains(SIDE) {
-                true => &[("l", false), ("r", true)],
-                false => &[("", false)],
+            let sides: &[(&str, bool)] = if pattern.contains(SIDE) {
+                &[("l", false), ("r", true)]
+            } else {
+                &[("", false)]
             };
             for (side, is_right) in sides {
                 let own = plain(&pattern.replace(SIDE, side));
@@ -191,9 +193,10 @@ impl MarkerSet {
             }
         }
         // Offsets of CMU's markers stand for CMU's joints, whose bones are not quite people's.
-        let joints = match name == "cmu41" {
-            true => JointSet::Cmu,
-            false => JointSet::Anatomical,
+        let joints = if name == "cmu41" {
+            JointSet::Cmu
+        } else {
+            JointSet::Anatomical
         };
         MarkerSet {
             name: name.to_string(),

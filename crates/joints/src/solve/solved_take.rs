@@ -146,14 +146,15 @@ impl SolvedTake {
     pub fn findings(&self) -> Vec<String> {
         let suspects: Vec<&UsedMarker> = self.used.iter().filter(|m| m.is_suspect()).collect();
         let mut lines: Vec<String> = self.unseen.iter().map(UnseenLimb::sentence).collect();
-        let odd: Vec<String> = match MOST * suspects.len() > self.used.len() {
-            true => vec![format!(
+        let odd: Vec<String> = if MOST * suspects.len() > self.used.len() {
+            vec![format!(
                 "{} of {} markers do not fit their names: are those of the pelvis right, and is \
-                 the set?",
+             the set?",
                 suspects.len(),
                 self.used.len()
-            )],
-            false => suspects.iter().map(|m| m.finding()).collect(),
+            )]
+        } else {
+            suspects.iter().map(|m| m.finding()).collect()
         };
         lines.extend(odd);
         lines.extend(self.unknown().map(|unknown| not_of_set(&unknown)));

@@ -102,9 +102,10 @@ pub fn solve(
     for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
         joints.row_mut(t).fill(f64::NAN);
     }
-    let mut sd = match settings.deviations {
-        true => Some(fitted.deviations(&sequence, precision, settings.joints)?),
-        false => None,
+    let mut sd = if settings.deviations {
+        Some(fitted.deviations(&sequence, precision, settings.joints)?)
+    } else {
+        None
     };
     let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
     let by_markers = SeenBones {

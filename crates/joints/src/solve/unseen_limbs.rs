@@ -146,9 +146,10 @@ fn limb_of(bone: &str) -> [&'static str; 2] {
             return [side, limb];
         }
     }
-    match bone.ends_with("neck") || bone == "head" {
-        true => ["", "head"],
-        false => ["", "trunk"],
+    if bone.ends_with("neck") || bone == "head" {
+        ["", "head"]
+    } else {
+        ["", "trunk"]
     }
 }
 

@@ -116,12 +116,11 @@ impl<'a> Blender<'a> {
             let weight = timing.weights[k];
             let height = (1.0 - weight) * a[root].y + weight * b[root].y;
             let at = place.with_y(height);
-            poses.push(match k == steps {
-                true => b.iter().map(|p| *p - b[root] + at).collect(),
-                false => {
-                    let between = self.tree.between(&a, &b, weight);
-                    between.into_iter().map(|p| p + at).collect()
-                }
+            poses.push(if k == steps {
+                b.iter().map(|p| *p - b[root] + at).collect()
+            } else {
+                let between = self.tree.between(&a, &b, weight);
+                between.into_iter().map(|p| p + at).collect()
             });
         }
         let mut blend = Blend {

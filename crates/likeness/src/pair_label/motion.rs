@@ -109,9 +109,10 @@ pub(crate) fn samples(seconds: f64) -> usize {
 
 /// The rotation about y that carries `across`, from the right hip joint to the left one, to x.
 fn without_yaw(across: DVec3) -> DMat3 {
-    match across.x.hypot(across.z) > 0.0 {
-        true => DMat3::from_rotation_y(across.z.atan2(across.x)),
-        false => DMat3::IDENTITY,
+    if across.x.hypot(across.z) > 0.0 {
+        DMat3::from_rotation_y(across.z.atan2(across.x))
+    } else {
+        DMat3::IDENTITY
     }
 }
 

@@ -172,15 +172,16 @@ fn longest(takes: &[BodyFramePoses], rates: &[f64]) -> f64 {
 /// Why no pose could be looked at.
 fn too_short(takes: &[BodyFramePoses], rates: &[f64], margin: f64) -> String {
     let longest = longest(takes, rates);
-    match longest < 2.0 * margin {
-        true => format!(
+    if longest < 2.0 * margin {
+        format!(
             "the longest unbroken motion lasts {longest:.2} s, and a pose needs {margin} s before \
-             and after it; see the option `seconds`"
-        ),
-        false => format!(
+         and after it; see the option `seconds`"
+        )
+    } else {
+        format!(
             "no frame with {margin} s of motion before and after it has all 16 joints; fill gaps \
-             with complete"
-        ),
+         with complete"
+        )
     }
 }
 
@@ -194,9 +195,10 @@ fn nothing_near(takes: &[BodyFramePoses], rates: &[f64], rules: &PairRules) -> S
             rules.margin
         );
     }
-    let where_from = match rules.other_takes {
-        true => "of different takes".to_string(),
-        false => format!("of different takes or {APART} s apart"),
+    let where_from = if rules.other_takes {
+        "of different takes".to_string()
+    } else {
+        format!("of different takes or {APART} s apart")
     };
     format!(
         "no two poses {where_from} that differ are within {} cm; see the option `near`",

@@ -65,9 +65,10 @@ impl Chosen<'_> {
             if best.is_some_and(|(least, _)| uses >= least) {
                 continue;
             }
-            match self.is_copy(pair) {
-                true => copies.push(i),
-                false => best = Some((uses, i)),
+            if self.is_copy(pair) {
+                copies.push(i)
+            } else {
+                best = Some((uses, i))
             }
         }
         let next = best.map(|(_, i)| (i, class[i]));

@@ -112,9 +112,10 @@ impl Halving<'_> {
             return (0..poses.n).map(|i| u32::from(i >= count)).collect();
         }
         // The larger half is made of the larger cluster.
-        let order = match (found.sizes[0] > found.sizes[1]) == (2 * count > poses.n) {
-            true => [0, 1],
-            false => [1, 0],
+        let order = if (found.sizes[0] > found.sizes[1]) == (2 * count > poses.n) {
+            [0, 1]
+        } else {
+            [1, 0]
         };
         let mut centroids = found.centroids.select(Axis(0), &order);
         let mut halves = nearer_first(poses, centroids.view(), count);

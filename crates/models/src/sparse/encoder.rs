@@ -147,9 +147,10 @@ impl<'a> Encoder<'a> {
             return SearchStrategy::Gram;
         }
         let tree = cache.wants_tree(m, self.dictionary.width());
-        match tree && self.dictionary.capacity(self.omp.sparsity) <= MOST_ATOMS {
-            true => SearchStrategy::BallTree,
-            false => SearchStrategy::DenseScan,
+        if tree && self.dictionary.capacity(self.omp.sparsity) <= MOST_ATOMS {
+            SearchStrategy::BallTree
+        } else {
+            SearchStrategy::DenseScan
         }
     }
 

@@ -173,9 +173,10 @@ impl AtomBudget {
     /// independent.
     pub(crate) fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
         let most = sparsity.min(dictionary.len()).min(dictionary.width());
-        let stop = match most == sparsity {
-            true => StopReason::Sparsity,
-            false => StopReason::Dependent,
+        let stop = if most == sparsity {
+            StopReason::Sparsity
+        } else {
+            StopReason::Dependent
         };
         AtomBudget { most, stop }
     }

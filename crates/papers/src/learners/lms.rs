@@ -61,9 +61,10 @@ fn check(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<()> {
     if !is_alike.contains(&false) {
         return Err("lms needs pairs of label 0 too".into());
     }
-    match terms.iter().all(|&t| t >= 0.0 && t.is_finite()) {
-        true => Ok(()),
-        false => Err("lms needs differences that are finite and at least 0".into()),
+    if terms.iter().all(|&t| t >= 0.0 && t.is_finite()) {
+        Ok(())
+    } else {
+        Err("lms needs differences that are finite and at least 0".into())
     }
 }
 

@@ -27,9 +27,12 @@ impl Planted {
         let mut normal = || random.sample::<f64, _>(StandardNormal);
         let centers = Array2::from_shape_simple_fn((CLASSES, signal), || 1.5 * normal());
         let n = CLASSES * POSES;
-        let x = Array2::from_shape_fn((n, signal + noise), |(i, j)| match j < signal {
-            true => centers[[i % CLASSES, j]] + 0.2 * normal(),
-            false => 2.0 * normal(),
+        let x = Array2::from_shape_fn((n, signal + noise), |(i, j)| {
+            if j < signal {
+                centers[[i % CLASSES, j]] + 0.2 * normal()
+            } else {
+                2.0 * normal()
+            }
         });
         let half = n / 2;
         let alike = (0..half - CLASSES).map(|i| [i, i + CLASSES]).collect();

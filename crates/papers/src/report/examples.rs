@@ -110,9 +110,10 @@ impl Restored {
         let (truth, shape) = (&damaged.truth, damaged.truth.dim());
         let changed = (kind == ExampleKind::Pose(Task::Sparse)).then(|| {
             Array2::from_shape_fn((shape.0, shape.1 / 3), |(t, p)| {
-                match (3 * p..3 * p + 3).any(|c| damaged.y[[t, c]] != truth[[t, c]]) {
-                    true => Status::Changed,
-                    false => Status::Observed,
+                if (3 * p..3 * p + 3).any(|c| damaged.y[[t, c]] != truth[[t, c]]) {
+                    Status::Changed
+                } else {
+                    Status::Observed
                 }
             })
         });

@@ -85,9 +85,10 @@ pub fn test(
         }
         report.pictures.extend(trial.pictures);
     }
-    match report.sheets.is_empty() {
-        true => Err(report.left_out.join("; ").into()),
-        false => Ok(report),
+    if report.sheets.is_empty() {
+        Err(report.left_out.join("; ").into())
+    } else {
+        Ok(report)
     }
 }
 

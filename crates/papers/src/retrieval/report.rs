@@ -162,20 +162,22 @@ impl MetricReport {
                 escape(why)
             );
         }
-        let pictures: String = match self.pictures.is_empty() {
-            true => String::new(),
-            false => format!(
+        let pictures: String = if self.pictures.is_empty() {
+            String::new()
+        } else {
+            format!(
                 "<section><h2>Poses found</h2><p>The pose asked for, then the eight nearest poses \
-                 of other people, nearest first; dashed: of another class.</p>{}</section>",
+             of other people, nearest first; dashed: of another class.</p>{}</section>",
                 self.pictures.concat()
-            ),
+            )
         };
-        let seconds = match self.seconds.is_empty() {
-            true => String::new(),
-            false => format!(
+        let seconds = if self.seconds.is_empty() {
+            String::new()
+        } else {
+            format!(
                 "<section><h2>Seconds of a training step (Table 2)</h2>{}</section>",
                 table(&self.second_lines())
-            ),
+            )
         };
         let lead = format!(
             "Learned from {} takes of {}, tested on {} takes of {}. Labels come from rules in the \

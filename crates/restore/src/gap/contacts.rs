@@ -239,9 +239,10 @@ impl LegPaths {
     fn moved(&self, t: usize, [by, toes_by]: [DVec3; 2]) -> [Option<DVec3>; 3] {
         let [hip, knee, ankle] = [0, 1, 2].map(|k: usize| self.limb[k][t]);
         let limb = TwoBones { hip, knee, ankle };
-        let bent = match by == DVec3::ZERO {
-            true => None,
-            false => bent(&limb, by, self.forward(t, &limb)),
+        let bent = if by == DVec3::ZERO {
+            None
+        } else {
+            bent(&limb, by, self.forward(t, &limb))
         };
         let (new_knee, new_ankle) = bent.map_or((None, None), |(k, a)| (Some(k), Some(a)));
         let stands = new_ankle.unwrap_or(ankle);

@@ -75,9 +75,10 @@ impl<'a, 't> GapFiller<'a, 't> {
             let mut now = open.clone();
             while !now.is_empty() {
                 for (gap, estimate) in self.fill_groups(&now, done) {
-                    match self.limits.allow(self.take.xyz, &gaps[gap], &estimate) {
-                        true => filled[gap] = Some(estimate),
-                        false => implausible[gap] = Some(estimate),
+                    if self.limits.allow(self.take.xyz, &gaps[gap], &estimate) {
+                        filled[gap] = Some(estimate)
+                    } else {
+                        implausible[gap] = Some(estimate)
                     }
                 }
                 for &gap in &now {
@@ -288,9 +289,10 @@ impl<'a, 't> GapFiller<'a, 't> {
             if !xyz.iter().all(|v| v.is_finite()) {
                 return None;
             }
-            let method = match found.over_time[k] > MOSTLY {
-                true => FillMethod::Interpolation,
-                false => FillMethod::Regression,
+            let method = if found.over_time[k] > MOSTLY {
+                FillMethod::Interpolation
+            } else {
+                FillMethod::Regression
             };
             filled.push(FilledGap {
                 xyz,

@@ -87,9 +87,10 @@ pub(crate) struct FilledGap {
 impl FilledGap {
     /// How one of its frames was filled, counted from its first.
     fn method_in(&self, frame: usize) -> FillMethod {
-        match self.contacts.iter().any(|c| c.contains(&frame)) {
-            true => FillMethod::Contact,
-            false => self.method,
+        if self.contacts.iter().any(|c| c.contains(&frame)) {
+            FillMethod::Contact
+        } else {
+            self.method
         }
     }
 

@@ -98,9 +98,10 @@ impl Regression<'_> {
             None => None,
         };
         let is_alone = self.kernels().iter().any(|k| !k.others);
-        let alone = match is_alone {
-            true => Some(Basis::new(self, gaps, None)?),
-            false => None,
+        let alone = if is_alone {
+            Some(Basis::new(self, gaps, None)?)
+        } else {
+            None
         };
         let of_kernel = |kernel: &Kernel| {
             let basis = if kernel.others { &with_others } else { &alone };

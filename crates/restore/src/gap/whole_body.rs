@@ -110,9 +110,10 @@ impl Bridges {
             }
         }
         let n = starts.len() as f64;
-        let weights = match errors.is_empty() {
-            true => plain,
-            false => (best_weights(&gram, &plain) * n + plain) / (n + 1.0),
+        let weights = if errors.is_empty() {
+            plain
+        } else {
+            (best_weights(&gram, &plain) * n + plain) / (n + 1.0)
         };
         let variance = |all: Vec<Errors>| {
             let squares = all.iter().map(|e| weights.dot(&e.values).powi(2).sum());

@@ -104,9 +104,10 @@ impl Hypothesis {
             std::array::from_fn(|a| std::array::from_fn(|b| products(&rows[a], &rows[b])));
         let off: [Scaled; 3] = std::array::from_fn(|a| products(&rows[a], &self.white));
         [false, true].map(|corrupt| {
-            let noise = match corrupt {
-                true => frame.likelihood.outlier_variance[p],
-                false => base_of(&frame.noise_variance, p),
+            let noise = if corrupt {
+                frame.likelihood.outlier_variance[p]
+            } else {
+                base_of(&frame.noise_variance, p)
             };
             let mut next = Next {
                 score: 0.0,

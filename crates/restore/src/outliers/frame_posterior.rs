@@ -161,9 +161,12 @@ fn average(frame: FrameState, assignments: Vec<Assignment>, posteriors: Vec<Post
 /// outlier.
 fn noise_with_outliers(frame: &FrameState, corrupt: &[f64]) -> Vec<f64> {
     let outlier_variance = &frame.likelihood.outlier_variance;
-    let least = |p: usize| match corrupt[p] > SURE {
-        true => outlier_variance[p],
-        false => EXACT_VARIANCE,
+    let least = |p: usize| {
+        if corrupt[p] > SURE {
+            outlier_variance[p]
+        } else {
+            EXACT_VARIANCE
+        }
     };
     let all = frame.noise_variance.iter().enumerate();
     all.map(|(i, v)| v.max(least(i / 3))).collect()

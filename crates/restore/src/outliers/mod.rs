@@ -186,9 +186,10 @@ fn by_distances(
     has_many: bool,
 ) -> Vec<Vec<usize>> {
     let xyz = take.xyz;
-    let rigid = match has_many {
-        true => Cow::Borrowed(&*adapted.rigid),
-        false => Cow::Owned(adapted.rigid.loosened(LENGTHS_VARY)),
+    let rigid = if has_many {
+        Cow::Borrowed(&*adapted.rigid)
+    } else {
+        Cow::Owned(adapted.rigid.loosened(LENGTHS_VARY))
     };
     let evidence = parallel::map_chunks(xyz.nrows(), FLOORS_PER_TASK, |range| {
         let floor = |t: usize| rigid.noise_floor(&xyz.row(t).to_vec());
@@ -209,11 +210,10 @@ fn by_distances(
             let is_decided = |q: &f64| *q <= DECIDED || *q >= 1.0 - DECIDED;
             // The prior is of another skeleton where the table has other points.
             let by_lengths_alone = adapted.mapping.has_others();
-            let probability = match by_lengths_alone || by_lengths.iter().all(is_decided) {
-                true => by_lengths,
-                false => {
-                    (estimator.estimate_with_outliers(&y, sd * sd)).map_or(Vec::new(), |f| f.1)
-                }
+            let probability = if by_lengths_alone || by_lengths.iter().all(is_decided) {
+                by_lengths
+            } else {
+                (estimator.estimate_with_outliers(&y, sd * sd)).map_or(Vec::new(), |f| f.1)
             };
             (0..probability.len())
                 .filter(|&p| probability[p] > LIKELY)
@@ -243,13 +243,12 @@ fn pooled_over_time(evidence: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
             let sum = |frames: Range<usize>| evidence[frames].iter().sum::<f64>();
             let before = sum(t.saturating_sub(NEIGHBORS).max(run.start)..t);
             let after = sum(t + 1..run.end.min(t + NEIGHBORS + 1));
-            searched[t] = match evidence[t] > 0.0 {
-                true => evidence[t] >= ALONE || before + evidence[t] + after >= TOGETHER,
-                false => {
-                    let before = sum(t.saturating_sub(BESIDE).max(run.start)..t);
-                    let after = sum(t + 1..run.end.min(t + BESIDE + 1));
-                    before.min(after) >= EITHER_SIDE
-                }
+            searched[t] = if evidence[t] > 0.0 {
+                evidence[t] >= ALONE || before + evidence[t] + after >= TOGETHER
+            } else {
+                let before = sum(t.saturating_sub(BESIDE).max(run.start)..t);
+                let after = sum(t + 1..run.end.min(t + BESIDE + 1));
+                before.min(after) >= EITHER_SIDE
             };
         }
     }

@@ -174,9 +174,12 @@ impl Path {
                 let to = (t + self.reach + 1).min(spikes.len());
                 spikes[t.saturating_sub(self.reach)..to].contains(&true)
             };
-            let is_spike = |t: usize| match is_near(t) {
-                true => self.is_spike(t, &spikes),
-                false => alone[t],
+            let is_spike = |t: usize| {
+                if is_near(t) {
+                    self.is_spike(t, &spikes)
+                } else {
+                    alone[t]
+                }
             };
             spikes = (0..alone.len()).map(is_spike).collect();
         }

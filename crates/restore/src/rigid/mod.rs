@@ -264,9 +264,10 @@ impl RigidModel {
                 let mut posterior = posterior.clone();
                 uncertainty::pin_exact(&mut posterior, seen.values, seen.variance);
                 let covariance = &posterior.covariance;
-                let uncertainty = match dense {
-                    true => Uncertainty::Settled(covariance, known),
-                    false => Uncertainty::Covariance(covariance, CORRELATED),
+                let uncertainty = if dense {
+                    Uncertainty::Settled(covariance, known)
+                } else {
+                    Uncertainty::Covariance(covariance, CORRELATED)
                 };
                 keep(&posterior.mean, uncertainty).into()
             },

@@ -111,9 +111,10 @@ impl GapInjection {
             poses.xyz.slice_mut(s![range.clone(), ..]).assign(&take.xyz);
             with_gaps += 1;
         }
-        match with_gaps == 0 && !takes.is_empty() {
-            true => fail("no take is as long as a gap; use a shorter length".into()),
-            false => Ok(()),
+        if with_gaps == 0 && !takes.is_empty() {
+            fail("no take is as long as a gap; use a shorter length".into())
+        } else {
+            Ok(())
         }
     }
 

@@ -31,9 +31,10 @@ impl CutGap<'_> {
         Array2::from_shape_fn((self.gap.frames.len(), columns.len()), |(i, c)| {
             let at = |t: usize| self.xyz[[t, columns[c]]];
             let before = at(self.gap.frames.start - 1);
-            match self.gap.frames.end < self.xyz.nrows() {
-                true => before + (at(self.gap.frames.end) - before) * self.share(i),
-                false => before,
+            if self.gap.frames.end < self.xyz.nrows() {
+                before + (at(self.gap.frames.end) - before) * self.share(i)
+            } else {
+                before
             }
         })
     }
@@ -107,15 +108,17 @@ impl CutGap<'_> {
         };
         let error = |t: usize| {
             let error = &own.targets.row(t) - &estimate(t);
-            match error.iter().all(|e| e.is_finite()) {
-                true => error,
-                false => Array1::zeros(error.len()),
+            if error.iter().all(|e| e.is_finite()) {
+                error
+            } else {
+                Array1::zeros(error.len())
             }
         };
         let before = error(self.gap.frames.start - 1);
-        let after = match self.gap.frames.end < self.xyz.nrows() {
-            true => error(self.gap.frames.end),
-            false => before.clone(),
+        let after = if self.gap.frames.end < self.xyz.nrows() {
+            error(self.gap.frames.end)
+        } else {
+            before.clone()
         };
         let mut out = Array2::zeros((self.gap.frames.len(), 3 * self.gap.points.len()));
         for (i, t) in self.gap.frames.clone().enumerate() {

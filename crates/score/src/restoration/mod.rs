@@ -111,13 +111,12 @@ impl TestTakes {
                 }
             }
         }
-        match out.takes.is_empty() {
-            true => {
-                let what = "has no take with a frame rate; gaps have a length in time (the option \
-                            `fps` gives it)";
-                Err(Error::data(Place::file(first), what))
-            }
-            false => Ok(out),
+        if out.takes.is_empty() {
+            let what = "has no take with a frame rate; gaps have a length in time (the option \
+                        `fps` gives it)";
+            Err(Error::data(Place::file(first), what))
+        } else {
+            Ok(out)
         }
     }
 

@@ -80,9 +80,10 @@ impl NoiseCell {
     }
 
     fn corrupt(&self, truth: &Array2<f64>, points: &[String], seed: u64) -> Result<Array2<f64>> {
-        let (dense, sparse) = match self.share < 1.0 {
-            true => (0.0, self.sd),
-            false => (self.sd, 0.0),
+        let (dense, sparse) = if self.share < 1.0 {
+            (0.0, self.sd)
+        } else {
+            (self.sd, 0.0)
         };
         let corruption = Corruption {
             dense,

@@ -52,9 +52,10 @@ pub(super) fn draw(
         }
         let most = frames(SECONDS).max(length + 2 * margin).min(run.len());
         let start = run.start + random.random_range(0..=run.len() - most);
-        let first = match to_the_end {
-            true => most - length,
-            false => random.random_range(margin..=most - margin - length),
+        let first = if to_the_end {
+            most - length
+        } else {
+            random.random_range(margin..=most - margin - length)
         };
         let gap = first..first + length;
         let beside = start + gap.start - 1..(start + gap.end + 1).min(start + most);

@@ -191,9 +191,10 @@ fn remarks(scene: &MeshScene<'_>, frames: usize, every: usize, packed: &[Packed]
         ));
     }
     let largest = packed.iter().map(|p| 0.5 * p.step).fold(0.0, f64::max);
-    let error = match scene.in_cm {
-        true => format!("{:.3} mm", 10.0 * largest),
-        false => "1/50,000 of the figure's largest side".into(),
+    let error = if scene.in_cm {
+        format!("{:.3} mm", 10.0 * largest)
+    } else {
+        "1/50,000 of the figure's largest side".into()
     };
     remarks.push(format!("Positions are rounded, by at most {error}."));
     paragraphs(&remarks)

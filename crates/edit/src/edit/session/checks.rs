@@ -63,41 +63,45 @@ impl Session {
 }
 
 fn check_place(coordinates: &[f64], what: impl FnOnce() -> String) -> Result<()> {
-    match coordinates.iter().all(|v| v.abs() <= FARTHEST) {
-        true => Ok(()),
-        false => Err(Error::usage(format!(
+    if coordinates.iter().all(|v| v.abs() <= FARTHEST) {
+        Ok(())
+    } else {
+        Err(Error::usage(format!(
             "{} is not a place within {FARTHEST} cm",
             what()
-        ))),
+        )))
     }
 }
 
 fn check_range(cm: f64, range: (f64, f64), what: impl FnOnce() -> String) -> Result<()> {
     let (least, most) = range;
-    match (least..=most).contains(&cm) {
-        true => Ok(()),
-        false => Err(Error::usage(format!(
+    if (least..=most).contains(&cm) {
+        Ok(())
+    } else {
+        Err(Error::usage(format!(
             "{} is {cm}; expected {least} to {most} cm",
             what()
-        ))),
+        )))
     }
 }
 
 pub(super) fn check_rate(rate: f64) -> Result<()> {
-    match (1.0..=1000.0).contains(&rate) {
-        true => Ok(()),
-        false => Err(Error::usage(format!(
+    if (1.0..=1000.0).contains(&rate) {
+        Ok(())
+    } else {
+        Err(Error::usage(format!(
             "the rate is {rate}; expected 1 to 1000 frames a second"
-        ))),
+        )))
     }
 }
 
 pub(super) fn check_time(time: f64) -> Result<()> {
-    match (0.0..=LATEST).contains(&time) {
-        true => Ok(()),
-        false => Err(Error::usage(format!(
+    if (0.0..=LATEST).contains(&time) {
+        Ok(())
+    } else {
+        Err(Error::usage(format!(
             "the time is {time}; expected 0 to {LATEST} seconds"
-        ))),
+        )))
     }
 }
 

@@ -99,11 +99,12 @@ impl Session {
     /// Checks that a session of so many keys can be saved.
     pub(super) fn check_key_count(&self, count: usize) -> Result<()> {
         let most = self.most_keys();
-        match count <= most {
-            true => Ok(()),
-            false => Err(Error::usage(format!(
+        if count <= most {
+            Ok(())
+        } else {
+            Err(Error::usage(format!(
                 "a session of this skeleton has at most {most} keys"
-            ))),
+            )))
         }
     }
 

@@ -90,9 +90,10 @@ impl Session {
             dragged: drags.keys().copied().collect(),
             pinned: pins.keys().copied().collect(),
             goals: goals.at_places(&self.now.pose.xyz),
-            reference: match moves {
-                true => self.solver.reference(&goals, &self.now.pose),
-                false => Reference::at(self.now.pose.xyz.clone()),
+            reference: if moves {
+                self.solver.reference(&goals, &self.now.pose)
+            } else {
+                Reference::at(self.now.pose.xyz.clone())
             },
         }
     }

@@ -20,9 +20,10 @@ impl Session {
     /// As [`Session::solve`].
     pub fn pin(&mut self, joint: usize, at: [Option<f64>; 3]) -> Result<()> {
         let mut pins = self.pins();
-        match at.iter().any(Option::is_some) {
-            true => pins.insert(joint, at),
-            false => pins.remove(&joint),
+        if at.iter().any(Option::is_some) {
+            pins.insert(joint, at)
+        } else {
+            pins.remove(&joint)
         };
         self.pin_all(&pins)
     }

@@ -110,15 +110,16 @@ impl Retargeter {
         let tree = Hierarchy::new(source, up.rotation());
         let body = BodyJoints::find(&tree, map, "map_from")?;
         let is_same = is_same_convention(&tree, &self.tree);
-        let [own, rest] = match is_same {
-            true => [
+        let [own, rest] = if is_same {
+            [
                 RestPose::zero(&tree, &body),
                 RestPose::zero(&self.tree, &self.body),
-            ],
-            false => [
+            ]
+        } else {
+            [
                 RestPose::of(&tree, &body, source.motion.view()),
                 RestPose::of(&self.tree, &self.body, self.bvh.motion.view()),
-            ],
+            ]
         };
         let figure = Figure {
             tree: &tree,
@@ -142,9 +143,10 @@ impl Retargeter {
             source,
             scale: legs[1] / legs[0],
         };
-        let planted = match feet {
-            true => run.plant(legs, rate),
-            false => Default::default(),
+        let planted = if feet {
+            run.plant(legs, rate)
+        } else {
+            Default::default()
         };
         let (motion, missing) = run.motion(&planted);
         Ok(Retargeted {
@@ -218,9 +220,10 @@ impl Run<'_> {
 
     /// What plants each foot.
     fn plant(&self, [source_leg, leg]: [f64; 2], rate: f64) -> Vec<Planted> {
-        let unit = match LEGS.contains(&source_leg) {
-            true => 1.0,
-            false => source_leg / LEG,
+        let unit = if LEGS.contains(&source_leg) {
+            1.0
+        } else {
+            source_leg / LEG
         };
         let ankles = [0, 1].map(|side| self.body.legs[side].joints[2]);
         let frames = map_chunks(self.source.motion.nrows(), CHUNK, |range| {
@@ -235,9 +238,10 @@ impl Run<'_> {
                     LegFrame {
                         bones: TwoBones { hip, knee, ankle },
                         thigh: pose.rotations[joints[0]],
-                        source: match self.tree.lacks_place(ankles[side], &missing) {
-                            true => DVec3::NAN,
-                            false => source.places[ankles[side]],
+                        source: if self.tree.lacks_place(ankles[side], &missing) {
+                            DVec3::NAN
+                        } else {
+                            source.places[ankles[side]]
                         },
                     }
                 })
@@ -286,9 +290,10 @@ impl Run<'_> {
                     let values = self.rig.values(j, local, place, &mut near[j]);
                     let (channels, at) = rig.channels(j);
                     for (c, value) in values.into_iter().enumerate() {
-                        let is_lost = match channels[c].is_angle() {
-                            true => is_missing,
-                            false => self.rig.carrier == Some(j) && lost,
+                        let is_lost = if channels[c].is_angle() {
+                            is_missing
+                        } else {
+                            self.rig.carrier == Some(j) && lost
                         };
                         missing += usize::from(is_lost);
                         row[at + c] = if is_lost { f64::NAN } else { value };
@@ -372,9 +377,10 @@ impl Retargeter {
     fn values(&self, joint: usize, local: &DMat3, carried: DVec3, near: &mut [f64; 3]) -> Vec<f64> {
         let (order, _) = self.order(joint);
         *near = decompose(local, order, *near);
-        let offset = match self.carrier == Some(joint) {
-            true => carried,
-            false => self.up.rotation().transpose() * self.tree.offsets[joint],
+        let offset = if self.carrier == Some(joint) {
+            carried
+        } else {
+            self.up.rotation().transpose() * self.tree.offsets[joint]
         };
         let mut angles = near.iter();
         let value = |channel: &Channel| match channel {

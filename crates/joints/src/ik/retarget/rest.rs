@@ -142,9 +142,10 @@ pub(super) fn between(
     let lower = hips * rig_hips.transpose();
     [
         lower,
-        match has_both {
-            true => shoulders * rig_shoulders.transpose(),
-            false => lower,
+        if has_both {
+            shoulders * rig_shoulders.transpose()
+        } else {
+            lower
         },
     ]
 }

@@ -49,10 +49,11 @@ pub(super) fn find(tree: &Hierarchy) -> Result<Limbs> {
         return Err(Error::unfit("its limbs have no two long bones"));
     };
     let long = |limb: &Limb| length(tree, limb.joints[0], limb.joints[2]);
-    let (legs, arms) = match long(&a) > long(&c) {
-        true => ([a, b], [c, d]),
+    let (legs, arms) = if long(&a) > long(&c) {
+        ([a, b], [c, d])
+    } else {
         // The tree grows from the chest.
-        false => ([c, d], [a, b]),
+        ([c, d], [a, b])
     };
     if !LEG_TO_ARM.contains(&(long(&legs[0]) / long(&arms[0]))) {
         return Err(Error::unfit(

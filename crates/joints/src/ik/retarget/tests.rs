@@ -61,12 +61,13 @@ fn body(
         parent: *parent,
         offset: axes(*parent).transpose() * change(j, DVec3::from_array(*offset)),
         channels: channels(j == 0),
-        ends: match BODY.iter().any(|b| b.1 == Some(j)) {
-            true => Vec::new(),
-            false => vec![EndSite {
+        ends: if BODY.iter().any(|b| b.1 == Some(j)) {
+            Vec::new()
+        } else {
+            vec![EndSite {
                 offset: axes(Some(j)).transpose() * change(j, DVec3::from_array(*offset) * 0.4),
                 after: 0,
-            }],
+            }]
         },
     };
     let mut motion = Array2::zeros((frames, 3 * BODY.len() + 3));

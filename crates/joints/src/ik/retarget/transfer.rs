@@ -285,9 +285,10 @@ impl Transfer {
     pub(super) fn rotation(&self, joint: usize, source: &Pose) -> Option<DMat3> {
         let follow = self.follows[joint].as_ref()?;
         let global = |(s, q): (usize, DMat3)| source.rotations[s] * q;
-        let rotation = match follow.share > 0.0 {
-            true => blend(global(follow.from), global(follow.to), follow.share),
-            false => global(follow.from),
+        let rotation = if follow.share > 0.0 {
+            blend(global(follow.from), global(follow.to), follow.share)
+        } else {
+            global(follow.from)
         };
         let aimed = follow.aim.and_then(|(end, local)| {
             let s = follow.from.0;

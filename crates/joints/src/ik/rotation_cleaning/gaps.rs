@@ -225,9 +225,10 @@ impl<M: Movable> Gappy<'_, M> {
             }
             let has_sides = kind.has_sides;
             let (weights, regression) = &*known.entry(kind).or_insert_with_key(|kind| {
-                let sums = match kind.columns.is_empty() {
-                    true => None,
-                    false => Some(&*learned.get_or_insert_with(|| self.sums(mean))),
+                let sums = if kind.columns.is_empty() {
+                    None
+                } else {
+                    Some(&*learned.get_or_insert_with(|| self.sums(mean)))
                 };
                 let regression = sums.and_then(|sums| Regression::new(sums, &kind.columns));
                 (self.weigh(kind, sums, mean), regression)
@@ -248,9 +249,10 @@ impl<M: Movable> Gappy<'_, M> {
         Kind {
             length: gap.len(),
             has_sides: [gap.start > 0, gap.end < self.seen.len()],
-            columns: match is_long {
-                true => self.predictors.columns(self.own, gap),
-                false => Vec::new(),
+            columns: if is_long {
+                self.predictors.columns(self.own, gap)
+            } else {
+                Vec::new()
             },
         }
     }
@@ -260,9 +262,10 @@ impl<M: Movable> Gappy<'_, M> {
         let predictors = self.predictors;
         let mut sums = predictors.sums.clone();
         for (t, x) in predictors.values.rows().into_iter().enumerate() {
-            match self.seen[t] {
-                true => sums.add_target(1.0, x, self.values[t].off_mean(mean)),
-                false => sums.add_predictors(-1.0, x),
+            if self.seen[t] {
+                sums.add_target(1.0, x, self.values[t].off_mean(mean))
+            } else {
+                sums.add_predictors(-1.0, x)
             }
         }
         sums
@@ -426,12 +429,13 @@ fn least([hh, hg, gg]: [f64; 3], [hc, gc]: [f64; 2], cost: impl Fn([f64; 2]) -> 
         }
     };
     let determinant = hh * gg - hg * hg;
-    let inside = match determinant > 1e-9 * hh * gg {
-        true => [
+    let inside = if determinant > 1e-9 * hh * gg {
+        [
             (hc * gg - gc * hg) / determinant,
             (gc * hh - hc * hg) / determinant,
-        ],
-        false => [0.0; 2],
+        ]
+    } else {
+        [0.0; 2]
     };
     let is_allowed = |w: &[f64; 2]| w.iter().all(|v| *v >= 0.0) && w[0] + w[1] <= 1.0;
     // On the edges: h alone, g alone, h + g = 1.

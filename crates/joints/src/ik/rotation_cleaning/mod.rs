@@ -208,9 +208,10 @@ impl<M> Track<M> {
 fn bridge_pops(rotations: &mut [Track<DQuat>], rate: f64, wanted: bool) -> Vec<Vec<Range<usize>>> {
     let found = parallel::map_chunks(rotations.len(), 1, |i| {
         let track = &rotations[i.start];
-        match wanted {
-            true => pops(&track.values, &track.seen, rate),
-            false => Vec::new(),
+        if wanted {
+            pops(&track.values, &track.seen, rate)
+        } else {
+            Vec::new()
         }
     });
     for (track, pops) in rotations.iter_mut().zip(&found) {

@@ -61,9 +61,10 @@ impl Movable for DVec3 {
 fn rotation_vector(q: DQuat) -> DVec3 {
     let v = q.xyz();
     let sine = v.length();
-    match sine > 1e-9 {
-        true => v * (2.0 * sine.atan2(q.w) / sine),
-        false => v * 2.0 * q.w.signum(),
+    if sine > 1e-9 {
+        v * (2.0 * sine.atan2(q.w) / sine)
+    } else {
+        v * 2.0 * q.w.signum()
     }
 }
 

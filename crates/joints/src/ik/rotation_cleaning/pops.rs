@@ -12,9 +12,12 @@ use std::ops::Range;
 /// The frames of pops, in runs. Frames that are not `seen` have no pops; `rate`: frames a second.
 pub(super) fn pops(rotations: &[DQuat], seen: &[bool], rate: f64) -> Vec<Range<usize>> {
     let frames = rotations.len();
-    let between = |a: usize, b: usize| match seen[a] && seen[b] {
-        true => rotations[a].step_to(rotations[b]).length(),
-        false => f64::NAN,
+    let between = |a: usize, b: usize| {
+        if seen[a] && seen[b] {
+            rotations[a].step_to(rotations[b]).length()
+        } else {
+            f64::NAN
+        }
     };
     // The step to each frame.
     let mut steps = vec![f64::NAN; frames];

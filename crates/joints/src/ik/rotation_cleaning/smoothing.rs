@@ -147,9 +147,10 @@ impl<'a> System<'a> {
         let within = penalty_row(strength, usize::MAX, usize::MAX);
         for t in 0..frames {
             let is_within = t >= PAD && t + PAD < frames;
-            let a = match is_within {
-                true => within,
-                false => penalty_row(strength, t, frames - 1 - t),
+            let a = if is_within {
+                within
+            } else {
+                penalty_row(strength, t, frames - 1 - t)
             };
             let i = t + PAD;
             // L D, from the farthest entry to the nearest.

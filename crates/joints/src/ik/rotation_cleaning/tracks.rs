@@ -59,9 +59,10 @@ pub(super) fn tracks(
 ) -> (Vec<Track<DQuat>>, Vec<Track<DVec3>>) {
     let (mut rotations, mut places) = (Vec::new(), Vec::new());
     for (j, joint) in joints.iter().enumerate() {
-        let parts = match three_axes(joint.angles.iter().map(|a| a.1)).is_some() {
-            true => vec![joint.angles.clone()],
-            false => joint.angles.iter().map(|a| vec![*a]).collect(),
+        let parts = if three_axes(joint.angles.iter().map(|a| a.1)).is_some() {
+            vec![joint.angles.clone()]
+        } else {
+            joint.angles.iter().map(|a| vec![*a]).collect()
         };
         rotations.extend(parts.into_iter().filter_map(|channels| {
             let rotation = |channels: &[(usize, Axis)], t: usize| match channels {
@@ -133,9 +134,10 @@ impl Track<DQuat> {
                 was.step_to(self.values[t]).length() < UNCHANGED
             };
             let is_whole = own.iter().all(|v| v.is_finite());
-            let near = match is_whole && is_near(&own) {
-                true => &own,
-                false => &before,
+            let near = if is_whole && is_near(&own) {
+                &own
+            } else {
+                &before
             };
             let near: Vec<f64> = near
                 .iter()

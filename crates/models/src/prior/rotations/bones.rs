@@ -85,9 +85,10 @@ impl BonePrior {
         let covariance = Array2::from_shape_fn((3 * COUNT, 3 * COUNT), |(i, j)| {
             let off = |b: &(Vec<f64>, Vec<DVec3>), i: usize| b.0[i] - mean[i];
             let sum: f64 = all.iter().map(|b| off(b, i) * off(b, j)).sum();
-            match i == j {
-                true => sum / (count - 1.0) + FLOOR * FLOOR,
-                false => TOLD * sum / (count - 1.0),
+            if i == j {
+                sum / (count - 1.0) + FLOOR * FLOOR
+            } else {
+                TOLD * sum / (count - 1.0)
             }
         });
         let uneven = |pair: usize| {
@@ -119,11 +120,12 @@ impl BonePrior {
     pub(crate) fn from_model(model: &Model, source: &str) -> Result<BonePrior> {
         let get = |name: &str, shape: (usize, usize)| {
             let array = model.array(name, source)?;
-            match array.dim() == shape && array.iter().all(|v| v.is_finite()) {
-                true => Ok(array.mapv(f64::from)),
-                false => Err(Error::usage(format!(
+            if array.dim() == shape && array.iter().all(|v| v.is_finite()) {
+                Ok(array.mapv(f64::from))
+            } else {
+                Err(Error::usage(format!(
                     "{source}: {name} is not {shape:?} numbers"
-                ))),
+                )))
             }
         };
         let mean = get("bones", (COUNT, 3))?;

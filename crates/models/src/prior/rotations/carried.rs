@@ -294,9 +294,10 @@ impl<'a> Joints<'a> {
         }
         let share = chain.len().div_ceil(count - at);
         let bones: Vec<usize> = chain.iter().copied().take(share).collect();
-        let ends = match bones.len() == chain.len() {
-            true => ends,
-            false => bones.last().copied().into_iter().collect(),
+        let ends = if bones.len() == chain.len() {
+            ends
+        } else {
+            bones.last().copied().into_iter().collect()
         };
         Some(Segment { bones, ends })
     }
@@ -361,9 +362,10 @@ impl<'a> Joints<'a> {
             let twist = DMat3::from_cols(along * along.x, along * along.y, along * along.z);
             return all(FLOOR) + (DMat3::IDENTITY - twist) * square(HAND_BEND);
         }
-        match name.ends_with("clavicle") && self.skeleton.bones()[bone].name != name {
-            true => all(COLLAR),
-            false => all(FLOOR),
+        if name.ends_with("clavicle") && self.skeleton.bones()[bone].name != name {
+            all(COLLAR)
+        } else {
+            all(FLOOR)
         }
     }
 }
@@ -431,11 +433,12 @@ mod tests {
             parent: (b > 0).then(|| kept.iter().position(|k| *k == parent(b)).unwrap()),
             offset: turn * (rest(b) - rest(parent(b))),
             axis: DMat3::IDENTITY,
-            dofs: match CMU[b].ends_with("hipjoint") {
-                true => Vec::new(),
-                false => [Axis::X, Axis::Y, Axis::Z]
+            dofs: if CMU[b].ends_with("hipjoint") {
+                Vec::new()
+            } else {
+                [Axis::X, Axis::Y, Axis::Z]
                     .map(|a| Dof::free(Channel::Rotate(a)))
-                    .to_vec(),
+                    .to_vec()
             },
         };
         let skeleton = Skeleton::new(kept.iter().map(bone).collect()).unwrap();

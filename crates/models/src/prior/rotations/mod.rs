@@ -84,9 +84,10 @@ impl RotationPrior {
         Ok(RotationPrior {
             mean: std::array::from_fn(|b| from_rotation_vector(vector(b))),
             covariance: covariance.mapv(f64::from),
-            bones: match model.get("bones").is_some() {
-                true => Some(BonePrior::from_model(model, source)?),
-                false => None,
+            bones: if model.get("bones").is_some() {
+                Some(BonePrior::from_model(model, source)?)
+            } else {
+                None
             },
         })
     }
@@ -189,9 +190,12 @@ pub fn local_rotations(skeleton: &Skeleton, values: &[&[f64]]) -> Result<Vec<Loc
     let frame = |q: &&[f64]| {
         let posture = skeleton.posture(q);
         let global = |b: usize| posture.rotations[bones[b]];
-        std::array::from_fn(|b| match is_free(b) {
-            true => global(CMU_PARENT[b]).transpose() * global(b),
-            false => DMat3::IDENTITY,
+        std::array::from_fn(|b| {
+            if is_free(b) {
+                global(CMU_PARENT[b]).transpose() * global(b)
+            } else {
+                DMat3::IDENTITY
+            }
         })
     };
     Ok(values.iter().map(frame).collect())
@@ -215,9 +219,12 @@ mod tests {
             |most: f64| DVec3::from_array([0; 3].map(|_: i32| random.random_range(-most..most)));
         let means: [DVec3; BONES] = std::array::from_fn(|_| vector(0.7));
         let frame = |_| {
-            std::array::from_fn(|b| match is_free(b) {
-                true => from_rotation_vector(vector(0.3)) * from_rotation_vector(means[b]),
-                false => DMat3::IDENTITY,
+            std::array::from_fn(|b| {
+                if is_free(b) {
+                    from_rotation_vector(vector(0.3)) * from_rotation_vector(means[b])
+                } else {
+                    DMat3::IDENTITY
+                }
             })
         };
         (0..count).map(frame).collect()

@@ -121,14 +121,11 @@ fn split(order: &mut [u32], projected: &[Projected]) {
     order.iter_mut().zip(&placed).for_each(|(o, p)| *o = p.1);
     let large = order.len() > LARGE;
     let (low, high) = order.split_at_mut(half);
-    match large {
-        true => {
-            rayon::join(|| split(low, projected), || split(high, projected));
-        }
-        false => {
-            split(low, projected);
-            split(high, projected);
-        }
+    if large {
+        rayon::join(|| split(low, projected), || split(high, projected));
+    } else {
+        split(low, projected);
+        split(high, projected);
     }
 }
 

@@ -92,9 +92,8 @@ impl<'a> DenseScan<'a> {
     }
 
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {
-        let part = |rows: &std::ops::Range<usize>, of: &[Row]| match of.is_empty() {
-            true => 0..0,
-            false => rows.clone(),
+        let part = |rows: &std::ops::Range<usize>, of: &[Row]| {
+            if of.is_empty() { 0..0 } else { rows.clone() }
         };
         let vectors = weights.unwrap_or(&self.directions);
         self.observed.select(vectors, self.panels.width());

@@ -282,9 +282,10 @@ impl<const UNIT: bool> Update for Optimized<UNIT> {
         let (c, e) = (state.c, state.e?);
         *c = add_product(simd, part, product, *c);
         *e = add_product(simd, simd.neg_f32s(product), product, *e);
-        let floor = match UNIT {
-            true => simd.splat_f32s(FLOOR),
-            false => *state.floor?,
+        let floor = if UNIT {
+            simd.splat_f32s(FLOOR)
+        } else {
+            *state.floor?
         };
         Some((simd.mul_f32s(*c, *c), simd.max_f32s(*e, floor)))
     }

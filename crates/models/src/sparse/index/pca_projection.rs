@@ -141,9 +141,10 @@ fn orthonormalize(vectors: &mut Array2<f64>) {
             vector.scaled_add(-along, &other);
         }
         let left = vector.dot(&vector).sqrt();
-        match left > whole * 1e-9 {
-            true => vector.mapv_inplace(|v| v / left),
-            false => vector.fill(0.0),
+        if left > whole * 1e-9 {
+            vector.mapv_inplace(|v| v / left)
+        } else {
+            vector.fill(0.0)
         }
     }
 }
