@@ -1,8 +1,9 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 //! What the papers that methods come from (Lai et al., Chen et al.) compare with, and how: pose
-//! models ([`published`]), learners and distances of poses ([`PublishedLearner`], [`Baseline`]), the
-//! [`benchmark`] on unseen takes with its [`report`], and the test of distances by [`retrieval`].
+//! models ([`published`]), learners and distances of poses ([`PublishedLearner`], [`Baseline`]),
+//! the [`benchmark`] on unseen takes with its [`report`], and the test of distances by
+//! [`retrieval`].
 //!
 //! ```
 //! use posing_models::prior::Kind;
