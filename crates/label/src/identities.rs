@@ -355,11 +355,16 @@ fn likeliest(
 ) -> Vec<Option<usize>> {
     let count = states.len();
     let ends = |c: usize, s: usize| state_after(states, s, &chains[c]);
-    let change = |c: usize, from: usize, to: usize| match ends(c - 1, from) == Some(to) {
-        true => 0.0,
-        false if chains[c].goes_on => -2.0 * CLEAR,
-        false if is_closed => -CLEAR,
-        false => 0.0,
+    let change = |c: usize, from: usize, to: usize| {
+        if ends(c - 1, from) == Some(to) {
+            0.0
+        } else if chains[c].goes_on {
+            -2.0 * CLEAR
+        } else if is_closed {
+            -CLEAR
+        } else {
+            0.0
+        }
     };
     let own = |c: usize, s: usize| {
         if c == first && s > 0 {

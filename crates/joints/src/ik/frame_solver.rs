@@ -534,9 +534,12 @@ impl<'a> FrameSolver<'a> {
     /// The state at a share of the way from one to another.
     pub(crate) fn between(&self, from: &FrameState, to: &FrameState, share: f64) -> FrameState {
         let rotations = from.rotations.iter().zip(&to.rotations).zip(&self.is_ball);
-        let rotations = rotations.map(|((a, b), is_ball)| match is_ball {
-            true => from_rotation_vector(rotation_vector(&(*b * a.transpose())) * share) * *a,
-            false => *a,
+        let rotations = rotations.map(|((a, b), is_ball)| {
+            if *is_ball {
+                from_rotation_vector(rotation_vector(&(*b * a.transpose())) * share) * *a
+            } else {
+                *a
+            }
         });
         let values = from.values.iter().zip(&to.values);
         FrameState {

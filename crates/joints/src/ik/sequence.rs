@@ -258,10 +258,12 @@ impl TakeFitter<'_> {
             match (&key_fits[before], &key_fits[after]) {
                 (Some(a), Some(b)) => {
                     let share = (t - keys[before]) as f64 / stride as f64;
-                    let start = match self.is_near(&a.state, &b.state) {
-                        true => Start::Near(self.solver.between(&a.state, &b.state, share)),
-                        false if share < 0.5 => Start::Far(a.state.clone()),
-                        false => Start::Far(b.state.clone()),
+                    let start = if self.is_near(&a.state, &b.state) {
+                        Start::Near(self.solver.between(&a.state, &b.state, share))
+                    } else if share < 0.5 {
+                        Start::Far(a.state.clone())
+                    } else {
+                        Start::Far(b.state.clone())
                     };
                     self.solve(t, start, scratch)
                 }

@@ -261,9 +261,12 @@ fn measure(
 ) -> TrackNoise {
     let track = |rows: Vec<[f64; 4]>, counts: &[bool], scale: f64, freedoms: usize| {
         let seen = rows.into_iter().zip(counts);
-        let row = |(row, counts): ([f64; 4], &bool)| match counts {
-            true => row.map(|v| scale * v),
-            false => [f64::NAN; 4],
+        let row = |(row, counts): ([f64; 4], &bool)| {
+            if *counts {
+                row.map(|v| scale * v)
+            } else {
+                [f64::NAN; 4]
+            }
         };
         track_noise::Track {
             rows: seen.map(row).collect(),
