@@ -232,6 +232,7 @@ impl PosesBuilder {
 /// The standard deviations (frames, J; cm) that the columns NAME.sd of some cells hold, in a unit
 /// of so many `centimeters`; NaN where a cell is no number. `None` where no point has such a
 /// column.
+#[doc(hidden)]
 pub fn deviations(columns: &Columns, cells: &[Cells], centimeters: f64) -> Option<Array2<f64>> {
     // Of columns of one name the first.
     let by_point: HashMap<&str, usize> = (columns.names.iter().enumerate().rev())

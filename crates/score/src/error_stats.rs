@@ -5,6 +5,7 @@ use serde::Serialize;
 
 /// Multiples of the stated standard deviation at which errors are counted, with the share of a
 /// Gaussian within.
+#[doc(hidden)]
 pub const SD_LEVELS: [(f64, f64); 12] = [
     (0.25, 0.197_413),
     (0.5, 0.382_925),
@@ -20,6 +21,7 @@ pub const SD_LEVELS: [(f64, f64); 12] = [
     (3.0, 0.997_300),
 ];
 /// The indices of one and two standard deviations in [`SD_LEVELS`].
+#[doc(hidden)]
 pub const ONE_AND_TWO_SD: [usize; 2] = [3, 7];
 
 /// Errors of a set of coordinates. Lengths are in the unit of the report; `None` if nothing was

@@ -9,6 +9,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// The smallest noise variance that a solve uses, cm²: 0.1 mm. No capture is better, and solves
 /// stay well conditioned.
+#[doc(hidden)]
 pub const EXACT_VARIANCE: f64 = 1e-4;
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the

@@ -6,6 +6,7 @@ use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 /// The place of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
+#[doc(hidden)]
 pub fn point_at(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|axis| xyz[[frame, 3 * point + axis]]))
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The ASF file of an AMC take: the option's, else the one beside it whose name begins the take's,
 /// else the only one there.
+#[doc(hidden)]
 pub fn skeleton_of(path: &Path, options: &ReadOptions) -> Result<PathBuf> {
     if let Some(asf) = &options.asf {
         return Ok(asf.clone());

@@ -11,6 +11,7 @@ const FRONT: f64 = 3.0;
 const BONES: [&str; 3] = ["root", "thorax", "head"];
 
 /// The places of markers on the body; `None` where no built-in set knows enough of them.
+#[doc(hidden)]
 pub fn body_points(points: &[String]) -> Option<BodyPoints> {
     let set = MarkerSet::of(points)?;
     let markers = set.markers(points);

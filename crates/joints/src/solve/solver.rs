@@ -181,6 +181,7 @@ fn empty(
 
 /// Why the labels of a take are no body that can be solved: a good part of the set's markers has no
 /// track, and as many tracks have no label. Then labels may be of several people.
+#[doc(hidden)]
 pub fn doubt(poses: &Poses, set: &MarkerSet) -> Option<String> {
     let all = set.all().0.len();
     let of_points = |points: &[usize]| {

@@ -40,6 +40,7 @@ use uncertainty::Uncertainty;
 const MOST_MASKED: usize = 128;
 
 /// Whether outliers are searched for.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutlierMode {
     /// The stated variances are those of the noise.
@@ -60,6 +61,7 @@ impl OutlierMode {
 }
 
 /// A posterior with rigid distances kept.
+#[doc(hidden)]
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Corrected {
     /// The pose.

@@ -19,6 +19,7 @@ use ndarray::Array2;
 const NO_LENGTH: f64 = 1e-9;
 
 /// Means and covariance of the rotations of a skeleton's joints.
+#[doc(hidden)]
 #[derive(Debug, Clone)]
 pub struct JointPrior {
     /// The bones that turn below the root.

@@ -15,6 +15,7 @@ const MAX_STEPS: usize = 12;
 
 /// The settings that are tried first: every inflation with every noise of the task. An axis of one
 /// value stays there.
+#[doc(hidden)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     /// Above 0.
@@ -58,6 +59,7 @@ impl Grid {
 ///
 /// # Errors
 /// Those of `learn`.
+#[doc(hidden)]
 pub fn tune(
     poses: &TrainingSet,
     options: &TrainOptions,

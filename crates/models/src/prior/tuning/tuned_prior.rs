@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 /// A prior at each task's setting; the task of an observation is found from its variances
 /// ([`Task::of`]).
+#[doc(hidden)]
 #[derive(Clone)]
 pub struct TunedPrior {
     tuned: TaskSettings,
