@@ -409,7 +409,7 @@ def solve(
         )
         form = ["--sd", "--to=npz", "--out-units=cm", "--out-up=y"]
         done = call("solve", *form, *given, "--", file, folder=folder)
-        more = {"record": json.loads((folder / "json").read_bytes()), "bvh": motion.read_text()}
+        more = {"record": json.loads((folder / "json").read_bytes()), "bvh": motion.read_text(encoding="utf-8")}
         return load(Motion, (folder / "out").read_bytes(), notes=done.notes, **more)
 
 

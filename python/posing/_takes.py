@@ -404,7 +404,7 @@ def write(
     """
     command = WRITERS.get(Path(path).suffix.lower())
     if command == "xyz2bvh" and hasattr(xyz, "bvh") and not (units or up or skeleton or into):
-        Path(path).write_text(xyz.bvh)
+        Path(path).write_text(xyz.bvh, encoding="utf-8")
         return []
     if command is None:
         raise ValueError(f"{os.fspath(path)}: the extension is none of {' '.join(WRITERS)}")
