@@ -78,15 +78,15 @@ where
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
+    let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
+    let has_joints = command.get_arguments().any(is_joints);
+    crate::error::name_options(if has_joints { flag } else { flag_or_trim });
     if let Err(e) = memory_limit::prepare() {
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
     #[cfg(target_os = "linux")]
     signals::end_with_parent();
-    let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
-    let has_joints = command.get_arguments().any(is_joints);
-    crate::error::name_options(if has_joints { flag } else { flag_or_trim });
     let parsed = command
         .try_get_matches_from_mut(words)
         .and_then(|matches| Ok((A::from_arg_matches(&matches)?, matches)));
