@@ -6,7 +6,7 @@
 //! and where its distances to the points that are steadiest beside it would be likelier on the
 //! straight way across.
 //!
-//! Stretches are found without the cuts of `pieces`, which part from their track what stays away for
+//! Found without the cuts of `pieces`, which part from their track what stays away for
 //! five frames and longer: with these as jumps, 12 of 16 such stretches of markers were found in
 //! place of all, and twice as many true positions rejected.
 
