@@ -407,7 +407,7 @@ def solve(
             output=folder / "out",
             **options,
         )
-        form = ["--sd", "--to=npz", "--out-units=cm", "--out-up=y"]
+        form = ["--sd", "--to=npz"]
         done = call("solve", *form, *given, "--", file, folder=folder)
         more = {"record": json.loads((folder / "json").read_bytes()), "bvh": motion.read_text(encoding="utf-8")}
         return load(Motion, (folder / "out").read_bytes(), notes=done.notes, **more)

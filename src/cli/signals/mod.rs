@@ -38,9 +38,18 @@ pub(crate) fn end_with_parent() {
         return;
     };
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
-    if test_kill_process(parent).is_err() {
+    if test_kill_process(parent).is_err() || is_zombie(&number) {
         std::process::exit(1); // it ended before the signal was set
     }
+}
+
+/// Whether a process has ended, and waits for its parent to ask how.
+#[cfg(target_os = "linux")]
+fn is_zombie(number: &str) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    // The name of the program, in parentheses, may hold any character.
+    let state = stat.rsplit_once(") ").map(|(_, rest)| rest);
+    state.is_some_and(|rest| rest.starts_with(['Z', 'X']))
 }
 
 /// Handles a signal: calls what `on_stop` was given, else removes unfinished files and lets `end`
