@@ -63,7 +63,7 @@ pub fn each_told<R: Serialize>(
         let done = work(job);
         let (report, error) = match &done {
             Ok((_, report)) => (serde_json::to_value(report).ok(), None),
-            Err(e) => (None, Some(e.to_string())),
+            Err(e) => (None, Some(messages::option_names().in_text(&e.to_string()))),
         };
         let file = job.input.display().to_string();
         files.push(FileReport {

@@ -7,7 +7,6 @@ use super::messages;
 use super::name_maps::name_map;
 use super::progress::Progress;
 use crate::audit::count;
-use crate::error::with_options;
 use crate::ik::correspondence::Correspondence;
 use crate::ik::sequence::SequenceFit;
 use crate::ik::{
@@ -120,7 +119,7 @@ impl JointArgs {
         let Some(wrong) = standing.filter(|s| s.axis != UpAxis::Y && s.is_sure) else {
             return Ok(Outcome::Done);
         };
-        let what = with_options(&wrong.sentence());
+        let what = wrong.sentence();
         messages::info(&format!("{table}: {what} of the command that read it"));
         Ok(Outcome::Findings)
     }

@@ -1,12 +1,13 @@
 //! Messages on standard error: one line each, after the command's name.
 
-use crate::error::with_options;
+use crate::error::OptionNames;
 use crate::io::text::is_hidden;
 use std::io::Write;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 static NAME: OnceLock<String> = OnceLock::new();
+static OPTION_NAMES: OnceLock<OptionNames> = OnceLock::new();
 /// 0 quiet, 1 as usual, 2 verbose.
 static LEVEL: AtomicU8 = AtomicU8::new(1);
 /// The lines that a report repeats, once they are kept.
@@ -15,6 +16,16 @@ static KEPT: Mutex<Option<Vec<String>>> = Mutex::new(None);
 /// Sets the name that begins every line.
 pub(crate) fn set_name(name: &str) {
     let _ = NAME.set(name.to_string());
+}
+
+/// Sets what options are called in lines.
+pub(crate) fn set_option_names(names: OptionNames) {
+    let _ = OPTION_NAMES.set(names);
+}
+
+/// What options are called: as flags, in a command.
+pub fn option_names() -> OptionNames {
+    OPTION_NAMES.get().copied().unwrap_or_default()
 }
 
 /// `-q` and `-v`.
@@ -90,7 +101,7 @@ fn cut_runs(text: &str, is_part: impl Fn(char) -> bool, most: usize) -> String {
 
 /// Keeps a line and, where it `is_printed`, prints it.
 fn line(text: &str, is_printed: bool) {
-    let text = visible(&with_options(text));
+    let text = visible(&option_names().in_text(text));
     if is_printed {
         // A failure to write to standard error cannot be reported.
         let _ = writeln!(std::io::stderr(), "{}: {text}", name());

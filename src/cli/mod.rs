@@ -40,6 +40,7 @@ pub mod training;
 pub mod usage_json;
 
 use crate::Result;
+use crate::error::{OptionName, OptionNames};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches};
 use std::ffi::OsString;
@@ -80,7 +81,7 @@ where
     messages::set_name(command.get_name());
     let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
     let has_joints = command.get_arguments().any(is_joints);
-    crate::error::name_options(if has_joints { flag } else { flag_or_trim });
+    messages::set_option_names(OptionNames::new(if has_joints { flag } else { flag_or_trim }));
     if let Err(e) = memory_limit::prepare() {
         return exit_code(Err::<Outcome, _>(e));
     }
@@ -100,15 +101,15 @@ where
 
 /// The flag of an option of the library, with its value if it has one: `--max-gap 2` of `max_gap
 /// 2`.
-fn flag(option: &str) -> String {
-    let (name, value) = option.split_once(' ').unwrap_or((option, ""));
-    let flag = format!("--{} {value}", name.replace('_', "-"));
+fn flag(option: OptionName<'_>) -> String {
+    let value = option.value.unwrap_or_default();
+    let flag = format!("--{} {value}", option.name.replace('_', "-"));
     flag.trim_end().to_string()
 }
 
 /// [`flag`] of a command that reads tables with names: trim gives an array names.
-fn flag_or_trim(option: &str) -> String {
-    if option == "joints" {
+fn flag_or_trim(option: OptionName<'_>) -> String {
+    if option.name == "joints" && option.value.is_none() {
         "posing trim --joints".to_string()
     } else {
         flag(option)

@@ -1,9 +1,9 @@
 //! What can go wrong, and the exit code each kind of failure has.
 
+pub use crate::message::{Message, OptionName, OptionNames};
 use std::fmt;
 use std::io;
 use std::path::Path;
-use std::sync::OnceLock;
 
 /// A shorthand for results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -13,19 +13,19 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The input holds something that cannot be used (exit 1).
-    #[error("{place}: {}", with_options(what))]
+    #[error("{place}: {what}")]
     Data {
         /// Where in the input.
         place: Place,
         /// What is wrong, and what would mend it.
-        what: String,
+        what: Message,
     },
     /// What was given cannot be used; the caller knows the place ([`Error::at`]; exit 1).
-    #[error("{}", with_options(.0))]
-    Unfit(String),
+    #[error("{0}")]
+    Unfit(Message),
     /// The arguments do not fit together or are out of range (exit 2).
-    #[error("{}", with_options(.0))]
-    Usage(String),
+    #[error("{0}")]
+    Usage(Message),
     /// Reading or writing failed (exit 1; a reader that closes the pipe is no failure at all).
     #[error("{place}: {source}")]
     Io {
@@ -87,7 +87,7 @@ impl fmt::Display for Place {
 
 impl Error {
     /// Unusable data at a place.
-    pub fn data(place: Place, what: impl Into<String>) -> Self {
+    pub fn data(place: Place, what: impl Into<Message>) -> Self {
         Error::Data {
             place,
             what: what.into(),
@@ -95,7 +95,7 @@ impl Error {
     }
     /// Something unusable whose place the caller knows. Texts convert into it, too.
     #[doc(hidden)]
-    pub fn unfit(what: impl Into<String>) -> Self {
+    pub fn unfit(what: impl Into<Message>) -> Self {
         Error::Unfit(what.into())
     }
     /// An [`Error::Unfit`] becomes [`Error::Data`] at `place`; others stay as they are.
@@ -116,7 +116,7 @@ impl Error {
         }
     }
     /// Arguments that cannot be used.
-    pub fn usage(what: impl Into<String>) -> Self {
+    pub fn usage(what: impl Into<Message>) -> Self {
         Error::Usage(what.into())
     }
     /// A failed read or write of a file.
@@ -124,6 +124,27 @@ impl Error {
         Error::Io {
             place: path.as_ref().display().to_string(),
             source,
+        }
+    }
+    /// What it says of the input or the arguments, without the place; none of a failed read.
+    pub fn message(&self) -> Option<&Message> {
+        match self {
+            Error::Data { what, .. } | Error::Unfit(what) | Error::Usage(what) => Some(what),
+            Error::Io { .. } => None,
+        }
+    }
+    /// The error with its options called as `names` says.
+    #[must_use]
+    pub fn with_option_names(self, names: OptionNames) -> Self {
+        let called = |what: Message| Message::from(names.in_text(&what.to_string()));
+        match self {
+            Error::Data { place, what } => Error::Data {
+                place,
+                what: called(what),
+            },
+            Error::Unfit(what) => Error::Unfit(called(what)),
+            Error::Usage(what) => Error::Usage(called(what)),
+            Error::Io { .. } => self,
         }
     }
     /// 2 for wrong usage, 1 for everything else.
@@ -141,59 +162,12 @@ impl Error {
 
 impl From<String> for Error {
     fn from(what: String) -> Self {
-        Error::Unfit(what)
+        Error::Unfit(what.into())
     }
 }
 
 impl From<&str> for Error {
     fn from(what: &str) -> Self {
         Error::Unfit(what.into())
-    }
-}
-
-/// Names an option for a user: set once by a program that has its own words for them.
-static OPTION_NAMES: OnceLock<fn(&str) -> String> = OnceLock::new();
-
-/// Lets messages name options as `name` does. A message of the library says ``the option `up z` ``,
-/// which is the field `up` of options with the value `z`; `name` gets what stands in the
-/// backquotes. A command names its flag instead.
-pub fn name_options(name: fn(&str) -> String) {
-    let _ = OPTION_NAMES.set(name);
-}
-
-/// The text of a message with its options named as [`name_options`] says.
-#[doc(hidden)]
-pub fn with_options(text: &str) -> String {
-    match OPTION_NAMES.get() {
-        Some(name) => replace_options(text, name),
-        None => text.to_string(),
-    }
-}
-
-fn replace_options(text: &str, name: impl Fn(&str) -> String) -> String {
-    let mut parts = text.split("the option `");
-    let mut out = parts.next().unwrap_or_default().to_string();
-    for part in parts {
-        match part.split_once('`') {
-            Some((option, rest)) => out += &(name(option) + rest),
-            None => out += part,
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::replace_options;
-
-    #[test]
-    fn options_get_the_names_that_a_program_has() {
-        let flag = |option: &str| format!("--{}", option.replace('_', "-"));
-        let text = "does not say its unit; give it with the option `units mm` (or cm), or the \
-                    option `max_gap`";
-        assert_eq!(
-            replace_options(text, flag),
-            "does not say its unit; give it with --units mm (or cm), or --max-gap"
-        );
     }
 }

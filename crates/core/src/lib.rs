@@ -23,6 +23,7 @@
 mod names;
 
 pub mod error;
+mod message;
 pub mod numeric;
 pub mod pose;
 

@@ -8,7 +8,7 @@ use flate2::write::GzEncoder;
 use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Complete files that are put in place together.
 static WAITING: Mutex<Vec<CompleteOutput>> = Mutex::new(Vec::new());
@@ -51,6 +51,31 @@ pub struct Output {
     target: Target,
     /// Whether the file waits for [`publish_waiting`] when it is complete.
     waits: bool,
+}
+
+/// What was written to memory.
+#[derive(Clone, Default)]
+pub(crate) struct Written(Arc<Mutex<Vec<u8>>>);
+
+impl Written {
+    fn bytes(&self) -> MutexGuard<'_, Vec<u8>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes())
+    }
+}
+
+impl Write for Written {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.bytes().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 enum Target {
@@ -156,6 +181,12 @@ impl Output {
             target: Target::Stream(Box::new(stream)),
             waits: false,
         }
+    }
+
+    /// Writes to memory; `name` is for messages.
+    pub(crate) fn memory(name: &str) -> (Output, Written) {
+        let written = Written::default();
+        (Output::stream(name, written.clone()), written)
     }
 
     fn writer(&mut self) -> &mut dyn Write {

@@ -6,8 +6,7 @@ use super::named_tracks::{NamedTracks, UnsureTrack};
 use super::naming::name_tracks;
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
-use crate::error::with_options;
-use crate::io::motion_file::ReadRules;
+use crate::error::OptionNames;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
@@ -88,19 +87,18 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
     if let Some(segment) = settings.keep.iter().find(|s| !is_point(&s.point)) {
         return refuse(&format!("has no point \"{}\" to keep", segment.point));
     }
-    Ok(LabelReport::new(&relabel(poses, rate, settings), poses))
+    Ok(LabelReport::new(&relabel(poses, rate, settings), poses, settings.option_names))
 }
 
 /// Names the tracks of a file, none of which has a label, as a model says, and puts these labels
 /// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (0 to
-/// 1) has no label. `rules` are those that the file was read by.
+/// 1) has no label.
 ///
 /// # Errors
 /// [`Error::Data`]: neither the file nor an option says its rate; it holds several takes, rotations
 /// or one of these labels; or no body is found in its tracks.
 pub fn label_from_nothing(
     file: &MotionFile,
-    rules: &ReadRules,
     model: &dyn LabelModel,
     sure: f64,
     settings: &LabelSettings,
@@ -119,10 +117,7 @@ pub fn label_from_nothing(
     }
     let named = name_tracks(poses, rate, model, sure);
     let mut named = named.map_err(|e| e.at(Place::file(&file.table.name)))?;
-    let options = file.options(rules);
-    let labeled = file
-        .moved(&named.moves, &options)?
-        .renamed(&named.names, &options)?;
+    let labeled = file.moved(&named.moves)?.renamed(&named.names)?;
     let mut report = check_labels(&labeled, settings)?;
     named
         .unsure
@@ -162,7 +157,7 @@ impl LabelReport {
             .chain(self.unchecked.as_deref())
     }
 
-    fn new(found: &Relabeling, poses: &Poses) -> LabelReport {
+    fn new(found: &Relabeling, poses: &Poses, names: OptionNames) -> LabelReport {
         let all = |labels: &[usize]| labels.iter().map(|l| poses.points[*l].clone()).collect();
         let unsure = found.unsure.iter().map(|u| UnsureLabels {
             labels: all(&u.labels),
@@ -173,7 +168,7 @@ impl LabelReport {
         let wrong = open.map(|(take, whole)| UnsureLabels {
             labels: all(&whole.points),
             frames: vec![[take.start, take.end]],
-            what: with_options(&whole.sentence(&poses.points)),
+            what: names.in_text(&whole.sentence(&poses.points)),
         });
         LabelReport {
             named: None,

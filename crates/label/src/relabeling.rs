@@ -7,6 +7,7 @@ use super::repair::repair;
 use super::sides::Unsure;
 use super::templates::{Templates, WholeTake, WholeTakeKind};
 use super::unlabeled::is_unlabeled;
+use crate::error::OptionNames;
 use crate::io::PointMove;
 use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::zeros::Zeros;
@@ -25,6 +26,8 @@ pub struct LabelSettings {
     pub take_out: bool,
     /// Labeled takes to compare with.
     pub like: Arc<Templates>,
+    /// What reports call options.
+    pub option_names: OptionNames,
 }
 
 impl Default for LabelSettings {
@@ -33,6 +36,7 @@ impl Default for LabelSettings {
             keep: Vec::new(),
             take_out: true,
             like: Arc::default(),
+            option_names: OptionNames::default(),
         }
     }
 }

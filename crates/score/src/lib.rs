@@ -18,7 +18,7 @@
 //! # Ok::<(), posing_core::Error>(())
 //! ```
 
-use posing_core::{Error, Place, Result, error, numeric, pose};
+use posing_core::{Error, Place, Result, numeric, pose};
 use posing_draw as draw;
 use posing_io as io;
 use posing_models::prior;

@@ -3,7 +3,6 @@
 use super::error_stats::ErrorStats;
 use super::score::ScoreReport;
 use crate::draw::text_table::aligned;
-use crate::error::with_options;
 use std::fmt::{self, Write};
 
 /// The cells of a line of errors.
@@ -33,7 +32,7 @@ const PRINTED_RATES: usize = 5;
 impl fmt::Display for ScoreReport {
     /// Aligned columns of text, in several lines.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&with_options(&text(self)))
+        f.write_str(&&text(self))
     }
 }
 

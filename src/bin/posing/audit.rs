@@ -76,6 +76,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let auditor = FileAuditor {
         labels: LabelSettings {
             like: args.like.templates(&read)?,
+            option_names: messages::option_names(),
             ..LabelSettings::default()
         },
         read,

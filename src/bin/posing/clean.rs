@@ -285,6 +285,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             keep: args.keep_labels.clone(),
             take_out: args.outliers != Some(OutlierDetection::None),
             like,
+            option_names: messages::option_names(),
         }),
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
@@ -294,6 +295,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         redo: args.redo.clone(),
         butterworth: args.butterworth,
         skeletons: args.solve.as_deref().map(skeletons).transpose()?,
+        option_names: messages::option_names(),
     })
 }
 

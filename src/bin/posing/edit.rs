@@ -8,7 +8,7 @@ use posing::cli::input::{check_single_stdin, open_model, read_table};
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
-use posing::cli::{browser, signals};
+use posing::cli::{browser, messages, signals};
 use posing::edit;
 use posing::io::Table;
 use posing::prior::builtin_model;
@@ -92,6 +92,7 @@ pub fn work(args: &Args) -> Result<()> {
         session: args.session.as_deref().map(Path::to_path_buf),
         model,
         table,
+        option_names: messages::option_names(),
     };
     let page = Page {
         html: page::page(),

@@ -136,6 +136,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let settings = LabelSettings {
         keep: args.keep_labels.clone(),
         like: args.like.templates_of(&like)?,
+        option_names: messages::option_names(),
         ..LabelSettings::default()
     };
     let model = args.from_nothing.then(|| model(args, &like)).transpose()?;
@@ -186,11 +187,10 @@ fn label(
     model: Option<&BodyModel>,
     job: &BatchJob,
 ) -> Result<(Outcome, Value)> {
-    let rules = args.read.rules();
-    let file = MotionFile::open_by(&job.input, &rules)?;
+    let file = MotionFile::open_by(&job.input, &args.read.rules())?;
     check_unit(file.poses(), file.units(), &file.table.name)?;
     let (file, report) = match model {
-        Some(model) => label_from_nothing(&file, &rules, model, args.sure, settings)?,
+        Some(model) => label_from_nothing(&file, model, args.sure, settings)?,
         None => {
             let report = check_labels(&file, settings)?;
             (file, report)
@@ -202,7 +202,7 @@ fn label(
     let lines = lines.chain(file.computed_note());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     if let Some(path) = job.output.as_deref().filter(|_| !args.dry_run) {
-        let note = write_labeled(&job.input, path, &file, &report)?;
+        let note = write_labeled(&job.input, path, &file, &report, messages::option_names())?;
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }

@@ -10,7 +10,7 @@ use posing::cli::name_maps::name_map;
 use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::ik::retarget::{Rest, Retargeted, Retargeter, cmu_map, up_axis};
+use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, cmu_map, up_axis};
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::motion_file::ReadOptions;
 use posing::io::rotation_take::RotationTake;
@@ -169,10 +169,13 @@ impl Job<'_> {
                 "{name}: the figure stands along {up}, which is taken for up; --up says otherwise"
             ));
         }
-        let time = (own.unwrap_or(take.up), take.rate);
-        let done = self
-            .rig
-            .retarget(&take.bvh, time, self.map.as_ref(), !self.args.no_feet);
+        let options = RetargetOptions {
+            up: own.unwrap_or(take.up),
+            rate: Some(take.rate),
+            map: self.map.as_ref(),
+            plants_feet: !self.args.no_feet,
+        };
+        let done = self.rig.retarget(&take.bvh, &options);
         let done = done.map_err(|e| e.at(Place::file(&name)))?;
         let text = done.bvh.with_hierarchy_of(&self.original, 1.0)?;
         if let Some(folder) = job.output.as_ref().and_then(|path| path.parent()) {

@@ -116,5 +116,5 @@ pub fn work(args: &Args) -> Result<()> {
     let report = score.finish_in(&value_name(args.units), args.units.centimeters());
     let output = args.output.as_deref();
     args.json
-        .write_report(output, || report.to_string(), &report)
+        .write_report(output, || messages::option_names().in_text(&report.to_string()), &report)
 }

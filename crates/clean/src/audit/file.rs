@@ -5,7 +5,7 @@ use super::{
     Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit_points, labels,
     rotation_findings,
 };
-use crate::error::with_options;
+use crate::error::OptionNames;
 use crate::io::motion_file::{ReadRules, format_of};
 use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
 use crate::io::{MotionFile, MotionFormat};
@@ -54,13 +54,16 @@ impl FileAuditor {
                 out.computed = file.computed().into_iter().map(String::from).collect();
                 out.notes
                     .extend(labels::add(&file, &self.labels, &mut out.takes));
+                let names = self.labels.option_names;
+                name_options(&mut out.takes, names);
+                out.notes.iter_mut().for_each(|note| *note = names.in_text(note));
                 out.has_markers = is_of_markers(file.format);
                 if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
                     out.page = pages.write(number, &out.file, &file)?;
                 }
             }
             Err(wrong @ Error::Usage(_)) => return Err(wrong),
-            Err(e) => out.error = Some(e.to_string()),
+            Err(e) => out.error = Some(self.labels.option_names.in_text(&e.to_string())),
         }
         Ok(out)
     }
@@ -97,6 +100,13 @@ pub(crate) fn are_joints(file: &MotionFile) -> bool {
             .all(|joint| joint.positions.is_empty())
 }
 
+/// Calls the options that findings name as `names` says.
+pub(crate) fn name_options(takes: &mut [TakeAudit], names: OptionNames) {
+    for finding in takes.iter_mut().flat_map(|take| &mut take.findings) {
+        finding.what = names.in_text(&finding.what);
+    }
+}
+
 /// The audit of what a file holds: its positions, and its angles if it has some.
 pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     let are_joints = are_joints(file);
@@ -105,9 +115,6 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     if let Some(take) = takes.first_mut() {
         let found = rotation_findings(&file.joint_angles(), file.rate());
         take.findings.extend(found);
-    }
-    for finding in takes.iter_mut().flat_map(|take| &mut take.findings) {
-        finding.what = with_options(&finding.what);
     }
     takes
 }

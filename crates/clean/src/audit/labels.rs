@@ -1,7 +1,6 @@
 //! Labels: what `posing label` would put right, and labels that are wrong in every frame.
 
 use super::{Finding, FindingKind, TakeAudit};
-use crate::error::with_options;
 use crate::io::MotionFile;
 use crate::label::LabelSettings;
 use crate::label::changes::{Change, ChangeKind};
@@ -46,7 +45,7 @@ pub(super) fn add(
                 WholeTakeKind::Hand => FindingKind::Hand,
                 _ => FindingKind::WholeTake,
             };
-            let what = with_options(&whole.sentence(&poses.points));
+            let what = whole.sentence(&poses.points);
             of_take.finding(kind, &whole.points, None, what)
         }));
     }

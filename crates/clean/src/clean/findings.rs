@@ -8,7 +8,6 @@ use super::sources::OutputFormat;
 use crate::audit::{
     Finding, FindingKind, are_joints, audit_points, count, kind_name, rotation_findings,
 };
-use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
 use crate::label::unlabeled::{labeled, left_alone};
@@ -99,6 +98,7 @@ impl CleanSettings {
                 .iter()
                 .flat_map(|r| r.notes(self.rotation_noise_limit)),
         );
+        let called = |line: &String| self.option_names.in_text(line);
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),
@@ -113,8 +113,8 @@ impl CleanSettings {
             denoised,
             noise_stays,
             copied: false,
-            findings: findings.iter().map(|line| with_options(line)).collect(),
-            notes: notes.iter().map(|line| with_options(line)).collect(),
+            findings: findings.iter().map(called).collect(),
+            notes: notes.iter().map(called).collect(),
             places: places(
                 known.places.into_iter().chain(found).collect(),
                 known.audit,

@@ -5,6 +5,7 @@ use super::page::write_page_of;
 use super::record::{Fingerprint, make_folder_of, record_path};
 use crate::draw::scene::Figure;
 use crate::draw::take_page::TakePage;
+use crate::error::OptionNames;
 use crate::io::motion_file::ReadAs;
 use crate::io::output::write_file;
 use crate::io::{MotionFile, PointMove};
@@ -32,7 +33,8 @@ struct Record<'a> {
 
 /// Writes a file with its labels put right, as [`check_labels`](crate::label::check_labels) found
 /// them, to `output`, with the record `OUTPUT.json`, and, where something changed or is not sure,
-/// the page `OUTPUT.html`. `input` is where the file came from. Returns a line to be told: another
+/// the page `OUTPUT.html`. `input` is where the file came from; the page calls options
+/// as `names` says. Returns a line to be told: another
 /// file stands in the place of the page.
 ///
 /// # Errors
@@ -43,6 +45,7 @@ pub fn write_labeled(
     output: &Path,
     file: &MotionFile,
     labels: &LabelReport,
+    names: OptionNames,
 ) -> Result<Option<String>> {
     let record = record_path(output);
     let is_ours = |text: Vec<u8>| {
@@ -56,7 +59,7 @@ pub fn write_labeled(
     }
     make_folder_of(output)?;
     file.write_moved(output, &labels.moves)?;
-    let note = write_page_of(output, page(input, file, labels)?.as_deref())?;
+    let note = write_page_of(output, page(input, file, labels, names)?.as_deref())?;
     let written = Record {
         command: "label",
         posing: env!("CARGO_PKG_VERSION"),
@@ -72,8 +75,13 @@ pub fn write_labeled(
 }
 
 /// The page of a take whose labels were changed; `None` where there is nothing to see.
-fn page(input: &Path, file: &MotionFile, labels: &LabelReport) -> Result<Option<String>> {
-    let Some(table) = label_table(labels) else {
+fn page(
+    input: &Path,
+    file: &MotionFile,
+    labels: &LabelReport,
+    names: OptionNames,
+) -> Result<Option<String>> {
+    let Some(table) = label_table(labels, names) else {
         return Ok(None);
     };
     let poses = file.poses();

@@ -4,9 +4,8 @@ use super::places::PlaceToSee;
 use crate::Result;
 use crate::draw::href::encoded;
 use crate::draw::scene::Table;
-use crate::error::with_options;
+use crate::error::OptionNames;
 use crate::io::MotionFile;
-use crate::io::motion_file::ReadOptions;
 use crate::label::{LabelReport, LabelSettings, check_labels};
 use ndarray::{Array2, ArrayView2};
 
@@ -21,25 +20,29 @@ pub(super) struct Relabeled {
     pub report: LabelReport,
     /// The positions (frames, 3 P) as they were, where some moved.
     pub captured: Option<Array2<f64>>,
+    /// What the page calls options.
+    pub option_names: OptionNames,
 }
 
 /// The file with its labels put right, and what was changed; rotations have no labels.
 pub(super) fn relabeled(
     settings: Option<&LabelSettings>,
     file: MotionFile,
-    read: &ReadOptions,
 ) -> Result<(MotionFile, Relabeled)> {
     let Some(settings) = settings.filter(|_| file.motion().is_none()) else {
         return Ok((file, Relabeled::default()));
     };
-    let report = check_labels(&file, settings)?;
-    if report.moves.is_empty() {
-        let captured = None;
-        return Ok((file, Relabeled { report, captured }));
+    let mut out = Relabeled {
+        report: check_labels(&file, settings)?,
+        captured: None,
+        option_names: settings.option_names,
+    };
+    if out.report.moves.is_empty() {
+        return Ok((file, out));
     }
-    let moved = file.moved(&report.moves, read)?;
-    let captured = Some(file.table.poses.xyz);
-    Ok((moved, Relabeled { report, captured }))
+    let moved = file.moved(&out.report.moves)?;
+    out.captured = Some(file.table.poses.xyz);
+    Ok((moved, out))
 }
 
 impl Relabeled {
@@ -112,9 +115,9 @@ impl Relabeled {
 
 /// The changes of labels as a table for a page, whose rows lead to their frames and points; `None`
 /// where there are none.
-pub(super) fn label_table(report: &LabelReport) -> Option<Table> {
+pub(super) fn label_table(report: &LabelReport, names: OptionNames) -> Option<Table> {
     let mut out = Table {
-        caption: with_options(
+        caption: names.in_text(
             "Labels that were changed, or are not sure (frames count from 0): a row leads to the \
              frame before. The option `keep_labels NAME:FROM-TO` keeps a label in another run.",
         ),

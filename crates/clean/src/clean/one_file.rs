@@ -13,8 +13,8 @@ use super::replaced::{ReplacedPosition, replaced};
 use super::rotations::CleanedFile;
 use super::skeleton::{self, SkeletonSettings};
 use super::sources::{Job, OutputFormat};
-use crate::audit::{Limits, TakeAudit, audit_motion};
-use crate::error::with_options;
+use crate::audit::{Limits, TakeAudit, audit_motion, name_options};
+use crate::error::OptionNames;
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skeleton_of};
 use crate::io::motion_folder::name_of;
@@ -63,6 +63,8 @@ pub struct CleanSettings {
     pub butterworth: Option<f64>,
     /// How markers are solved for a skeleton beside each result, if they are.
     pub skeletons: Option<SkeletonSettings>,
+    /// What results, records and pages call options.
+    pub option_names: OptionNames,
 }
 
 /// What was made of a file.
@@ -128,6 +130,7 @@ impl CleanSettings {
             ))
         };
         let outcome = done.unwrap_or_else(broken).unwrap_or_else(|error| {
+            let error = error.with_option_names(self.option_names);
             // Where no record can be left, the table has the error all the same.
             let _ = leave_failure(&job.output, &error.to_string());
             FileOutcome::Failed {
@@ -204,8 +207,9 @@ impl CleanSettings {
         if !self.force && !keeps_rotations(&file, to) {
             check_unit(file.poses(), file.units(), &file.table.name)?;
         }
-        let before = audit_motion(&file, &self.limits);
-        let (mut file, labels) = relabeled(self.labels.as_ref(), file, &capture.read)?;
+        let mut before = audit_motion(&file, &self.limits);
+        name_options(&mut before, self.option_names);
+        let (mut file, labels) = relabeled(self.labels.as_ref(), file)?;
         if self.held_is_missing {
             empty_held(&mut file)?;
         }
@@ -283,7 +287,7 @@ impl CleanSettings {
     /// Why the labels of a file may be of several people.
     fn doubt(&self, file: &MotionFile) -> Option<String> {
         let set = MarkerSet::of(&file.poses().points).filter(|_| file.motion().is_none())?;
-        doubt(file.poses(), set).map(|what| with_options(&format!("labels: {what}")))
+        doubt(file.poses(), set).map(|what| self.option_names.in_text(&format!("labels: {what}")))
     }
 
     /// The skeleton beside the result, if it is asked for; why there is none is a finding.

@@ -75,7 +75,7 @@ fn take_page(
         bones: &file.bones()?,
         markers: None,
         figures,
-        table: label_table(&labels.report),
+        table: label_table(&labels.report, labels.option_names),
     }
     .html()
 }

@@ -6,6 +6,7 @@ use super::{Handler, Refusal, Reply, Request, Route};
 use crate::edit::Session;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
+use crate::error::OptionNames;
 use crate::io::Table;
 use crate::io::input::take_name;
 use crate::restore::PoseModel;
@@ -25,6 +26,8 @@ pub struct EditSource {
     pub table: Option<Table>,
     /// Where the session is kept.
     pub session: Option<PathBuf>,
+    /// What the page calls options.
+    pub option_names: OptionNames,
 }
 
 /// A session that handles requests.
@@ -37,6 +40,7 @@ pub struct Editor {
     file: Option<SessionPath>,
     /// The revision that the file holds.
     saved: u64,
+    option_names: OptionNames,
 }
 
 /// The body of a request to export.
@@ -60,6 +64,7 @@ impl Editor {
             figure,
             table,
             session: file,
+            option_names,
         } = source;
         let file = file.as_deref().map(SessionPath::open).transpose()?;
         let rig = figure.rig(&model.points)?;
@@ -86,6 +91,7 @@ impl Editor {
             name,
             rate,
             file,
+            option_names,
         })
     }
 
@@ -162,7 +168,7 @@ impl Editor {
 impl Handler for Editor {
     fn handle(&mut self, request: &Request) -> std::result::Result<Reply, Refusal> {
         self.try_handle(request)
-            .map_err(|e| Refusal::new(status(&e), e.to_string()))
+            .map_err(|e| Refusal::new(status(&e), self.option_names.in_text(&e.to_string())))
     }
 
     fn finish(mut self) -> Result<()> {

@@ -427,7 +427,7 @@ impl<'a> AmcReader<'a> {
                         }
                     }
                     let what = match e {
-                        Error::Data { what, .. } => what,
+                        Error::Data { what, .. } => what.to_string(),
                         e => return Err(e),
                     };
                     return self.cut_off(number, &what);

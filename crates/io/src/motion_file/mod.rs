@@ -69,6 +69,8 @@ pub struct MotionFile {
     /// What was odd, a line each.
     pub notes: Vec<String>,
     units: Units,
+    /// What it was read by.
+    options: ReadOptions,
     original: Original,
     /// All points, where some are computed.
     all: Option<Box<AllPoints>>,
@@ -123,6 +125,31 @@ impl MotionFile {
         let bytes = Input::open(&path)?.read_all(LARGEST_MOTION_FILE)?;
         let options = rules.of(path.as_ref(), format_of(&bytes));
         MotionFile::read(path.as_ref(), bytes, &options)
+    }
+
+    /// Reads the bytes of a file; those of gzip and zstd are decompressed. `name` is for messages,
+    /// and where the skeleton of an AMC take is looked for.
+    ///
+    /// ```
+    /// use posing_io::{MotionFile, motion_file::ReadOptions};
+    ///
+    /// let bvh = std::fs::read("../../testdata/damaged.bvh")?;
+    /// let file = MotionFile::from_bytes("damaged.bvh", bvh.clone(), &ReadOptions::default())?;
+    /// assert_eq!(file.rate(), Some(60.0));
+    /// assert_eq!(file.to_bytes()?, bvh);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Data`]: it is damaged, or neither it nor an option says its rate, unit or axis.
+    pub fn from_bytes(
+        name: impl AsRef<Path>,
+        bytes: Vec<u8>,
+        options: &ReadOptions,
+    ) -> Result<MotionFile> {
+        let shown = name.as_ref().display().to_string();
+        let unpacked = Input::new(shown, Cursor::new(bytes))?.read_all(LARGEST_MOTION_FILE)?;
+        MotionFile::read(name.as_ref(), unpacked, options)
     }
 
     /// Reads a file whose bytes, unpacked, are `bytes`.
@@ -224,7 +251,6 @@ impl MotionFile {
 
     /// The values of a file of rotations (frames, channels; radians and centimeters; NaN is
     /// missing), BVH or AMC.
-    #[doc(hidden)]
     pub fn motion(&self) -> Option<ArrayView2<'_, f64>> {
         match &self.original {
             Original::Bvh(_, bvh) => Some(bvh.motion.view()),
@@ -234,7 +260,6 @@ impl MotionFile {
     }
 
     /// The channels of each joint; none of a file without rotations.
-    #[doc(hidden)]
     pub fn channels(&self) -> Vec<JointChannels> {
         match &self.original {
             Original::Bvh(_, bvh) => {
@@ -251,7 +276,6 @@ impl MotionFile {
     ///
     /// # Errors
     /// None for a file that was read.
-    #[doc(hidden)]
     pub fn positions_of(&self, motion: ArrayView2<'_, f64>) -> Result<Array2<f64>> {
         match &self.original {
             Original::Bvh(_, bvh) => {
@@ -410,6 +434,7 @@ fn of_markers(
         read_as: read_as(rate, units, sources),
         notes,
         units,
+        options: options.clone(),
         original,
         all: None,
     })
@@ -439,6 +464,7 @@ fn of_bvh(
             .map(|note| without_name(note, path))
             .collect(),
         units,
+        options: options.clone(),
         original: Original::Bvh(bytes, Box::new(bvh)),
         all: None,
     })
@@ -490,6 +516,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Res
         read_as: read_as(rate_of(None, options), units, of_skeleton),
         notes: dropped.into_iter().collect(),
         units,
+        options: options.clone(),
         original: Original::Amc(
             bytes,
             Box::new(AmcMotion {
@@ -519,6 +546,7 @@ fn of_table(format: MotionFormat, input: Input, options: &ReadOptions) -> Result
         read_as: read_as(rate, units, custom_sources(options)),
         notes: Vec::new(),
         units,
+        options: options.clone(),
         original: Original::Table,
         table,
         all: None,

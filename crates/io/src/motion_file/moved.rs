@@ -1,10 +1,8 @@
 //! Positions moved between the points of a file, as the file has them: no number is written anew.
 
-use super::{MotionFile, Original, ReadOptions, ReadRules};
+use super::{MotionFile, Original};
 use crate::marker_take::MarkerTake;
-use crate::motion_format::MotionFormat;
 use crate::output::write_file;
-use crate::table_writer::TableFormat;
 use crate::{Error, Place, Result};
 use crate::{PointMove, Table};
 use std::collections::HashSet;
@@ -20,43 +18,42 @@ impl MotionFile {
         if let Some(bytes) = self.moved_bytes(moves)? {
             return write_file(path, &bytes);
         }
-        let format = match self.format {
-            MotionFormat::Npy => TableFormat::Npy,
-            MotionFormat::Npz => TableFormat::Npz,
-            _ => TableFormat::Csv,
-        };
         let moved = self.with_moved_table(moves);
-        moved.write_table(path.as_ref(), format, moved.table.poses.xyz.view())
+        let (format, xyz) = (self.table_format(), moved.table.poses.xyz.view());
+        moved.write_table(path.as_ref(), format, xyz)
     }
 
-    /// The file with positions moved between its points, as [`MotionFile::write_moved`] writes it;
-    /// `options` are those that it was read by.
+    /// The file with positions moved between its points, as [`MotionFile::write_moved`] writes it:
+    /// its labels put right in memory.
+    ///
+    /// ```
+    /// use posing_io::{MotionFile, PointMove, motion_file::ReadOptions};
+    ///
+    /// let csv = b"l.x,l.y,l.z,r.x,r.y,r.z\n1,0,0,2,0,0\n2,0,0,1,0,0\n".to_vec();
+    /// let file = MotionFile::from_bytes("two.csv", csv, &ReadOptions::default())?;
+    /// let one = |from, to| PointMove { from, to: Some(to), frames: 1..2 };
+    /// let moved = file.moved(&[one(0, 1), one(1, 0)])?;
+    /// assert_eq!(moved.to_bytes()?, b"l.x,l.y,l.z,r.x,r.y,r.z\n1,0,0,2,0,0\n1,0,0,2,0,0\n");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Data`]: its points follow from rotations.
-    #[doc(hidden)]
-    pub fn moved(&self, moves: &[PointMove], options: &ReadOptions) -> Result<MotionFile> {
+    pub fn moved(&self, moves: &[PointMove]) -> Result<MotionFile> {
         Ok(match self.moved_bytes(moves)? {
             Some(bytes) => MotionFile {
                 notes: self.notes.clone(),
-                ..self.read_alike(bytes, options)?
+                ..self.read_alike(bytes)?
             },
             None => self.with_moved_table(moves),
         })
-    }
-
-    /// How the file is read by some rules.
-    #[doc(hidden)]
-    pub fn options(&self, rules: &ReadRules) -> ReadOptions {
-        rules.of(Path::new(&self.table.name), self.format)
     }
 
     /// The file with some of its points named anew.
     ///
     /// # Errors
     /// [`Error::Data`]: the file cannot be written with other names.
-    #[doc(hidden)]
-    pub fn renamed(&self, names: &[(usize, String)], options: &ReadOptions) -> Result<MotionFile> {
+    pub fn renamed(&self, names: &[(usize, String)]) -> Result<MotionFile> {
         let names_of = |take: &MarkerTake| -> Vec<(usize, String)> {
             let places = self.places_in(take);
             names
@@ -87,7 +84,7 @@ impl MotionFile {
         };
         let named = MotionFile {
             notes: self.notes.clone(),
-            ..self.read_alike(bytes, options)?
+            ..self.read_alike(bytes)?
         };
         let mut wanted = self.table.poses.points.clone();
         names
@@ -102,7 +99,8 @@ impl MotionFile {
     }
 
     /// Reads a file of the same points; those that are computed here are so there.
-    fn read_alike(&self, bytes: Vec<u8>, options: &ReadOptions) -> Result<MotionFile> {
+    fn read_alike(&self, bytes: Vec<u8>) -> Result<MotionFile> {
+        let options = &self.options;
         let file = MotionFile::read_whole(Path::new(&self.table.name), bytes, options)?;
         Ok(file.without_computed_of(self).without_zeros(options))
     }
@@ -121,6 +119,7 @@ impl MotionFile {
             read_as: self.read_as.clone(),
             notes: self.notes.clone(),
             units: self.units,
+            options: self.options.clone(),
             original: Original::Table,
             all: None,
         };

@@ -21,7 +21,20 @@ impl MotionFile {
     /// [`Error::Io`]: writing fails. [`Error::Data`]: another shape, or the format does not hold
     /// the new values.
     pub fn write_back(&self, path: impl AsRef<Path>, xyz: ArrayView2<'_, f64>) -> Result<usize> {
-        let (path, mut left) = (path.as_ref(), 0);
+        if let Original::Table = self.original {
+            let format = self.table_format();
+            return self.write_table(path.as_ref(), format, xyz).map(|()| 0);
+        }
+        let (bytes, left) = self.bytes_with_points(xyz)?;
+        write_file(path, &bytes).map(|()| left)
+    }
+
+    /// The bytes that [`MotionFile::write_back`] writes, and how many positions they do not hold.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: another shape, or the format does not hold the new values.
+    pub fn bytes_with_points(&self, xyz: ArrayView2<'_, f64>) -> Result<(Vec<u8>, usize)> {
+        let mut left = 0;
         self.check_shape(xyz)?;
         let bytes = match &self.original {
             Original::C3d(c3d) => {
@@ -42,15 +55,20 @@ impl MotionFile {
             }
             Original::Bvh(bytes, _) | Original::Amc(bytes, ..) => bytes.to_vec(),
             Original::Table => {
-                let format = match self.format {
-                    MotionFormat::Npy => TableFormat::Npy,
-                    MotionFormat::Npz => TableFormat::Npz,
-                    _ => TableFormat::Csv,
-                };
-                return self.write_table(path, format, xyz).map(|()| 0);
+                let (output, written) = Output::memory(&self.table.name);
+                self.write_table_to(output, self.table_format(), xyz)?;
+                written.into_bytes()
             }
         };
-        write_file(path, &bytes).map(|()| left)
+        Ok((bytes, left))
+    }
+
+    /// The bytes of the file as it stands: its labels as they were moved, all else as it was read.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the format does not hold its values.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(self.bytes_with_points(self.table.poses.xyz.view())?.0)
     }
 
     /// Writes a file of rotations with those values of `motion` (frames, channels; centimeters,
@@ -60,17 +78,25 @@ impl MotionFile {
     /// [`Error::Io`]: writing fails. [`Error::Data`]: it has no rotations.
     #[doc(hidden)]
     pub fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
-        let bytes = match &self.original {
+        write_file(path, &self.bytes_with_motion(motion)?)
+    }
+
+    /// The bytes of a file of rotations with those values of `motion` (frames, channels;
+    /// centimeters, radians) that are new and no NaN; every other byte of the file stays.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: it has no rotations.
+    pub fn bytes_with_motion(&self, motion: ArrayView2<'_, f64>) -> Result<Vec<u8>> {
+        match &self.original {
             Original::Bvh(bytes, bvh) => {
-                bvh.with_motion(bytes, motion, self.units.unit.centimeters())?
+                bvh.with_motion(bytes, motion, self.units.unit.centimeters())
             }
-            Original::Amc(bytes, amc, _) => amc.rewritten(bytes, motion),
+            Original::Amc(bytes, amc, _) => Ok(amc.rewritten(bytes, motion)),
             _ => {
                 let what = "has no rotations: it is no BVH or AMC file";
-                return Err(Error::data(Place::file(&self.table.name), what));
+                Err(Error::data(Place::file(&self.table.name), what))
             }
-        };
-        write_file(path, &bytes)
+        }
     }
 
     /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in
@@ -86,6 +112,15 @@ impl MotionFile {
         xyz: ArrayView2<'_, f64>,
     ) -> Result<()> {
         self.check_shape(xyz)?;
+        self.write_table_to(Output::file(path)?, format, xyz)
+    }
+
+    fn write_table_to(
+        &self,
+        output: Output,
+        format: TableFormat,
+        xyz: ArrayView2<'_, f64>,
+    ) -> Result<()> {
         let units = match self.original {
             Original::Table => self.units,
             _ => Units::CM_Y,
@@ -95,13 +130,21 @@ impl MotionFile {
             _ => None,
         };
         let added = carried.as_ref().map_or(Vec::new(), |c| c.columns());
-        let output = Output::file(path)?;
         let (table, xyz) = (self.whole_table(), self.whole(xyz));
         UnitWriter::new(output, format, [units, units], &table.columns, &added)?.write_table(
             table,
             xyz.view(),
             |frame| carried.as_ref().map_or(Vec::new(), |c| c.cells(frame)),
         )
+    }
+
+    /// The format of a file that is a table.
+    pub(super) fn table_format(&self) -> TableFormat {
+        match self.format {
+            MotionFormat::Npy => TableFormat::Npy,
+            MotionFormat::Npz => TableFormat::Npz,
+            _ => TableFormat::Csv,
+        }
     }
 
     /// Fails where positions are not those of the file's frames and points.

@@ -48,6 +48,30 @@ pub struct Retargeter {
     carrier: Option<usize>,
 }
 
+/// How a motion is carried over.
+#[derive(Debug, Clone, Copy)]
+pub struct RetargetOptions<'a> {
+    /// The axis of the source that points up.
+    pub up: UpAxis,
+    /// The source's frames per second, where it does not say them.
+    pub rate: Option<f64>,
+    /// The names of the source, as for [`Retargeter::new`].
+    pub map: Option<&'a NameMap>,
+    /// Whether feet are planted as the source's.
+    pub plants_feet: bool,
+}
+
+impl Default for RetargetOptions<'_> {
+    fn default() -> Self {
+        RetargetOptions {
+            up: UpAxis::Y,
+            rate: None,
+            map: None,
+            plants_feet: true,
+        }
+    }
+}
+
 /// A motion of the rig, and how it came about.
 #[derive(Debug)]
 pub struct Retargeted {
@@ -95,20 +119,14 @@ impl Retargeter {
         })
     }
 
-    /// The motion of `source` at its `rate` (frames per second), whose axis `up` points up; `map`
-    /// as for [`Retargeter::new`]. With `feet`, they are planted as the source's.
+    /// The motion of `source` on this rig.
     ///
     /// # Errors
-    /// [`Error::Unfit`]: nothing tells which joints of the source are legs and arms.
-    pub fn retarget(
-        &self,
-        source: &Bvh,
-        (up, rate): (UpAxis, f64),
-        map: Option<&NameMap>,
-        feet: bool,
-    ) -> Result<Retargeted> {
-        let tree = Hierarchy::new(source, up.rotation());
-        let body = BodyJoints::find(&tree, map, "map_from")?;
+    /// [`Error::Unfit`]: nothing tells which joints of the source are legs and arms, or its rate.
+    pub fn retarget(&self, source: &Bvh, options: &RetargetOptions<'_>) -> Result<Retargeted> {
+        let rate = source.rate_or(options.rate)?;
+        let tree = Hierarchy::new(source, options.up.rotation());
+        let body = BodyJoints::find(&tree, options.map, "map_from")?;
         let is_same = is_same_convention(&tree, &self.tree);
         let [own, rest] = if is_same {
             [
@@ -143,7 +161,7 @@ impl Retargeter {
             source,
             scale: legs[1] / legs[0],
         };
-        let planted = if feet {
+        let planted = if options.plants_feet {
             run.plant(legs, rate)
         } else {
             Default::default()
@@ -163,7 +181,7 @@ impl Retargeter {
             scale: run.scale,
             rests: [own.kind, rest.kind],
             resting: run.transfer.resting(),
-            contacts: feet.then(|| planted.iter().map(|p| p.contacts).sum()),
+            contacts: (options.plants_feet).then(|| planted.iter().map(|p| p.contacts).sum()),
             slide: planted.iter().map(|p| p.slide).fold(0.0, f64::max),
             missing,
             moves: self.carrier.is_some(),

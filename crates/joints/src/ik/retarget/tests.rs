@@ -132,10 +132,17 @@ fn along_x(j: usize) -> DMat3 {
     crate::pose::rotation::shortest_arc(DVec3::X, bone).unwrap()
 }
 
+fn by(plants_feet: bool) -> RetargetOptions<'static> {
+    RetargetOptions {
+        rate: Some(100.0),
+        plants_feet,
+        ..RetargetOptions::default()
+    }
+}
+
 fn carried(rig: &Bvh, source: &Bvh, feet: bool) -> Retargeted {
     let rig = Retargeter::new(rig.clone(), UpAxis::Y, None).unwrap();
-    rig.retarget(source, (UpAxis::Y, 100.0), None, feet)
-        .unwrap()
+    rig.retarget(source, &by(feet)).unwrap()
 }
 
 fn pose(bvh: &Bvh, frame: usize) -> Pose {
@@ -418,10 +425,7 @@ fn a_rig_whose_z_axis_points_up_gets_the_same_motion() {
     assert_eq!(up_axis(&body(20, same, none, prone), None), None);
     let there = carried(&rig, &source, false).bvh;
     let by_z = Retargeter::new(turned, UpAxis::Z, None).unwrap();
-    let by_z = by_z
-        .retarget(&source, (UpAxis::Y, 100.0), None, false)
-        .unwrap()
-        .bvh;
+    let by_z = by_z.retarget(&source, &by(false)).unwrap().bvh;
     for t in 0..20 {
         let (a, b) = (pose(&there, t).places, pose(&by_z, t).places);
         for (a, b) in a.iter().zip(&b) {
