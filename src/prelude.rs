@@ -50,12 +50,16 @@ pub use crate::cluster::KMeans;
 pub use crate::edit::Session;
 pub use crate::evaluate::Score;
 pub use crate::ik::SkeletonFit;
+pub use crate::ik::retarget::{RetargetOptions, Retargeter};
+pub use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
 pub use crate::io::motion_file::{MotionFile, ReadOptions};
 pub use crate::io::{Amc, Asf, Bvh, Model, Table};
+pub use crate::label::{LabelSettings, check_labels};
 pub use crate::pose::{Body, Observation, Poses, Skeleton, Space, UpAxis};
 pub use crate::prior::{
     self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want, builtin_model,
 };
 pub use crate::restore::{Complete, Denoise, Restoration, Restorer};
+pub use crate::solve::{JointSet, SolveSettings, solve};
 pub use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, SparseCodes};
 pub use crate::{Error, Result};

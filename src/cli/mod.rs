@@ -81,7 +81,11 @@ where
     messages::set_name(command.get_name());
     let is_joints = |arg: &clap::Arg| arg.get_long() == Some("joints");
     let has_joints = command.get_arguments().any(is_joints);
-    messages::set_option_names(OptionNames::new(if has_joints { flag } else { flag_or_trim }));
+    messages::set_option_names(OptionNames::new(if has_joints {
+        flag
+    } else {
+        flag_or_trim
+    }));
     if let Err(e) = memory_limit::prepare() {
         return exit_code(Err::<Outcome, _>(e));
     }

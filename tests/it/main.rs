@@ -26,6 +26,7 @@ mod files;
 mod formats;
 mod gpd;
 mod hostile;
+mod in_memory;
 mod json;
 mod kinematics;
 mod label;

@@ -87,7 +87,11 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
     if let Some(segment) = settings.keep.iter().find(|s| !is_point(&s.point)) {
         return refuse(&format!("has no point \"{}\" to keep", segment.point));
     }
-    Ok(LabelReport::new(&relabel(poses, rate, settings), poses, settings.option_names))
+    Ok(LabelReport::new(
+        &relabel(poses, rate, settings),
+        poses,
+        settings.option_names,
+    ))
 }
 
 /// Names the tracks of a file, none of which has a label, as a model says, and puts these labels

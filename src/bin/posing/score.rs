@@ -115,6 +115,9 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let report = score.finish_in(&value_name(args.units), args.units.centimeters());
     let output = args.output.as_deref();
-    args.json
-        .write_report(output, || messages::option_names().in_text(&report.to_string()), &report)
+    args.json.write_report(
+        output,
+        || messages::option_names().in_text(&report.to_string()),
+        &report,
+    )
 }

@@ -56,7 +56,9 @@ impl FileAuditor {
                     .extend(labels::add(&file, &self.labels, &mut out.takes));
                 let names = self.labels.option_names;
                 name_options(&mut out.takes, names);
-                out.notes.iter_mut().for_each(|note| *note = names.in_text(note));
+                out.notes
+                    .iter_mut()
+                    .for_each(|note| *note = names.in_text(note));
                 out.has_markers = is_of_markers(file.format);
                 if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
                     out.page = pages.write(number, &out.file, &file)?;

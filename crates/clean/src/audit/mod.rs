@@ -19,8 +19,8 @@ mod take_pages;
 
 pub(crate) use file::are_joints;
 pub use file::count;
-pub use file::{FileAudit, FileAuditor, files_to_audit};
 pub(crate) use file::name_options;
+pub use file::{FileAudit, FileAuditor, files_to_audit};
 pub use file::{audit_motion, kind_name};
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};

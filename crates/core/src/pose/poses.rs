@@ -1,5 +1,6 @@
 //! Poses: frames of named points, with their takes and times.
 
+use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView1, ArrayView2, s};
 use std::ops::{Range, RangeInclusive};
@@ -54,6 +55,37 @@ impl Poses {
     /// One frame, (3 J), centimeters.
     pub fn frame(&self, index: usize) -> ArrayView1<'_, f64> {
         self.xyz.row(index)
+    }
+
+    /// The angle of each frame at a point between two others, degrees from 0 to 180; NaN where one
+    /// of them is missing.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let leg = Poses {
+    ///     points: ["hip", "knee", "ankle"].map(String::from).to_vec(),
+    ///     xyz: ndarray::array![[0.0, 90.0, 0.0, 0.0, 45.0, 0.0, 0.0, 45.0, -40.0]],
+    ///     ..Poses::default()
+    /// };
+    /// assert_eq!(leg.angle(["hip", "knee", "ankle"])?, [90.0]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Unfit`](crate::Error::Unfit): no point has such a name.
+    pub fn angle(&self, points: [&str; 3]) -> Result<Vec<f64>> {
+        let mut at = [0; 3];
+        for (place, name) in at.iter_mut().zip(points) {
+            let own = self.points.iter().position(|p| p == name);
+            *place = own.ok_or_else(|| Error::unfit(format!("has no point {name}")))?;
+        }
+        let angle = |frame: usize| {
+            let [first, middle, last] = at.map(|point| point_at(self.xyz.view(), frame, point));
+            let (one, other) = (first - middle, last - middle);
+            one.cross(other).length().atan2(one.dot(other)).to_degrees()
+        };
+        Ok((0..self.frames()).map(angle).collect())
     }
 
     /// Frames a second of all takes: 1 / the median step of time. The rate is rounded to a whole

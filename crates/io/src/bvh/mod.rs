@@ -31,6 +31,7 @@ use crate::pose::{Channel, Poses};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
+use std::io::Cursor;
 use std::path::Path;
 
 /// The Frame Times that motion has, seconds. What lies outside is a damaged file, or another unit
@@ -86,6 +87,21 @@ impl Bvh {
     /// the line.
     pub fn open(path: impl AsRef<Path>) -> Result<Bvh> {
         Bvh::read(Input::open(path)?, 1.0, false)
+    }
+
+    /// Reads the bytes of a BVH file in centimeters; `name` is for messages.
+    ///
+    /// ```
+    /// let bytes = std::fs::read("../../testdata/examples/animator/goblin.bvh")?;
+    /// let rig = posing_io::Bvh::from_bytes("goblin.bvh", bytes)?;
+    /// assert_eq!(rig.joints[0].name, "Hips");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Data`]: no sound BVH file; the place has the line.
+    pub fn from_bytes(name: &str, bytes: Vec<u8>) -> Result<Bvh> {
+        Bvh::read(Input::new(name, Cursor::new(bytes))?, 1.0, false)
     }
 
     /// Writes a BVH file in centimeters, complete or not at all.
