@@ -119,9 +119,9 @@
 //! | feature | adds |
 //! |---|---|
 //! | `openblas` (default) | dense decompositions by the system's OpenBLAS; without it, by faer |
-//! | `cli` (default) | the program and [`cli`]; brings the two below |
+//! | `cli` (default) | the program and [`cli`]; brings `server` |
 //! | `server` | [`server`] |
-//! | `published` | [`prior::published`], learners besides RDSR, distances to compare with |
+//! | `papers` (default) | what papers compare with: [`prior::published`], learners besides RDSR, distances, the benchmark |
 //!
 //! # Contributing
 //!
@@ -141,7 +141,7 @@ pub mod prelude;
 pub mod prior {
     #[doc(inline)]
     pub use posing_models::prior::*;
-    #[cfg(feature = "published")]
+    #[cfg(feature = "papers")]
     #[doc(inline)]
     pub use posing_papers::published;
 }
@@ -151,7 +151,7 @@ pub mod prior {
 pub mod metric {
     #[doc(inline)]
     pub use posing_likeness::*;
-    #[cfg(feature = "published")]
+    #[cfg(feature = "papers")]
     #[doc(inline)]
     pub use posing_papers::{Baseline, PublishedLearner, baselines};
 }
@@ -168,7 +168,7 @@ pub mod ik {
 pub mod evaluate {
     #[doc(inline)]
     pub use posing_likeness::pair_label;
-    #[cfg(feature = "published")]
+    #[cfg(feature = "papers")]
     #[doc(inline)]
     pub use posing_papers::{benchmark, report, retrieval};
     #[doc(inline)]

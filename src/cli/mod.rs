@@ -46,6 +46,10 @@ use clap::{CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+/// What is said of what papers compare with, where it is left out.
+pub const NO_PAPERS: &str = "is not in this build: it comes with the feature `papers`, which \
+                             cargo install builds";
+
 /// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {

@@ -18,7 +18,7 @@
 
 #[cfg(feature = "server")]
 use posing_core::Place;
-use posing_core::{Error, Result, error, numeric, pose};
+use posing_core::{Error, Result, numeric, pose};
 #[cfg(feature = "server")]
 use posing_draw as draw;
 use posing_io as io;

@@ -2,6 +2,7 @@
 //! they are.
 
 use crate::Result;
+use crate::draw::figure::strip::StripJoints;
 use crate::pose::{NameFinder, NameMap};
 use glam::DVec3;
 use ndarray::Array2;
@@ -49,6 +50,13 @@ const CMU: [&str; 16] = [
     "rfemur",
     "rtibia",
 ];
+
+/// The joints, to be drawn.
+#[doc(hidden)]
+pub const SIXTEEN_JOINTS: StripJoints<'static> = StripJoints {
+    names: &JOINTS,
+    parents: &PARENTS,
+};
 
 /// Indices of joints in [`JOINTS`].
 #[doc(hidden)]

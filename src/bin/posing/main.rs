@@ -121,6 +121,7 @@ enum Request {
 }
 
 fn main() -> ExitCode {
+    #[cfg(feature = "papers")]
     posing::prior::published::register();
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let called = words.first().and_then(|word| Path::new(word).file_name());

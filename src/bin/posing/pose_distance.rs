@@ -7,8 +7,10 @@ use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::io::text::push_f32;
+#[cfg(feature = "papers")]
+use posing::metric::Baseline;
 use posing::metric::pairs::{FrameRef, LabeledPair, best_threshold};
-use posing::metric::{Baseline, JointMap, PoseMetric};
+use posing::metric::{JointMap, PoseMetric};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
@@ -62,6 +64,17 @@ pub struct Args {
     common: CommonArgs,
 }
 
+/// A distance that papers compare with, in a build without them: there is none.
+#[cfg(not(feature = "papers"))]
+#[derive(Debug, Clone, Copy)]
+enum Baseline {}
+
+#[cfg(not(feature = "papers"))]
+fn baseline(name: &str) -> std::result::Result<Baseline, String> {
+    Err(format!("{name} {}", posing::cli::NO_PAPERS))
+}
+
+#[cfg(feature = "papers")]
 fn baseline(name: &str) -> std::result::Result<Baseline, String> {
     let names = || Baseline::ALL.map(Baseline::name).join(", ");
     Baseline::of_name(name).ok_or_else(|| format!("expected one of {}", names()))
@@ -75,6 +88,7 @@ pub fn work(args: &Args) -> Result<()> {
     let model = args.model.as_deref().map(open_metric).transpose()?;
     let map = args.map.joint_map(model.as_ref())?;
     let needs_rate = match (&model, args.baseline) {
+        #[cfg(feature = "papers")]
         (None, Some(baseline)) => baseline.features().needs_rate(),
         (metric, _) => metric.as_ref().is_none_or(PoseMetric::needs_rate),
     };
@@ -106,6 +120,17 @@ pub fn work(args: &Args) -> Result<()> {
     }
 }
 
+#[cfg(not(feature = "papers"))]
+fn learn_baseline(
+    _: &Args,
+    baseline: Baseline,
+    _: &JointMap,
+    _: &[MetricTakes],
+) -> Result<PoseMetric> {
+    match baseline {}
+}
+
+#[cfg(feature = "papers")]
 fn learn_baseline(
     args: &Args,
     baseline: Baseline,

@@ -8,7 +8,7 @@ use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::metric::train::Learner;
-use posing::metric::{PoseFeatures, PublishedLearner, TrainSettings, Trained, train};
+use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -100,12 +100,22 @@ pub struct Args {
     common: CommonArgs,
 }
 
+#[cfg(feature = "papers")]
+fn of_papers() -> Vec<Learner> {
+    let all = posing::metric::PublishedLearner::ALL.iter();
+    all.map(|learner| Learner::Other(learner)).collect()
+}
+
+#[cfg(not(feature = "papers"))]
+fn of_papers() -> Vec<Learner> {
+    Vec::new()
+}
+
 /// The methods, with what each is.
 fn learner() -> impl TypedValueParser<Value = Learner> {
-    let published = PublishedLearner::ALL.iter().map(|l| Learner::Other(l));
     let all: Vec<Learner> = [Learner::Rdsr, Learner::L2]
         .into_iter()
-        .chain(published)
+        .chain(of_papers())
         .collect();
     let values = (all.iter()).map(|l| PossibleValue::new(l.name()).help(l.description()));
     let values: PossibleValuesParser = values.collect::<Vec<_>>().into();

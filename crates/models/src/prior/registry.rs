@@ -268,9 +268,15 @@ impl FromStr for Kind {
     }
 }
 
+/// The names of all kinds; where those of papers are not registered, how to get them.
 fn names() -> String {
     let names: Vec<&str> = Kind::all().into_iter().map(Kind::name).collect();
-    names.join(", ")
+    let names = names.join(", ");
+    let has_none = REGISTERED.read().map_or(true, |known| known.is_empty());
+    if has_none {
+        return names + "; more come with the feature `papers`, which cargo install builds";
+    }
+    names
 }
 
 /// Opens the prior of a model; `source` names the model in messages.

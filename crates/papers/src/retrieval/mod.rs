@@ -9,7 +9,6 @@
 mod labels;
 mod methods;
 mod pictures;
-pub use pictures::SIXTEEN_JOINTS;
 mod report;
 mod score;
 mod takes;

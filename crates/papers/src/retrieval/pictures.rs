@@ -2,8 +2,8 @@
 
 use super::score;
 use super::takes::TakeSet;
-use crate::draw::figure::strip::{StripJoints, StripPose, strip};
-use crate::metric::joint_map::{JOINTS, PARENTS};
+use crate::draw::figure::strip::{StripPose, strip};
+use crate::metric::joint_map::SIXTEEN_JOINTS;
 use crate::metric::{FrameRef, PoseDatabase, PoseMetric};
 
 /// Queries of one picture, and poses found for each.
@@ -37,12 +37,6 @@ pub(crate) fn draw(
     }
     out
 }
-
-/// The joints of the poses.
-pub const SIXTEEN_JOINTS: StripJoints<'static> = StripJoints {
-    names: &JOINTS,
-    parents: &PARENTS,
-};
 
 fn rows(
     metric: &PoseMetric,

@@ -1,9 +1,9 @@
 //! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of
 //! results, the progress bar.
 
+use super::{stem, write};
 use clap::Args;
-use posing::cli::args::InputArgs;
-use posing::cli::paths::{OutputPath, check_written};
+use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::toml_file;
 use posing::cli::{input, messages};
@@ -17,7 +17,6 @@ use posing::evaluate::benchmark::{
 };
 use posing::evaluate::report::BenchmarkReport;
 use posing::evaluate::report::paper::{Comparison, FinishedRun};
-use posing::pose::Poses;
 use posing::pose::units::parse_length;
 use posing::prior::provenance::hex;
 use posing::prior::{self, OpenOptions};
@@ -26,7 +25,6 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -172,12 +170,6 @@ fn lengths_of_file<'de, D: Deserializer<'de>>(
         .map(Some)
 }
 
-/// The name of a file without folder and last extension.
-fn stem(path: &Path) -> String {
-    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
-    stem.unwrap_or_else(|| "model".into())
-}
-
 /// A model file as a method.
 fn pretrained(path: &Path) -> Result<Method> {
     let model = input::open_model(path)?;
@@ -218,19 +210,6 @@ fn pretrained(path: &Path) -> Result<Method> {
         choice,
         treated: false,
     })
-}
-
-/// Reads the tables, each by itself.
-pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<(String, Poses)>> {
-    let tables = input::or_stdin(tables);
-    input::check_single_stdin(&tables)?;
-    let read = |path: &PathBuf| {
-        let mut table = input::read_table(&flags.with_files(vec![path.clone()]), false, false)?;
-        let frames = table.poses.frames();
-        (table.poses.take).get_or_insert_with(|| vec![stem(path).into(); frames]);
-        Ok((table.name, table.poses))
-    };
-    tables.iter().map(read).collect()
 }
 
 /// Runs the benchmark with a progress bar; finished results go to the cache.
@@ -316,16 +295,6 @@ fn run_cases(
         }
         Ok(())
     })
-}
-
-/// Writes the results into a folder.
-pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
-    check_written(files.iter().map(|(name, _)| folder.join(name)))?;
-    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    for (name, text) in files {
-        posing::io::output::write_file(folder.join(name), text.as_bytes())?;
-    }
-    Ok(())
 }
 
 /// Reports which frames and splits are left out, and which takes stay together.

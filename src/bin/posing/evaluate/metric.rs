@@ -1,7 +1,6 @@
 //! `evaluate metric` around the library: its flags, the classes of takes, its files.
 
-use super::benchmark::write;
-use super::parsed;
+use super::{parsed, write};
 use clap::Args;
 use posing::cli::args::TimedTableArgs;
 use posing::cli::feature_table::JointMapArgs;

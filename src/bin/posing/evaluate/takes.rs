@@ -1,10 +1,9 @@
 //! `evaluate takes` around the library: its flags, its model, its files.
 
-use super::benchmark::{sources, write};
-use super::rows_of;
+use super::{rows_of, sources, write};
 use clap::Args;
 use posing::Result;
-use posing::cli::args::TimedTableArgs;
+use posing::cli::args::{CommonArgs, TimedTableArgs};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -14,7 +13,17 @@ use posing::pose::units::parse_length;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Flags of `evaluate takes`.
+/// Test how well takes are restored: gaps and noise, beside PCHIP, linear, a Gaussian and a
+/// Butterworth filter
+///
+/// Cuts gaps into copies of stretches of the takes (at most 12.5 s), fills them, and compares
+/// with what was cut out. Adds noise to a stretch of each take and removes it. Each subject
+/// is restored by a model trained here on all other subjects, unless -m or --self is given.
+/// Tables are in world space, with times.
+///
+/// Prints the RMS error in gaps beside that of the rivals (* marks the lowest), its ratio to
+/// the best of them with a 95% interval (bootstrap over gaps), the share of coordinates
+/// within one and two of the stated standard deviations, and the error left of noise.
 #[derive(Debug, Clone, Args)]
 pub struct EvaluateTakesArgs {
     #[command(flatten)]
@@ -62,6 +71,10 @@ pub struct EvaluateTakesArgs {
     /// Also write takes.csv and report.html into DIR
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<OutputPath>,
+    #[command(flatten)]
+    json: JsonArgs,
+    #[command(flatten)]
+    common: CommonArgs,
 }
 
 fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
@@ -71,55 +84,58 @@ fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
     }
 }
 
-/// Tests how well takes are restored, and prints tables.
-///
-/// # Errors
-/// As [`TestTakes::test`]; also if a file cannot be read or written.
-pub fn evaluate_takes(args: &EvaluateTakesArgs, json: &JsonArgs) -> Result<()> {
-    json.prepare_report();
-    let tables = args.tables.input();
-    input::check_single_stdin_with(&tables, &args.model)?;
-    let takes = TestTakes::new(&sources(&tables, &tables.files)?)?;
-    for take in &takes.untimed {
-        messages::info(&format!(
-            "take {take} is left out: its times give no frame rate"
-        ));
+impl EvaluateTakesArgs {
+    /// Tests how well takes are restored, and prints tables.
+    ///
+    /// # Errors
+    /// As [`TestTakes::test`]; also if a file cannot be read or written.
+    pub fn work(&self) -> Result<()> {
+        self.common.apply()?;
+        self.json.prepare_report();
+        let tables = self.tables.input();
+        input::check_single_stdin_with(&tables, &self.model)?;
+        let takes = TestTakes::new(&sources(&tables, &tables.files)?)?;
+        for take in &takes.untimed {
+            messages::info(&format!(
+                "take {take} is left out: its times give no frame rate"
+            ));
+        }
+        let model = self.model.as_deref().map(input::open_model).transpose()?;
+        let tested = match &model {
+            Some(model) => TestedModel::Given(model),
+            None if self.take_alone => TestedModel::TakeAlone,
+            None => TestedModel::OthersOnly,
+        };
+        let described = match (&self.model, self.take_alone) {
+            (Some(path), _) => path.display().to_string(),
+            (None, true) => "no model, by their own frames alone".into(),
+            (None, false) => "models of the other subjects".into(),
+        };
+        let settings = TakesSettings {
+            lengths: self.lengths.clone(),
+            points: self.points.clone(),
+            gaps: self.gaps,
+            noise: self.noise.clone(),
+            seed: self.seed,
+        };
+        let bar = Progress::new("evaluate takes", Progress::SHARES);
+        let report = takes.test(tested, &settings, &mut |what, share| {
+            bar.set_share(what, share);
+        })?;
+        drop(bar);
+        if let Some(folder) = &self.output {
+            write(
+                folder,
+                &[
+                    ("takes.csv", report.csv()),
+                    ("report.html", report.html(&described)),
+                ],
+            )?;
+        }
+        self.json.write_report(
+            None,
+            || report.text(),
+            json!({ "rows": rows_of(&report.csv()) }),
+        )
     }
-    let model = args.model.as_deref().map(input::open_model).transpose()?;
-    let tested = match &model {
-        Some(model) => TestedModel::Given(model),
-        None if args.take_alone => TestedModel::TakeAlone,
-        None => TestedModel::OthersOnly,
-    };
-    let described = match (&args.model, args.take_alone) {
-        (Some(path), _) => path.display().to_string(),
-        (None, true) => "no model, by their own frames alone".into(),
-        (None, false) => "models of the other subjects".into(),
-    };
-    let settings = TakesSettings {
-        lengths: args.lengths.clone(),
-        points: args.points.clone(),
-        gaps: args.gaps,
-        noise: args.noise.clone(),
-        seed: args.seed,
-    };
-    let bar = Progress::new("evaluate takes", Progress::SHARES);
-    let report = takes.test(tested, &settings, &mut |what, share| {
-        bar.set_share(what, share);
-    })?;
-    drop(bar);
-    if let Some(folder) = &args.output {
-        write(
-            folder,
-            &[
-                ("takes.csv", report.csv()),
-                ("report.html", report.html(&described)),
-            ],
-        )?;
-    }
-    json.write_report(
-        None,
-        || report.text(),
-        json!({ "rows": rows_of(&report.csv()) }),
-    )
 }
