@@ -7,35 +7,77 @@
 //!
 //! # Tour
 //!
-//! **Read.** A take is a table of poses: [`pose::Poses`], frames x points, in centimeters, y up,
-//! NaN for a missing value. [`io::Table`] reads it from CSV or NPY; [`io::MotionFile`] opens a file
-//! of any format (C3D, TRC, BVH, AMC, CSV, NPY), with its unit and axes, and writes it back. Joint
-//! angles become positions by forward kinematics ([`pose::kinematics`]).
+//! **Read.** [`io::MotionFile`] opens a file of any format (C3D, TRC, BVH, AMC, CSV, NPY, ...) with
+//! its unit, its axes and its rate, and writes it back with all else that it holds. Its points are
+//! [`pose::Poses`]: frames x points, in centimeters, y up, NaN for a missing value.
 //!
 //! ```
-//! use posing::pose::{Body, Poses, joints};
-//! use ndarray::Array2;
+//! use posing::prelude::*;
 //!
-//! let mut poses = Poses { points: joints::cmu_names(), ..Poses::default() };
-//! poses.xyz = Array2::zeros((2, 69));
-//! assert_eq!(poses.runs(), [0..2]); // one run: no jump in time
-//! let body = Body::measure(&joints::parents_by_name(&poses.points), poses.xyz.view());
-//! assert_eq!(body.lengths[1], 0.0); // the length of the left hip bone
+//! let gait = "testdata/examples/biomechanist/gait.c3d";
+//! let file = MotionFile::open(gait, &ReadOptions::default())?;
+//! assert_eq!((file.poses().frames(), file.rate()), (158, Some(60.0)));
+//! # Ok::<(), posing::Error>(())
 //! ```
 //!
-//! **Train.** Each training pose is moved to the model's space: root at the origin, no global
-//! rotation, one body size. [`cluster`] groups poses. [`sparse`] learns a dictionary by K-SVD, so
-//! that each pose is approximately a sum of a few atoms. [`prior`] trains this and other pose
-//! models. A trained model is one NPZ file ([`io::Model`]).
+//! **Label.** [`label`] finds markers that changed places, and tracks without a name; the moves are
+//! made in memory or written. **Solve.** [`solve`] puts a skeleton under the markers: joints, their
+//! deviations and their angles.
 //!
-//! **Restore.** A frame is an observation: values, each with the variance of its noise (0: exact;
-//! infinity: missing). [`restore`] finds the placement of the pose in the world, asks the [`prior`]
-//! for the posterior of the pose, rejects outliers, keeps rigid distances, and smooths over time.
-//! Single frames are completed and denoised by the same posterior; takes by regression over their
-//! gaps, and by smoothing over time. The built-in model knows the joints of the CMU database;
-//! markers and other points are restored by [`restore::Restorer::without_model`]. Inverse
-//! kinematics ([`ik`]) turns points back into joint
-//! angles, which [`io`] writes as BVH or AMC.
+//! ```
+//! # use posing::prelude::*;
+//! # let gait = "testdata/examples/biomechanist/gait.c3d";
+//! # let file = MotionFile::open(gait, &ReadOptions::default())?;
+//! let report = check_labels(&file, &LabelSettings::default())?;
+//! let labeled = file.moved(&report.moves)?;
+//! let settings = SolveSettings { joints: JointSet::Anatomical, ..SolveSettings::default() };
+//! let solved = solve(labeled.poses(), &settings, &mut |_frames| {})?;
+//! let knee = solved.joints.angle(["LHJC", "LKJC", "LAJC"])?;
+//! assert_eq!(knee.len(), 158);
+//! let bvh = solved.to_bvh(60.0)?;
+//! # assert_eq!(bvh.motion.nrows(), 158);
+//! # Ok::<(), posing::Error>(())
+//! ```
+//!
+//! **Clean.** Positions: a frame is an observation, values each with the variance of its noise (0:
+//! exact; infinity: missing). [`restore`] finds the placement of the pose in the world, asks the
+//! [`prior`] for the posterior of the pose, rejects outliers, keeps rigid distances, fills gaps and
+//! smooths over time; without a model it learns from the take itself. Rotations of BVH and AMC
+//! files are cleaned as such ([`ik::rotation_cleaning`]). [`clean`] does both to whole folders,
+//! with a record beside each file; [`audit`] only says what is wrong.
+//!
+//! ```
+//! # use posing::prelude::*;
+//! # let gait = "testdata/examples/biomechanist/gait.c3d";
+//! # let file = MotionFile::open(gait, &ReadOptions::default())?;
+//! let method = Clean { fps: file.rate(), ..Clean::default() };
+//! let cleaned = Restorer::without_model().clean(&file.table, &method)?;
+//! assert_eq!(cleaned.xyz(), file.poses().xyz); // there is nothing to clean
+//! let (c3d, out_of_range) = file.bytes_with_points(cleaned.xyz())?;
+//! # assert_eq!(out_of_range, 0);
+//! # assert!(c3d == std::fs::read(gait).unwrap());
+//! # Ok::<(), posing::Error>(())
+//! ```
+//!
+//! **Retarget.** [`ik::retarget`] carries a motion over to another rig: directions of limbs stay,
+//! feet stand where they stood.
+//!
+//! ```
+//! # use posing::prelude::*;
+//! # let asf = Asf::open("testdata/cmu/07/07.asf")?;
+//! # let walk = Amc::open("testdata/cmu/07/07_01.amc", &asf)?.to_bvh(120.0)?;
+//! let rig = Bvh::open("testdata/examples/animator/goblin.bvh")?;
+//! let rig = Retargeter::new(rig, UpAxis::Y, None)?;
+//! let done = rig.retarget(&walk, &RetargetOptions::default())?;
+//! assert_eq!(done.bvh.motion.nrows(), walk.motion.nrows());
+//! # Ok::<(), posing::Error>(())
+//! ```
+//!
+//! **Train.** The built-in model knows the joints of the CMU database. One of your own: each pose
+//! is moved to the model's space (root at the origin, no global rotation, one body size);
+//! [`cluster`] groups poses, [`sparse`] learns a dictionary by K-SVD, so that each pose is nearly a
+//! sum of a few atoms, and [`prior`] trains this and other pose models. A model is one NPZ file
+//! ([`io::Model`]).
 //!
 //! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against
 //! the truth, compares models on unseen takes, and draws figures.
@@ -102,7 +144,7 @@
 //! | posing-restore | restore | core, io, label, models |
 //! | posing-joints | ik, solve | core, draw, io, label, models |
 //! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
-//! | posing-likeness | metric | core, draw, io |
+//! | posing-likeness | evaluate, ik, metric | core, draw, io |
 //! | posing-body | body | core, io |
 //! | posing-edit | edit, server | core, draw, io, joints, models, restore |
 //! | posing-score | evaluate | core, draw, io, models, restore |
@@ -121,7 +163,7 @@
 //! | `openblas` (default) | dense decompositions by the system's OpenBLAS; without it, by faer |
 //! | `cli` (default) | the program and [`cli`]; brings `server` |
 //! | `server` | [`server`] |
-//! | `papers` (default) | what papers compare with: [`prior::published`], learners besides RDSR, distances, the benchmark |
+//! | `papers` (default) | models, learners and distances of papers, the benchmark |
 //!
 //! # Contributing
 //!

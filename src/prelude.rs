@@ -59,7 +59,7 @@ pub use crate::pose::{Body, Observation, Poses, Skeleton, Space, UpAxis};
 pub use crate::prior::{
     self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want, builtin_model,
 };
-pub use crate::restore::{Complete, Denoise, Restoration, Restorer};
+pub use crate::restore::{Clean, Complete, Denoise, Restoration, Restorer};
 pub use crate::solve::{JointSet, SolveSettings, solve};
 pub use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, SparseCodes};
 pub use crate::{Error, Result};

@@ -32,7 +32,7 @@ const HOMES: &[(&str, &[&str])] = &[
 
 /// The sources of all crates, by name: `io/table.rs` is crates/io/src/table.rs, `posing/` the program
 /// and the facade.
-fn sources() -> Vec<(String, String)> {
+pub fn sources() -> Vec<(String, String)> {
     fn walk(folder: &Path, out: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -70,11 +70,12 @@ fn sources() -> Vec<(String, String)> {
 /// The source without comments (line for line), so that documentation may link upwards, and without
 /// the unit tests at its foot, which may look around.
 fn code(source: &str) -> String {
-    let tests =
-        ["mod ", "pub(super) mod ", "pub(crate) mod "].map(|m| format!("\n#[cfg(test)]\n{m}"));
-    let source = tests.iter().fold(source, |source, tests| {
-        source.split(&tests[..]).next().unwrap_or_default()
-    });
+    let is_tests = |at: &usize| {
+        let module = source[*at..].lines().nth(2).unwrap_or_default();
+        module.contains("mod ") && module.ends_with('{')
+    };
+    let mut marked = source.match_indices("\n#[cfg(test)]\n").map(|(at, _)| at);
+    let source = &source[..marked.find(is_tests).unwrap_or(source.len())];
     let line = |line: &str| match line.find("//") {
         // `://` is an address in a text.
         Some(at) if !line[..at].ends_with(':') => line[..at].to_string(),
@@ -237,6 +238,64 @@ fn the_table_of_crates_is_that_of_their_manifests() {
         let mut named: Vec<&str> = named.filter_map(|l| l.split('.').next()).collect();
         named.sort_unstable();
         assert_eq!(*imports, named, "posing-{name}");
+    }
+}
+
+/// The modules that a facade declares or re-exports, those of crates with the crate's name.
+fn facade_modules(source: &str) -> Vec<(String, Option<String>)> {
+    let mut found = Vec::new();
+    let mut module = None;
+    for line in source.lines() {
+        let text = line.trim().trim_end_matches([';', '{']).trim_end();
+        let own = line.starts_with("pub");
+        if let Some(name) = text.strip_prefix("pub mod ").filter(|_| own) {
+            found.push((name.to_string(), None));
+            module = line.ends_with('{').then(|| name.to_string());
+        } else if let Some(path) = text.strip_prefix("pub use posing_") {
+            let (name, rest) = path.split_once([':', ' ']).unwrap();
+            let of = name.to_string();
+            match &module {
+                Some(module) if !own => found.push((module.clone(), Some(of))),
+                _ => {
+                    let names = rest
+                        .trim_start_matches([':', '{'])
+                        .trim_start_matches("as ");
+                    let names = names.trim_end_matches('}').split(", ");
+                    let modules = names.filter(|n| n.starts_with(char::is_lowercase));
+                    found.extend(modules.map(|n| (n.to_string(), Some(of.clone()))));
+                }
+            }
+        }
+    }
+    found.sort();
+    found.dedup();
+    found
+}
+
+#[test]
+fn the_table_of_modules_is_that_of_the_facade() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let doc = fs::read_to_string(root.join("src/lib.rs")).unwrap();
+    let modules = facade_modules(&doc);
+    let mut listed: Vec<&str> = doc
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! | [`")?.split_once("`] |"))
+        .map(|(name, _)| name)
+        .collect();
+    listed.sort_unstable();
+    let mut shown: Vec<&str> = modules.iter().map(|(name, _)| name.as_str()).collect();
+    shown.retain(|name| !["error", "prelude"].contains(name));
+    shown.dedup();
+    assert_eq!(listed, shown);
+    for row in doc.lines().filter_map(|l| l.strip_prefix("//! | posing-")) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let of_crate = |(_, own): &&(String, Option<String>)| own.as_deref() == Some(cells[0]);
+        let names: Vec<&str> = modules
+            .iter()
+            .filter(of_crate)
+            .map(|(n, _)| n.as_str())
+            .collect();
+        assert_eq!(cells[1], names.join(", "), "posing-{}", cells[0]);
     }
 }
 

@@ -52,6 +52,7 @@ mod retarget;
 mod rotations;
 mod same_bytes;
 mod score;
+mod size;
 mod solve;
 mod sound;
 mod streams;

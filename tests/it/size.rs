@@ -1,0 +1,72 @@
+//! A budget of lines for each crate: one that grows over it wants a reason in the CHANGELOG, or
+//! something taken away.
+
+use crate::architecture::sources;
+use std::collections::BTreeMap;
+
+/// Lines of code that a crate may have, `posing` being the facade and the program.
+const BUDGET: [(&str, usize); 14] = [
+    ("body", 4_400),
+    ("clean", 4_500),
+    ("core", 5_400),
+    ("draw", 2_750),
+    ("edit", 3_600),
+    ("io", 15_950),
+    ("joints", 7_750),
+    ("label", 4_700),
+    ("likeness", 4_550),
+    ("models", 10_800),
+    ("papers", 6_250),
+    ("posing", 12_500),
+    ("restore", 9_300),
+    ("score", 2_100),
+];
+
+/// A budget is lowered where a crate has fewer lines than it by more than this.
+const SPARE: usize = 400;
+
+/// The lines of code of each crate, files of tests aside.
+fn lines_of_code(sources: &[(String, String)]) -> BTreeMap<&str, usize> {
+    let mut counts = BTreeMap::new();
+    for (file, code) in sources {
+        let (name, _) = file.split_once('/').unwrap();
+        if !file.ends_with("tests.rs") && !file.contains("/tests/") {
+            let lines = code.lines().filter(|line| !line.trim().is_empty());
+            *counts.entry(name).or_default() += lines.count();
+        }
+    }
+    counts
+}
+
+#[test]
+fn each_crate_keeps_to_its_budget() {
+    let sources = sources();
+    let mut counts = lines_of_code(&sources);
+    println!("{} lines of code", counts.values().sum::<usize>());
+    let mut wrong = Vec::new();
+    for (name, budget) in BUDGET {
+        let count = counts.remove(name).unwrap_or_default();
+        println!("{name}: {count} of {budget}");
+        if count > budget || count + SPARE < budget {
+            wrong.push(format!("{name}: {count} lines of code, {budget} allowed"));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+    assert!(counts.is_empty(), "crates without a budget: {counts:?}");
+}
+
+#[test]
+fn blanks_and_files_of_tests_do_not_count() {
+    let file = |name: &str| {
+        (
+            name.to_string(),
+            "use a::b;\n\nfn f() {\n    b()\n}\n".to_string(),
+        )
+    };
+    let files = ["io/bvh/mod.rs", "io/bvh/tests.rs", "posing/lib.rs"].map(file);
+    let counts = lines_of_code(&files);
+    assert_eq!(
+        counts.into_iter().collect::<Vec<_>>(),
+        [("io", 4), ("posing", 4)]
+    );
+}
