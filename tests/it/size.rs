@@ -7,18 +7,18 @@ use std::collections::BTreeMap;
 /// Lines of code that a crate may have, `posing` being the facade and the program.
 const BUDGET: [(&str, usize); 14] = [
     ("body", 4_400),
-    ("clean", 4_500),
+    ("clean", 4_700),
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),
-    ("io", 15_950),
-    ("joints", 7_750),
+    ("io", 16_000),
+    ("joints", 7_850),
     ("label", 4_700),
     ("likeness", 4_550),
     ("models", 10_800),
     ("papers", 6_250),
     ("posing", 12_500),
-    ("restore", 9_300),
+    ("restore", 9_350),
     ("score", 2_100),
 ];
 
