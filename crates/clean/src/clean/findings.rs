@@ -1,141 +1,101 @@
-//! What became of a file, and what of its result somebody should look at.
+//! What of a result somebody should look at.
 
-use super::one_file::{CleanSettings, CleanedTake, Known, keeps_rotations};
-use super::places::{PlaceToSee, places};
-use super::record::Summary;
-use super::replaced::ReplacedPosition;
-use super::sources::OutputFormat;
+use super::places::PlaceToSee;
+use super::redo::kept;
+use super::restored::Restored;
+use super::written::Written;
 use crate::audit::{
     Finding, FindingKind, are_joints, audit_points, count, kind_name, rotation_findings,
 };
 use crate::error::with_options;
-use crate::io::motion_file::Source;
-use crate::io::{MotionFile, MotionFormat};
-use crate::label::unlabeled::{labeled, left_alone};
-use crate::pose::zeros::Zeros;
-use crate::pose::{PointNaming, Poses, Status, point_at};
-use crate::restore::{Restoration, typical_noise};
-use ndarray::ArrayView2;
+use crate::io::MotionFile;
+use crate::label::unlabeled::labeled;
+use crate::pose::{Poses, point_at};
+use crate::restore::Restoration;
+use crate::solve::{MarkerSet, doubt};
 
 /// Points and gaps that a finding lists.
 const LISTED: usize = 4;
 
-impl CleanSettings {
-    /// What became of a file, of which `unheld` positions or values are not in the result.
-    pub(super) fn summary(
-        &self,
-        file: &MotionFile,
-        to: Option<OutputFormat>,
-        naming: &PointNaming,
-        cleaned: &CleanedTake<'_>,
-        unheld: usize,
-        known: Known<'_>,
-    ) -> Summary {
-        let (poses, restored) = (&file.table.poses, &cleaned.points);
-        let rotations = cleaned.rotations.as_ref();
-        let keeps = keeps_rotations(file, to);
-        let points = labeled(&poses.points);
-        let missing = |xyz: ArrayView2<'_, f64>| {
-            // What was taken out is an outlier.
-            let is_missing = |t: usize, p: usize| {
-                !is_seen(xyz, t, p) && restored.status(t, p) != Status::Rejected
-            };
-            let of_frame = |t: usize| points.iter().filter(move |p| is_missing(t, **p)).count();
-            (0..poses.frames()).map(of_frame).sum::<usize>()
-        };
-        let noise = typical_noise(Zeros::emptied(poses).xyz.view(), &poses.runs());
-        let denoised = match rotations {
-            Some(rotations) => rotations.is_smoothed(),
-            None => restored.counts().mean_noise() > 0.0,
-        };
-        let (mut findings, mut found) = self.remaining(file, cleaned);
-        let noise_deg = rotations.map(|r| r.noise());
-        let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
-        findings.extend(left_open(restored));
-        let limit = self.rotation_noise_limit.to_degrees();
-        let is_noise = rotations.is_some_and(|r| r.cleaned.is_noise);
-        let noise_stays = !self.smooth && is_noise && noise_deg.is_some_and(|n| n >= limit);
-        if let (true, Some(noise)) = (noise_stays, noise_deg) {
-            findings.push(format!(
-                "noise: {noise:.2} degrees stay, as nothing is smoothed"
-            ));
+impl Written<'_> {
+    /// What somebody should look at, a line each: what is wrong in the result, as the audit of
+    /// `remaining` says, and what could not be done.
+    pub(super) fn findings(&self, remaining: Vec<String>) -> Vec<String> {
+        let take = self.restored.take;
+        let (points, rotations) = (&self.restored.points, self.restored.rotations.as_ref());
+        let mut out = remaining;
+        out.extend(left_open(points));
+        let stays = |noise| format!("noise: {noise:.2} degrees stay, as nothing is smoothed");
+        out.extend(self.noise_that_stays().map(stays));
+        out.extend(rotations.iter().flat_map(|r| r.findings()));
+        out.extend(self.doubtful_outliers());
+        out.extend(self.not_held());
+        let mut out: Vec<String> = out.iter().map(|line| with_options(line)).collect();
+        out.extend(take.labels.findings());
+        out.extend(doubt_of_labels(&take.file));
+        if take.run.job.to.is_none() {
+            out.extend(kept(&take.run.settings.redo, &take.file, points));
         }
-        if let Some(rotations) = rotations {
-            findings.extend(rotations.findings());
-            found.extend(rotations.places().into_iter().map(|mut place| {
-                // A bone that is none of the points has no trail.
-                place.point = place.point.filter(|p| poses.points.contains(p));
-                place
-            }));
-        }
-        let moved = known.replaced;
-        let doubtful = restored.counts().rejected.saturating_sub(moved.len());
-        if self.method.outliers && !keeps && doubtful > 0 {
-            findings.push(format!(
-                "outliers: {doubtful} more are not replaced, as too little is known there"
-            ));
-        }
-        let mut filled = lacking - left;
-        match (unheld, keeps) {
-            (0, _) => {}
+        out
+    }
+
+    /// The noise of rotations, degrees, that is over the limit and stays, as nothing is smoothed.
+    pub(super) fn noise_that_stays(&self) -> Option<f64> {
+        let settings = self.restored.take.run.settings;
+        let rotations = self.restored.rotations.as_ref();
+        let noise = rotations
+            .filter(|r| !settings.smooth && r.cleaned.is_noise)?
+            .noise();
+        (noise >= settings.rotation_noise_limit.to_degrees()).then_some(noise)
+    }
+
+    fn doubtful_outliers(&self) -> Option<String> {
+        let take = self.restored.take;
+        let rejected = self.restored.points.counts().rejected;
+        let doubtful = rejected.saturating_sub(self.replaced.len());
+        let is_wanted = take.run.settings.method.outliers && !take.keeps_rotations();
+        (is_wanted && doubtful > 0).then(|| {
+            format!("outliers: {doubtful} more are not replaced, as too little is known there")
+        })
+    }
+
+    /// What the result does not hold.
+    fn not_held(&self) -> Option<String> {
+        let take = self.restored.take;
+        let line = match (self.unheld, take.keeps_rotations()) {
+            (0, _) => return None,
             (n, true) => {
-                let are = if self.held_is_missing {
+                let are = if take.run.settings.held_is_missing {
                     "are still held or nan"
                 } else {
                     "are still nan"
                 };
-                findings.push(format!("missing: {n} values of the file {are}"));
+                format!("missing: {n} values of the file {are}")
             }
             (n, false) => {
-                filled = filled.saturating_sub(n);
                 let what = "do not fit into the file's integers: they stay as they were";
-                findings.push(format!("range: {n} positions {what}"));
+                format!("range: {n} positions {what}")
             }
-        }
-        let mut notes = notes(file, naming, restored);
-        notes.extend(replacements(moved));
-        notes.extend(
-            rotations
-                .iter()
-                .flat_map(|r| r.notes(self.rotation_noise_limit)),
-        );
-        Summary {
-            format: file.format.name().to_string(),
-            frames: poses.frames(),
-            points: poses.points.len(),
-            computed: file.computed().into_iter().map(String::from).collect(),
-            rate: file.rate(),
-            missing: lacking,
-            filled,
-            outliers: moved.len() + rotations.map_or(0, |r| r.popped()),
-            noise,
-            noise_deg,
-            denoised,
-            noise_stays,
-            copied: false,
-            findings: findings.iter().map(|line| with_options(line)).collect(),
-            notes: notes.iter().map(|line| with_options(line)).collect(),
-            places: places(
-                known.places.into_iter().chain(found).collect(),
-                known.audit,
-                moved,
-            ),
-        }
+        };
+        Some(line)
     }
 
     /// What is wrong in the result, missing points aside, and where.
-    fn remaining(
-        &self,
-        file: &MotionFile,
-        cleaned: &CleanedTake<'_>,
-    ) -> (Vec<String>, Vec<PlaceToSee>) {
+    pub(super) fn remaining(&self) -> (Vec<String>, Vec<PlaceToSee>) {
+        let Restored {
+            take,
+            points,
+            rotations,
+            ..
+        } = &self.restored;
+        let file = &take.file;
         let result = Poses {
-            xyz: cleaned.points.xyz().to_owned(),
+            xyz: points.xyz().to_owned(),
             ..file.table.poses.clone()
         };
-        let are_joints = cleaned.rotations.is_some() && are_joints(file);
-        let mut takes = audit_points(&result, file.rate(), &self.limits, are_joints);
-        if let (Some(rotations), Some(take)) = (&cleaned.rotations, takes.first_mut()) {
+        let are_joints = rotations.is_some() && are_joints(file);
+        let mut takes = audit_points(&result, file.rate(), &take.run.settings.limits, are_joints);
+        if let (Some(rotations), Some(take)) = (rotations, takes.first_mut()) {
             let angles = file.joint_angles_of(rotations.cleaned.motion.view());
             take.findings
                 .extend(rotation_findings(&angles, file.rate()));
@@ -162,21 +122,10 @@ impl CleanSettings {
     }
 }
 
-/// The replaced positions in one line; the record has all.
-fn replacements(moved: &[ReplacedPosition]) -> Option<String> {
-    let one =
-        |m: &ReplacedPosition| format!("{} in frame {} by {:.1} cm", m.point, m.frame, m.moved);
-    (!moved.is_empty()).then(|| {
-        let some = listed(moved.iter().map(one));
-        format!(
-            "outliers: {} replaced ({some}); the record has them as they were",
-            moved.len()
-        )
-    })
-}
-
-fn is_seen(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> bool {
-    point_at(xyz, frame, point).is_finite()
+/// Why the labels of a file may be of several people.
+fn doubt_of_labels(file: &MotionFile) -> Option<String> {
+    let set = MarkerSet::of(&file.poses().points).filter(|_| file.motion().is_none())?;
+    doubt(file.poses(), set).map(|what| with_options(&format!("labels: {what}")))
 }
 
 /// What was not filled of the labeled points.
@@ -184,7 +133,7 @@ fn left_open(restored: &Restoration<'_>) -> Option<String> {
     let poses = &restored.source().poses;
     let xyz = restored.xyz();
     let frames_of = |p: usize| {
-        let is_missing = |t: &usize| !is_seen(xyz, *t, p);
+        let is_missing = |t: &usize| !point_at(xyz, *t, p).is_finite();
         (0..poses.frames()).filter(is_missing).count()
     };
     let mut points: Vec<(usize, usize)> = (labeled(&poses.points).into_iter())
@@ -209,57 +158,11 @@ fn left_open(restored: &Restoration<'_>) -> Option<String> {
 }
 
 /// Some of a list.
-fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
+pub(super) fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
     let count = all.len();
     let some: Vec<String> = all.take(LISTED).collect();
     match count - some.len() {
         0 => some.join(", "),
         more => format!("{} and {more} more", some.join(", ")),
     }
-}
-
-/// What a person should know of how the file was taken.
-fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) -> Vec<String> {
-    let mut out = file.notes.clone();
-    let (unit, up) = (&file.read_as.unit, &file.read_as.up);
-    if file.format == MotionFormat::Bvh
-        && (unit.from == Source::Custom || up.from == Source::Custom)
-    {
-        out.push(format!(
-            "taken as {} and {} up, as BVH files are by custom",
-            unit.value, up.value
-        ));
-    }
-    let is_custom = matches!(
-        file.format,
-        MotionFormat::Bvh | MotionFormat::Csv | MotionFormat::Npy
-    );
-    if is_custom && (unit.from == Source::Option || up.from == Source::Option) {
-        out.push(format!(
-            "taken as {} and {} up, by the flags",
-            unit.value, up.value
-        ));
-    }
-    if let PointNaming::Map(map) = naming {
-        out.push(format!("the points have the names of the map {}", map.name));
-    }
-    out.extend(left_alone(&restored.source().columns.points));
-    match restored.counts().exchanged {
-        0 => {}
-        n => out.push(format!(
-            "left and right are exchanged ({n} pairs of points, frame by frame): put back"
-        )),
-    }
-    if let Some(noise) = restored.counts().doubtful_noise() {
-        out.push(format!(
-            "noise: at most {noise:.2} cm, which cannot be told from motion: it stays"
-        ));
-    }
-    match restored.counts().cuts {
-        0 => {}
-        n => out.push(format!(
-            "the whole body jumps ({n}): nothing is joined across"
-        )),
-    }
-    out
 }

@@ -1,6 +1,6 @@
 //! The list of a run beside its page: a row for each file, for programs.
 
-use super::one_file::FileOutcome;
+use super::outcome::FileOutcome;
 use super::row::Row;
 use crate::draw::href::relative;
 use crate::{Error, Result};

@@ -1,29 +1,39 @@
 //! Whole takes of any format, cleaned: files and folders in, the same out, a record beside each.
 
 mod earlier_list;
+mod earlier_result;
 mod findings;
 mod held;
 mod label_file;
 mod labels;
 mod list;
-mod one_file;
+mod notes;
+mod opened;
+mod outcome;
 mod page;
 mod places;
+mod prepared;
 mod record;
+mod recorded;
 mod redo;
 mod replaced;
 mod report;
+mod restored;
 mod rotations;
 mod row;
+mod settings;
 mod skeleton;
 mod sources;
+mod summary;
+mod written;
 
 pub use label_file::write_labeled;
-pub use one_file::{CleanSettings, FileOutcome};
+pub use outcome::FileOutcome;
 pub use places::PlaceToSee;
 pub use record::Summary;
 pub use report::CleanReport;
 pub use row::Row;
+pub use settings::CleanSettings;
 pub use skeleton::SkeletonSettings;
 pub use sources::OutputFormat;
 
@@ -113,7 +123,7 @@ pub fn clean(
         last = EarlierList::read(&list)?;
         jobs.check_page(&list, true)?;
     }
-    let mut cleaned = clean_all(&jobs.jobs, jobs.to, settings, progress);
+    let mut cleaned = clean_all(&jobs.jobs, settings, progress);
     let is_one = jobs.folder.is_none();
     if is_one
         && matches!(cleaned[..], [(FileOutcome::Failed { .. }, _)])
@@ -144,7 +154,6 @@ type CleanedFile = (FileOutcome, Option<String>);
 /// within a file, which waits for them.
 fn clean_all(
     jobs: &[Job],
-    to: Option<OutputFormat>,
     settings: &CleanSettings,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Vec<CleanedFile> {
@@ -156,7 +165,7 @@ fn clean_all(
             let (Some(job), Some(place)) = (jobs.get(at), fates.get(at)) else {
                 break;
             };
-            let outcome = settings.clean(job, to);
+            let outcome = FileOutcome::of(settings, job);
             *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(outcome);
             progress(1 + finished.fetch_add(1, Ordering::Relaxed), jobs.len());
         }

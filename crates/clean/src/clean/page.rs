@@ -1,13 +1,11 @@
 //! The page of a take beside its result.
 
-use super::labels::{Relabeled, label_table};
+use super::labels::label_table;
 use super::record::Summary;
-use super::sources::Job;
+use super::restored::Restored;
 use crate::Result;
 use crate::draw::scene::Figure;
 use crate::draw::take_page::{TakePage, page_beside, write_take_page};
-use crate::io::MotionFile;
-use crate::restore::Restoration;
 use ndarray::Array2;
 use std::path::Path;
 
@@ -16,20 +14,10 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
-pub(crate) fn write_page(
-    job: &Job,
-    file: &MotionFile,
-    labels: &Relabeled,
-    restored: &Restoration<'_>,
-    summary: &Summary,
-) -> Result<Option<String>> {
+pub(crate) fn write_page(restored: &Restored<'_>, summary: &Summary) -> Result<Option<String>> {
     let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
-    let html = if is_seen {
-        take_page(&job.name, file, labels, restored)?
-    } else {
-        None
-    };
-    write_page_of(&job.output, html.as_deref())
+    let html = if is_seen { take_page(restored)? } else { None };
+    write_page_of(&restored.take.run.job.output, html.as_deref())
 }
 
 /// Writes the page of a result, or removes its old one. Returns a line to be told: another file
@@ -46,18 +34,14 @@ pub(super) fn write_page_of(output: &Path, html: Option<&str>) -> Result<Option<
 }
 
 /// The page of a take: the capture, and the result beside it where that differs.
-fn take_page(
-    name: &str,
-    file: &MotionFile,
-    labels: &Relabeled,
-    restored: &Restoration<'_>,
-) -> Result<Option<String>> {
-    let poses = &file.table.poses;
+fn take_page(restored: &Restored<'_>) -> Result<Option<String>> {
+    let (take, restored) = (restored.take, &restored.points);
+    let poses = &take.file.table.poses;
     let shape = (poses.frames(), poses.points.len());
     let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
     let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let captured = labels.captured(file);
+    let captured = take.labels.captured(&take.file);
     let mut figures = vec![Figure::new("capture", captured)];
     if restored.xyz() != captured {
         figures.push(Figure {
@@ -68,14 +52,14 @@ fn take_page(
         });
     }
     TakePage {
-        name,
+        name: &take.run.job.name,
         note: "The capture, and beside it the result where it differs. Centimeters, y up.",
         poses,
-        rate: file.rate(),
-        bones: &file.bones()?,
+        rate: take.file.rate(),
+        bones: &take.file.bones()?,
         markers: None,
         figures,
-        table: label_table(&labels.report),
+        table: label_table(&take.labels.report),
     }
     .html()
 }

@@ -1,5 +1,5 @@
 //! The record beside a result: what it was made from and by which settings, what the file was taken
-//! for, what was found and changed; of a file that failed, why.
+//! for, what was found and changed.
 
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
@@ -11,7 +11,7 @@ use crate::label::LabelReport;
 use crate::pose::Segment;
 use crate::prior::provenance::hex;
 use crate::restore::gap_report::{GapLine, PointGapLine, by_point};
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -64,7 +64,7 @@ impl MadeFrom {
     /// Whether a result that was made from this is what would be made `now`. A segment that
     /// somebody had done again, or whose label somebody kept, stays so in later runs that do not
     /// ask for any.
-    fn holds_for(&self, now: &MadeFrom) -> bool {
+    pub(super) fn holds_for(&self, now: &MadeFrom) -> bool {
         let mut was = self.clone();
         let keeps = |of: &MadeFrom| {
             let keep = of.settings["labels"]["keep"].as_array();
@@ -177,153 +177,6 @@ const SMALL: usize = 1 << 13;
 /// Points and outliers that the record of a take of very many has.
 const FEW: usize = 50;
 
-/// What is read of an earlier record.
-#[derive(Deserialize)]
-struct Earlier {
-    command: String,
-    /// A file that failed has none.
-    made_from: Option<MadeFrom>,
-    /// The digest of what stood there as a run began to write the result.
-    replaces: Option<String>,
-    /// Without it, `output` and `error`, a run was stopped while it wrote the result.
-    summary: Option<Summary>,
-    output: Option<Fingerprint>,
-    /// Why the last run failed. With `output`, that is of a run before.
-    error: Option<String>,
-}
-
-impl Earlier {
-    fn read(output: &Path) -> Option<Earlier> {
-        let text = std::fs::read(record_path(output)).ok()?;
-        let earlier: Earlier = serde_json::from_slice(&text).ok()?;
-        (earlier.command == "clean").then_some(earlier)
-    }
-
-    /// Whether no run made the result, but one that failed.
-    fn is_failure(&self) -> bool {
-        self.error.is_some() && self.output.is_none()
-    }
-
-    /// Whether a result is as the run left it; one that was stopped says nothing of that.
-    fn is_of(&self, output: &Path) -> Result<bool> {
-        match &self.output {
-            Some(was) => Ok(Fingerprint::read(output)?.sha256 == was.sha256),
-            None => Ok(true),
-        }
-    }
-}
-
-/// Fails where something stands in the place of a result or of its record that is not what a run of
-/// `clean` left there; with `again`, a result that was changed since may be made again.
-///
-/// # Errors
-/// [`Error::Data`].
-pub(crate) fn may_write(output: &Path, again: bool) -> Result<()> {
-    let record = record_path(output);
-    let (path, what) = match Earlier::read(output) {
-        Some(earlier) if earlier.is_failure() && output.exists() => (
-            output,
-            "is there, but no run of clean made it; move it, or give another place with -o",
-        ),
-        None if record.exists() => (
-            record.as_path(),
-            "stands in the place of a record and is none; move it, or give another place with -o",
-        ),
-        None if output.exists() => (
-            output,
-            "is there and has no record that clean made it; move it, or give another place with -o",
-        ),
-        Some(earlier) if !again && output.exists() && !earlier.is_of(output)? => (
-            output,
-            "was changed since clean made it; move it, or make it again with the option `again`",
-        ),
-        _ => return Ok(()),
-    };
-    Err(Error::data(Place::file(path.display().to_string()), what))
-}
-
-/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped
-/// run left is known by that. Returns the record that was there.
-///
-/// # Errors
-/// [`Error::Io`]: writing fails.
-pub(crate) fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
-    make_folder_of(output)?;
-    let old = std::fs::read(record_path(output)).ok();
-    let replaces = Fingerprint::read(output).ok().map(|was| was.sha256);
-    let json = json!({"command": "clean", "made_from": made_from, "replaces": replaces});
-    write_file(record_path(output), format!("{json}\n").as_bytes())?;
-    Ok(old)
-}
-
-/// Whether it is open who made the file in the place of a result: a run that was stopped, or
-/// somebody since.
-pub(crate) fn is_in_doubt(output: &Path) -> bool {
-    let is_changed = |earlier: Earlier| {
-        let now = Fingerprint::read(output).ok().map(|now| now.sha256);
-        let is_stopped = earlier.output.is_none() && earlier.error.is_none();
-        is_stopped && output.exists() && now != earlier.replaces
-    };
-    Earlier::read(output).is_some_and(is_changed)
-}
-
-/// Takes back what [`begin`] said, where no result came of it: the file that still stands there
-/// keeps its `old` record, by which it is known whether somebody changed it.
-pub(crate) fn give_up(output: &Path, old: Option<&[u8]>) {
-    let record = record_path(output);
-    // Where that fails, a later run finds that nothing was made.
-    let _ = match old.filter(|_| output.exists()) {
-        Some(old) => write_file(&record, old).is_ok(),
-        None => !output.exists() && std::fs::remove_file(&record).is_ok(),
-    };
-}
-
-/// Whether a result of an earlier run stands there.
-pub(crate) fn has_result(output: &Path) -> bool {
-    output.exists() && Earlier::read(output).is_some_and(|earlier| !earlier.is_failure())
-}
-
-/// Whether a record that `clean` wrote stands beside a result.
-pub(crate) fn has_record(output: &Path) -> bool {
-    Earlier::read(output).is_some()
-}
-
-/// Leaves a record of why a file failed, where no file of somebody else stands: alone where there
-/// is no result, else within the record of the result that an earlier run made. What says so
-/// already is not written again.
-///
-/// # Errors
-/// [`Error::Io`]: writing fails.
-pub(crate) fn leave_failure(output: &Path, error: &str) -> Result<()> {
-    match Earlier::read(output) {
-        None if record_path(output).exists() || output.exists() => Ok(()),
-        Some(earlier) if earlier.error.as_deref() == Some(error) => Ok(()),
-        Some(earlier) if output.exists() => match earlier.output {
-            Some(_) => set_error(output, Some(error)),
-            None => Ok(()),
-        },
-        _ => {
-            make_folder_of(output)?;
-            let json = json!({"command": "clean", "error": error});
-            write_file(record_path(output), format!("{json}\n").as_bytes())
-        }
-    }
-}
-
-/// Changes only what the record of a result says of a later run that failed.
-fn set_error(output: &Path, error: Option<&str>) -> Result<()> {
-    let path = record_path(output);
-    let text = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
-    let broken =
-        |e: serde_json::Error| Error::data(Place::file(path.display().to_string()), e.to_string());
-    let mut json: serde_json::Map<String, serde_json::Value> =
-        serde_json::from_slice(&text).map_err(broken)?;
-    json.remove("error");
-    json.extend(error.map(|error| ("error".to_string(), json!(error))));
-    let text = serde_json::to_string_pretty(&json).map_err(broken)? + "\n";
-    write_file(&path, text.as_bytes())
-}
-
 impl Record<'_> {
     /// Writes it beside the result of a take of `size` bytes: no larger than that, unless the take
     /// is very small.
@@ -387,19 +240,6 @@ impl Record<'_> {
         }
         self.left_out = left_out;
     }
-}
-
-/// What an earlier run says of a result that is still what it made of the same.
-pub(crate) fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
-    let earlier = Earlier::read(output)?;
-    let is_made_from = |was: &MadeFrom| was.holds_for(made_from);
-    let is_same = earlier.made_from.as_ref().is_some_and(is_made_from)
-        && Fingerprint::read(output).ok() == earlier.output;
-    if is_same && earlier.error.is_some() {
-        // Where it cannot be written, it says of an old failure what the result does not need.
-        let _ = set_error(output, None);
-    }
-    earlier.summary.filter(|_| is_same)
 }
 
 /// Makes the folder of a file.

@@ -1,7 +1,7 @@
 //! What became of many files: a table for the terminal, and one page.
 
 use super::list::{entries, list, list_path};
-use super::one_file::FileOutcome;
+use super::outcome::FileOutcome;
 use super::places::PlaceToSee;
 use super::record::make_folder_of;
 use super::row::Row;

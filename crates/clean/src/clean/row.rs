@@ -1,12 +1,12 @@
 //! A file of a run, and what became of it.
 
 use super::earlier_list::EarlierList;
-use super::one_file::FileOutcome;
-use super::record::{Summary, has_record, record_path};
+use super::earlier_result::EarlierResult;
+use super::outcome::FileOutcome;
+use super::record::record_path;
 use super::sources::Job;
-use crate::Error;
 use crate::draw::take_page::{is_take_page, page_beside};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A file and what became of it.
 pub struct Row {
@@ -76,40 +76,13 @@ impl Row {
     /// Its record, where there is one.
     pub(crate) fn record(&self) -> Option<PathBuf> {
         let output = self.output.as_deref();
-        output.filter(|o| has_record(o)).map(record_path)
+        let has_record = |output: &&Path| EarlierResult::read(output).has_record();
+        output.filter(has_record).map(record_path)
     }
 
     /// The page of the take, where there is one.
     pub fn page(&self) -> Option<PathBuf> {
         let page = page_beside(&self.result()?);
         is_take_page(&page).then_some(page)
-    }
-}
-
-impl FileOutcome {
-    /// What became of the file, unless it failed.
-    pub(crate) fn summary(&self) -> Option<&Summary> {
-        match self {
-            FileOutcome::Cleaned(summary) | FileOutcome::Unchanged(summary) => Some(summary),
-            FileOutcome::Failed { .. } => None,
-        }
-    }
-
-    /// Why the file could not be cleaned.
-    pub(crate) fn into_error(self) -> Option<Error> {
-        match self {
-            FileOutcome::Failed { error, .. } => Some(error),
-            FileOutcome::Cleaned(_) | FileOutcome::Unchanged(_) => None,
-        }
-    }
-
-    /// What became of it in one word: cleaned, copied, unchanged or failed.
-    pub(crate) fn word(&self) -> &'static str {
-        match self {
-            FileOutcome::Cleaned(summary) if summary.copied => "copied",
-            FileOutcome::Cleaned(_) => "cleaned",
-            FileOutcome::Unchanged(_) => "unchanged",
-            FileOutcome::Failed { .. } => "failed",
-        }
     }
 }

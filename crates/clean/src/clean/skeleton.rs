@@ -1,6 +1,7 @@
 //! The skeleton of a cleaned take of markers: its motion as a BVH beside the result.
 
-use super::record::{Fingerprint, record_path};
+use super::earlier_result::EarlierResult;
+use super::record::Fingerprint;
 use crate::io::MotionFile;
 use crate::io::output::write_file;
 use crate::pose::Poses;
@@ -39,15 +40,14 @@ impl SkeletonSettings {
     }
 
     /// Whether the skeleton that a record tells of is there, or why there is none.
-    pub(super) fn is_done(&self, output: &Path) -> bool {
-        let solved = recorded(output);
-        solved["none"].is_string() || is_own(output, &solved)
+    pub(super) fn is_done(&self, earlier: &EarlierResult<'_>) -> bool {
+        earlier.solved()["none"].is_string() || is_own(earlier)
     }
 
     /// Fails where a file of somebody else stands in the place of the skeleton.
-    pub(super) fn check(&self, output: &Path) -> Result<()> {
-        let path = skeleton_path(output);
-        if !path.exists() || is_own(output, &recorded(output)) {
+    pub(super) fn check(&self, earlier: &EarlierResult<'_>) -> Result<()> {
+        let path = skeleton_path(earlier.output);
+        if !path.exists() || is_own(earlier) {
             return Ok(());
         }
         let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
@@ -88,30 +88,22 @@ impl SkeletonSettings {
     }
 }
 
-/// What the record of a result says of its skeleton.
-fn recorded(output: &Path) -> Value {
-    let record = std::fs::read(record_path(output)).unwrap_or_default();
-    let record: Value = serde_json::from_slice(&record).unwrap_or_default();
-    record["solved"].clone()
-}
-
 /// Whether the skeleton beside a result is there, and the one that its record tells of.
-fn is_own(output: &Path, solved: &Value) -> bool {
-    let found = Fingerprint::read(&skeleton_path(output));
-    found.is_ok_and(|found| solved["output"]["sha256"] == json!(found.sha256))
+fn is_own(earlier: &EarlierResult<'_>) -> bool {
+    let found = Fingerprint::read(&skeleton_path(earlier.output));
+    found.is_ok_and(|found| earlier.solved()["output"]["sha256"] == json!(found.sha256))
 }
 
 /// Takes away the skeleton of a result that is made anew.
-pub(super) fn remove_old(output: &Path) {
-    if is_own(output, &recorded(output)) {
+pub(super) fn remove_old(earlier: &EarlierResult<'_>) {
+    if is_own(earlier) {
         // Where that fails, it stands there as an old one.
-        let _ = std::fs::remove_file(skeleton_path(output));
+        let _ = std::fs::remove_file(skeleton_path(earlier.output));
     }
 }
 
 /// Whether a file is a skeleton that stands beside a result.
 pub(super) fn is_skeleton(path: &Path) -> bool {
     let is_bvh = path.extension().is_some_and(|e| e == "bvh");
-    let result = path.with_extension("");
-    is_bvh && is_own(&result, &recorded(&result))
+    is_bvh && is_own(&EarlierResult::read(&path.with_extension("")))
 }

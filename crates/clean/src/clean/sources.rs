@@ -1,7 +1,8 @@
 //! Which files are cleaned, and where each result goes.
 
+use super::earlier_result::EarlierResult;
 use super::files_beside;
-use super::record::{may_write, record_path};
+use super::record::record_path;
 use super::skeleton::{is_skeleton, skeleton_path};
 use crate::io::command_files::CommandFiles;
 use crate::io::motion_folder::{
@@ -66,6 +67,28 @@ pub(crate) struct Job {
     pub input: PathBuf,
     /// The result.
     pub output: PathBuf,
+    /// The format of the result, by the flag or its name; `None`: that of the capture.
+    pub to: Option<OutputFormat>,
+}
+
+impl Job {
+    /// The format of the result, where it is another than that of the capture.
+    pub(crate) fn other_format(&self, format: MotionFormat) -> Option<OutputFormat> {
+        self.to.filter(|to| !to.is(format))
+    }
+
+    /// Whether the result holds rotations or columns, as the capture does, and no positions.
+    pub(crate) fn keeps_rotations(&self, format: MotionFormat) -> bool {
+        is_of_rotations(format) && self.to.is_none()
+    }
+}
+
+/// Whether files of a format hold rotations or columns, and no positions.
+pub(crate) fn is_of_rotations(format: MotionFormat) -> bool {
+    matches!(
+        format,
+        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
+    )
 }
 
 /// The files to clean, in order.
@@ -79,8 +102,6 @@ pub(crate) struct Jobs {
     pub unreadable: Vec<(String, Error)>,
     /// The number of files of folders that are none of motion, or results of an earlier run.
     pub left_out: usize,
-    /// The format of all results, by the flag or the name of the result.
-    pub to: Option<OutputFormat>,
 }
 
 /// The files and those of folders, with the places of their results: `output` itself of one file,
@@ -124,20 +145,19 @@ impl Jobs {
             name: input.display().to_string(),
             input: input.to_path_buf(),
             output: output.to_path_buf(),
-        };
-        Ok(Jobs {
-            jobs: vec![job],
             to: match to {
                 Some(to) => Some(to),
                 None => by_extension(input, output)?,
             },
+        };
+        Ok(Jobs {
+            jobs: vec![job],
             ..Jobs::default()
         })
     }
 
     fn into_folder(inputs: &[PathBuf], folder: &Path, to: Option<OutputFormat>) -> Jobs {
         let mut out = Jobs {
-            to,
             folder: Some(folder.to_path_buf()),
             ..Jobs::default()
         };
@@ -161,6 +181,7 @@ impl Jobs {
                     name: within.display().to_string(),
                     input,
                     output,
+                    to,
                 });
             }
         }
@@ -224,7 +245,8 @@ fn canonical(path: &Path) -> PathBuf {
 
 /// Whether a file was made by `clean`.
 fn is_result(path: &Path) -> bool {
-    record_path(path).exists() && may_write(path, false).is_ok() || is_skeleton(path)
+    record_path(path).exists() && EarlierResult::read(path).may_be_replaced(false).is_ok()
+        || is_skeleton(path)
 }
 
 /// The format that the name of a result asks for, where it is another than that of the capture's
@@ -290,10 +312,10 @@ mod tests {
         };
         let one = |input: &str, output: &str| checked(&[at(input)], output);
         assert_eq!(
-            one("in/b.C3D", "x.csv").unwrap().to,
+            one("in/b.C3D", "x.csv").unwrap().jobs[0].to,
             Some(OutputFormat::Csv)
         );
-        assert_eq!(one("in/b.C3D", "x.c3d").unwrap().to, None);
+        assert_eq!(one("in/b.C3D", "x.c3d").unwrap().jobs[0].to, None);
         assert_eq!(
             one("in/b.C3D", "in/out").unwrap().jobs[0].output,
             at("in/out/b.C3D")

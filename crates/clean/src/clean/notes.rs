@@ -1,0 +1,103 @@
+//! How a file was taken, and what was done, a line each.
+
+use super::findings::listed;
+use super::replaced::ReplacedPosition;
+use super::restored::Restored;
+use super::sources::OutputFormat;
+use super::written::Written;
+use crate::error::with_options;
+use crate::io::motion_file::Source;
+use crate::io::{MotionFile, MotionFormat};
+use crate::label::unlabeled::left_alone;
+use crate::pose::PointNaming;
+
+impl Written<'_> {
+    /// The notes on a file whose result is a copy, or not.
+    pub(super) fn notes(&self, is_copied: bool) -> Vec<String> {
+        let restored = &self.restored;
+        let take = restored.take;
+        let limit = take.run.settings.rotation_noise_limit;
+        let rotations = restored.rotations.as_ref();
+        let mut out = of_file(&take.file);
+        out.extend(of_points(restored));
+        out.extend(replacements(&self.replaced));
+        out.extend(rotations.iter().flat_map(|r| r.notes(limit)));
+        let mut out: Vec<String> = out.iter().map(|line| with_options(line)).collect();
+        out.extend(take.redone.notes.iter().chain(&restored.low_pass).cloned());
+        out.extend(take.labels.notes());
+        if take.run.job.other_format(take.file.format) == Some(OutputFormat::Npy) {
+            out.extend(take.file.table.columns.lost_in_array());
+        }
+        let noise = rotations.map(|r| r.noise());
+        let is_little = |noise: &f64| is_copied && *noise < limit.to_degrees();
+        let unchanged = |noise| format!("unchanged: the noise is {noise:.2} degrees");
+        out.extend(noise.filter(is_little).map(unchanged));
+        out
+    }
+}
+
+/// The replaced positions in one line; the record has all.
+fn replacements(moved: &[ReplacedPosition]) -> Option<String> {
+    let one =
+        |m: &ReplacedPosition| format!("{} in frame {} by {:.1} cm", m.point, m.frame, m.moved);
+    (!moved.is_empty()).then(|| {
+        let some = listed(moved.iter().map(one));
+        format!(
+            "outliers: {} replaced ({some}); the record has them as they were",
+            moved.len()
+        )
+    })
+}
+
+/// What a person should know of how the file was taken.
+fn of_file(file: &MotionFile) -> Vec<String> {
+    let mut out = file.notes.clone();
+    let (unit, up) = (&file.read_as.unit, &file.read_as.up);
+    if file.format == MotionFormat::Bvh
+        && (unit.from == Source::Custom || up.from == Source::Custom)
+    {
+        out.push(format!(
+            "taken as {} and {} up, as BVH files are by custom",
+            unit.value, up.value
+        ));
+    }
+    let is_custom = matches!(
+        file.format,
+        MotionFormat::Bvh | MotionFormat::Csv | MotionFormat::Npy
+    );
+    if is_custom && (unit.from == Source::Option || up.from == Source::Option) {
+        out.push(format!(
+            "taken as {} and {} up, by the flags",
+            unit.value, up.value
+        ));
+    }
+    out
+}
+
+/// What a person should know of how the points were restored.
+fn of_points(restored: &Restored<'_>) -> Vec<String> {
+    let points = &restored.points;
+    let mut out = Vec::new();
+    if let PointNaming::Map(map) = &restored.naming {
+        out.push(format!("the points have the names of the map {}", map.name));
+    }
+    out.extend(left_alone(&points.source().columns.points));
+    match points.counts().exchanged {
+        0 => {}
+        n => out.push(format!(
+            "left and right are exchanged ({n} pairs of points, frame by frame): put back"
+        )),
+    }
+    if let Some(noise) = points.counts().doubtful_noise() {
+        out.push(format!(
+            "noise: at most {noise:.2} cm, which cannot be told from motion: it stays"
+        ));
+    }
+    match points.counts().cuts {
+        0 => {}
+        n => out.push(format!(
+            "the whole body jumps ({n}): nothing is joined across"
+        )),
+    }
+    out
+}

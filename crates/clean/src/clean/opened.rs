@@ -1,0 +1,115 @@
+//! A capture that is opened: its format is known, what its result is made from, and what an earlier
+//! run made of it.
+
+use super::earlier_result::EarlierResult;
+use super::record::{Fingerprint, MadeFrom, Summary};
+use super::settings::CleanSettings;
+use super::skeleton::SkeletonSettings;
+use super::sources::{Job, is_of_rotations};
+use crate::Result;
+use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, skeleton_of};
+use crate::io::{Input, MotionFile, MotionFormat};
+
+/// A file on its way to a result.
+pub(super) struct Run<'a> {
+    pub settings: &'a CleanSettings,
+    pub job: &'a Job,
+    /// How the capture is read.
+    pub read: ReadOptions,
+    /// What the result is made from.
+    pub made_from: MadeFrom,
+    /// What stands in the place of the result.
+    pub earlier: EarlierResult<'a>,
+}
+
+/// The bytes of a capture, unpacked.
+pub(super) struct Unpacked {
+    pub size: usize,
+    pub sha256: String,
+}
+
+/// A capture that is not read yet.
+pub(super) struct Opened<'a> {
+    run: Run<'a>,
+    bytes: Input,
+    format: MotionFormat,
+}
+
+impl<'a> Opened<'a> {
+    /// Opens the capture of a job, whose bytes are `packed`.
+    ///
+    /// # Errors
+    /// Those of unpacking it, and of a skeleton that cannot be read.
+    pub(super) fn new(
+        settings: &'a CleanSettings,
+        job: &'a Job,
+        (input, packed): (Fingerprint, Vec<u8>),
+    ) -> Result<Opened<'a>> {
+        let packed = std::io::Cursor::new(packed);
+        let mut bytes = Input::new(job.input.display().to_string(), packed)?;
+        bytes.look_ahead()?;
+        let format = MotionFormat::of(bytes.first_bytes());
+        let read = settings.read.of(&job.input, format);
+        let skeleton = match format {
+            MotionFormat::Amc => Some(Fingerprint::read(&skeleton_of(&job.input, &read)?)?),
+            _ => None,
+        };
+        let made_from = MadeFrom {
+            posing: env!("CARGO_PKG_VERSION").to_string(),
+            settings: settings.recorded(job, format, &read)?,
+            input,
+            skeleton,
+        };
+        let run = Run {
+            settings,
+            job,
+            read,
+            made_from,
+            earlier: EarlierResult::read(&job.output),
+        };
+        Ok(Opened { run, bytes, format })
+    }
+
+    /// What became of the file in an earlier run, where that need not be done again.
+    pub(super) fn unchanged(&self) -> Option<Summary> {
+        let earlier = &self.run.earlier;
+        let has_skeleton = self
+            .run
+            .skeletons(self.format)
+            .is_none_or(|s| s.is_done(earlier));
+        let unchanged = earlier.unchanged(&self.run.made_from);
+        unchanged.filter(|_| !self.run.settings.again && has_skeleton)
+    }
+
+    /// Reads the capture.
+    ///
+    /// # Errors
+    /// A file of somebody else stands in a place that is to be written; those of reading.
+    pub(super) fn read(self) -> Result<(Run<'a>, Unpacked, MotionFile)> {
+        let Opened { run, bytes, format } = self;
+        run.earlier.may_be_replaced(run.settings.again)?;
+        if let Some(skeletons) = run.skeletons(format) {
+            skeletons.check(&run.earlier)?;
+        }
+        let is_utf16 = bytes.is_utf16();
+        let bytes = bytes.read_all(LARGEST_MOTION_FILE)?;
+        let unpacked = Unpacked {
+            size: bytes.len(),
+            sha256: Fingerprint::of(&run.job.input, &bytes).sha256,
+        };
+        let mut file = MotionFile::read(&run.job.input, bytes, &run.read)?;
+        if is_utf16 {
+            let what = "is a text in UTF-16; the result is in UTF-8".to_string();
+            file.notes.push(what);
+        }
+        Ok((run, unpacked, file))
+    }
+}
+
+impl<'a> Run<'a> {
+    /// How a skeleton is made beside the result, if one is asked for; none of rotations.
+    pub(super) fn skeletons(&self, format: MotionFormat) -> Option<&'a SkeletonSettings> {
+        let skeletons = self.settings.skeletons.as_ref();
+        skeletons.filter(|_| !is_of_rotations(format))
+    }
+}

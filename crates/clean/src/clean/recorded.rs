@@ -1,0 +1,73 @@
+//! The last step: the record of a result, and what else stands beside it.
+
+use super::page::write_page;
+use super::record::{Fingerprint, Record, Summary};
+use super::written::Written;
+use crate::Result;
+use crate::pose::PointNaming;
+use crate::restore::gap_report::gap_lines;
+use serde_json::{Value, json};
+
+impl Written<'_> {
+    /// Writes what stands beside the result: the skeleton, the page and the record.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`]: the record cannot be written.
+    pub(super) fn recorded(self) -> Result<Summary> {
+        let restored = &self.restored;
+        let (take, run) = (restored.take, &restored.take.run);
+        let mut summary = self.summary();
+        let (solved, of_skeleton) = self.skeleton();
+        // Whole limbs come first.
+        summary.findings.splice(0..0, of_skeleton);
+        // The result is whole also where its page is not written.
+        match write_page(restored, &summary) {
+            Ok(note) => summary.notes.extend(note),
+            Err(e) => summary.findings.push(format!("page: not written: {e}")),
+        }
+        Record {
+            command: "clean",
+            made_from: &run.made_from,
+            read_as: &take.file.read_as,
+            map: match &restored.naming {
+                PointNaming::Map(map) => Some(&map.name),
+                _ => None,
+            },
+            audit: take.before.clone(),
+            summary: &summary,
+            redone: &run.settings.redo,
+            labels: take.labels.record().cloned(),
+            gaps: gap_lines(&restored.points),
+            gaps_by_point: Vec::new(),
+            rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
+            solved,
+            left_out: 0,
+            output: Fingerprint::read(&run.job.output)?,
+            outliers: self.replaced,
+        }
+        .write(&run.job.output, take.capture.size)?;
+        Ok(summary)
+    }
+
+    /// The skeleton beside the result, if it is asked for, and its findings; why there is none is
+    /// one.
+    fn skeleton(&self) -> (Option<Value>, Vec<String>) {
+        let take = self.restored.take;
+        let Some(skeletons) = take.run.skeletons(take.file.format) else {
+            return (None, Vec::new());
+        };
+        let xyz = self.restored.points.xyz().to_owned();
+        match skeletons.write(&take.run.job.output, &take.file, xyz) {
+            Ok(solved) => {
+                let findings = solved["findings"].as_array().into_iter().flatten();
+                let findings = findings.filter_map(|f| f.as_str());
+                let findings = findings.map(|f| format!("skeleton: {f}")).collect();
+                (Some(solved), findings)
+            }
+            Err(e) => {
+                let finding = format!("skeleton: none: {e}");
+                (Some(json!({"none": e.to_string()})), vec![finding])
+            }
+        }
+    }
+}
