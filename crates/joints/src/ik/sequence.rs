@@ -259,7 +259,12 @@ impl TakeFitter<'_> {
                 (Some(a), Some(b)) => {
                     let share = (t - keys[before]) as f64 / stride as f64;
                     let start = if self.is_near(&a.state, &b.state) {
-                        Start::Near(self.solver.between(&a.state, &b.state, share))
+                        Start::Near(
+                            self.solver
+                                .equations
+                                .states
+                                .between(&a.state, &b.state, share),
+                        )
                     } else if share < 0.5 {
                         Start::Far(a.state.clone())
                     } else {
@@ -343,7 +348,7 @@ impl TakeFitter<'_> {
             .values
             .iter()
             .zip(&b.values)
-            .zip(self.solver.angle_values());
+            .zip(self.solver.equations.states.angle_values());
         rotations.all(|(a, b)| angle_between(a, b) <= NEAR)
             && values.all(|((a, b), is_angle)| !is_angle || (a - b).abs() <= NEAR)
     }
@@ -353,7 +358,7 @@ impl TakeFitter<'_> {
     fn bridge_unseen(&self, fits: &mut [Option<FrameFit>]) {
         let is_there =
             |t: usize, p: usize| (0..3).all(|c| self.frames.xyz[[t, 3 * p + c]].is_finite());
-        for (bone, points) in self.solver.seen_by() {
+        for (bone, points) in self.solver.equations.seen_by() {
             let is_seen: Vec<bool> = (0..fits.len())
                 .map(|t| fits[t].is_some() && points.iter().any(|p| is_there(t, *p)))
                 .collect();
@@ -375,7 +380,10 @@ impl TakeFitter<'_> {
                 };
                 if let Some(fit) = &mut fits[t] {
                     let ends = (&from.state, &to.state);
-                    self.solver.set_between(bone, ends, share, &mut fit.state);
+                    self.solver
+                        .equations
+                        .states
+                        .set_between(bone, ends, share, &mut fit.state);
                 }
             }
         }

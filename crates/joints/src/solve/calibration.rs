@@ -136,7 +136,9 @@ impl Calibrator<'_> {
     fn linearized(&self, state: &State) -> Result<Vec<Linearized>> {
         let weights = self.body.weights();
         self.with_solver(&state.numbers, |solver, n, scratch| {
-            solver.linearized(&state.poses[n], &self.frames[n], &weights, scratch)
+            solver
+                .equations
+                .linearized(&state.poses[n], &self.frames[n], &weights, scratch)
         })
     }
 

@@ -30,7 +30,7 @@ impl Deviations<'_> {
         let mut pose: Array2<f64> = Array2::zeros((n, rows));
         let mut own: Array2<f64> = Array2::zeros((count, rows));
         for (j, &bone) in self.bones.iter().enumerate() {
-            let moved: Vec<DVec3> = self.solver.derivatives(bone, at, scratch);
+            let moved: Vec<DVec3> = self.solver.equations.derivatives(bone, at, scratch);
             for (column, moved) in moved.iter().enumerate() {
                 (0..3).for_each(|c| pose[[column, 3 * j + c]] = moved[c]);
             }

@@ -95,9 +95,14 @@ impl Fitted<'_> {
         let rows = map_chunks(count, 8, |range| {
             let mut scratch = Scratch::default();
             let mut of = |t: usize| {
-                let state = solver.state_of(&sequence.values.row(t).to_vec());
+                let state = solver
+                    .equations
+                    .states
+                    .state_of(&sequence.values.row(t).to_vec());
                 let frame = self.xyz.row(t).to_vec();
-                let at = solver.linearized(&state, &frame, &weights, &mut scratch);
+                let at = solver
+                    .equations
+                    .linearized(&state, &frame, &weights, &mut scratch);
                 let own = deviations.of(&at, &scratch);
                 own.unwrap_or_else(|| vec![f64::NAN; bones.len()])
             };

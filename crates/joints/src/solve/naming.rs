@@ -168,7 +168,7 @@ impl Search<'_> {
 
     fn markers(&self, state: &FrameState) -> Vec<DVec3> {
         let mut posture = Posture::default();
-        self.solver.posture(state, &mut posture);
+        self.solver.equations.states.posture(state, &mut posture);
         self.joints.iter().map(|j| posture.ends[*j]).collect()
     }
 
