@@ -44,35 +44,8 @@ pub fn solve(
 ) -> Result<SolvedTake> {
     let set = (settings.set.or_else(|| MarkerSet::of(&poses.points)))
         .ok_or_else(|| Error::usage("no marker set"))?;
-    if named_people(&poses.points) > 1 {
-        let what = "the points are of several people by their names; take one out with the \
-                    command `trim` and its option `person`";
-        return Err(Error::usage(what));
-    }
     let all = AllMarkers::new(poses, settings.statics);
-    let is_seen = |m: &NamedMarker| {
-        let of = |xyz: &Array2<f64>| {
-            (0..xyz.nrows()).any(|t| point_at(xyz.view(), t, m.point).is_finite())
-        };
-        [of(&all.take), all.statics.as_ref().is_some_and(of)]
-    };
-    let known = set.markers(&all.points).into_iter();
-    let known: Vec<(NamedMarker, [bool; 2])> = known
-        .map(|m| (is_seen(&m), m))
-        .map(|(s, m)| (m, s))
-        .collect();
-    let in_take = known.iter().filter(|(_, seen)| seen[0]).count();
-    if in_take < FEWEST_MARKERS {
-        return Err(too_few(set, in_take));
-    }
-    if let Some(doubt) = doubt(poses, set) {
-        return Err(Error::unfit(doubt));
-    }
-    let named: Vec<NamedMarker> = known
-        .into_iter()
-        .filter(|(_, seen)| seen.contains(&true))
-        .map(|(m, _)| m)
-        .collect();
+    let named = all.of_one_person(poses, set)?;
     let calibrated = calibrated(
         &named,
         (&all.take.view(), FRAMES),
@@ -99,6 +72,7 @@ pub fn solve(
     let solved: Vec<bool> = (0..poses.frames()).map(seen).collect();
     let (names, bones) = fitted.named_bones(settings.joints)?;
     let mut joints = fitted.ends(&sequence, &bones)?;
+    let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
     for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
         joints.row_mut(t).fill(f64::NAN);
     }
@@ -115,27 +89,10 @@ pub fn solve(
         rate: poses.rate(),
     };
     let unseen = by_markers.unseen(&solved);
-    let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
     empty(&mut joints, &mut sd, &ends, &unseen);
-    let never = |bone: &usize| unseen[*bone].iter().any(|run| run.len() == poses.frames());
-    for bone in (0..unseen.len()).filter(never) {
-        let dofs = s![.., fitted.skeleton.dofs_of(bone)];
-        sequence.values.slice_mut(dofs).fill(0.0);
-    }
-    let of_take = |(m, _): &(usize, &NamedMarker)| sequence.by_target[*m].1 > 0;
-    let name_of = |m: usize| all.points[named[m].point].clone();
-    let used = named.iter().enumerate().filter(of_take).map(|(m, _)| {
-        let (sum, count) = sequence.by_target[m];
-        UsedMarker {
-            name: name_of(m),
-            bone: body.template.bones()[body.markers[m].bone].name.clone(),
-            distance: sum / count.max(1) as f64,
-            deviations: calibrated.deviations(m),
-            exchanged_with: calibrated.exchanged_with(m).map(name_of),
-        }
-    });
-    let of_static = named.iter().enumerate().filter(|m| !of_take(m));
-    let of_static = of_static.map(|(_, marker)| all.points[marker.point].clone());
+    rest(&mut sequence.values, &fitted.skeleton, &unseen);
+    let of_markers: Vec<&String> = named.iter().map(|m| &all.points[m.point]).collect();
+    let (used, of_static) = used(&calibrated, &sequence.by_target, &of_markers);
     let is_used = |p: &usize| named.iter().any(|m| m.point == *p);
     let left_out = (0..poses.points.len()).filter(|p| !is_used(p));
     Ok(SolvedTake {
@@ -151,8 +108,8 @@ pub fn solve(
             ..template()?
         },
         set: set.name.clone(),
-        used: used.collect(),
-        of_static: of_static.collect(),
+        used,
+        of_static,
         left_out: left_out.map(|p| poses.points[p].clone()).collect(),
         unseen: by_markers.limbs(&ends, &unseen),
         unsolved: solved.iter().filter(|s| !**s).count(),
@@ -177,6 +134,40 @@ fn empty(
             }
         }
     }
+}
+
+/// Rests the bones that are never seen.
+fn rest(values: &mut Array2<f64>, skeleton: &Skeleton, unseen: &[Vec<Range<usize>>]) {
+    let frames = values.nrows();
+    let never = |bone: &usize| unseen[*bone].iter().any(|run| run.len() == frames);
+    for bone in (0..unseen.len()).filter(never) {
+        values.slice_mut(s![.., skeleton.dofs_of(bone)]).fill(0.0);
+    }
+}
+
+/// The markers that are used, by their names and the sums and numbers of their distances over the
+/// take; and the names of those that are none of the take.
+fn used(
+    calibrated: &Calibrated,
+    distances: &[(f64, usize)],
+    names: &[&String],
+) -> (Vec<UsedMarker>, Vec<String>) {
+    let body = &calibrated.body;
+    let (mut used, mut of_static) = (Vec::new(), Vec::new());
+    for (m, &(sum, count)) in distances.iter().enumerate() {
+        if count == 0 {
+            of_static.push(names[m].clone());
+            continue;
+        }
+        used.push(UsedMarker {
+            name: names[m].clone(),
+            bone: body.template.bones()[body.markers[m].bone].name.clone(),
+            distance: sum / count as f64,
+            deviations: calibrated.deviations(m),
+            exchanged_with: calibrated.exchanged_with(m).map(|m| names[m].clone()),
+        });
+    }
+    (used, of_static)
 }
 
 /// Why the labels of a take are no body that can be solved: a good part of the set's markers has no
@@ -242,6 +233,41 @@ impl AllMarkers {
             statics: statics.map(ordered),
             points,
         }
+    }
+
+    /// The markers of a set that are seen of the one person of a take.
+    ///
+    /// # Errors
+    /// Those of [`solve`].
+    fn of_one_person(&self, poses: &Poses, set: &MarkerSet) -> Result<Vec<NamedMarker>> {
+        if named_people(&poses.points) > 1 {
+            let what = "the points are of several people by their names; take one out with the \
+                        command `trim` and its option `person`";
+            return Err(Error::usage(what));
+        }
+        let named = self.named(set)?;
+        match doubt(poses, set) {
+            Some(doubt) => Err(Error::unfit(doubt)),
+            None => Ok(named),
+        }
+    }
+
+    /// The markers of a set that are seen.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: too few are in the take.
+    fn named(&self, set: &MarkerSet) -> Result<Vec<NamedMarker>> {
+        let is_seen = |m: &NamedMarker, xyz: &Array2<f64>| {
+            (0..xyz.nrows()).any(|t| point_at(xyz.view(), t, m.point).is_finite())
+        };
+        let mut known = set.markers(&self.points);
+        let in_take = known.iter().filter(|m| is_seen(m, &self.take)).count();
+        if in_take < FEWEST_MARKERS {
+            return Err(too_few(set, in_take));
+        }
+        let in_statics = |m: &NamedMarker| self.statics.as_ref().is_some_and(|s| is_seen(m, s));
+        known.retain(|m| is_seen(m, &self.take) || in_statics(m));
+        Ok(known)
     }
 }
 
