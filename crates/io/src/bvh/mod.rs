@@ -18,6 +18,7 @@ mod export;
 mod missing;
 mod read;
 mod skeleton;
+mod skeleton_builder;
 mod write;
 
 pub use export::BvhExporter;

@@ -29,78 +29,40 @@ impl Bvh {
         let bytes = input.read_all(LARGEST_FILE)?;
         let text = decoded(&bytes);
         let mut parser = Parser::new(&text);
-        let mut notes = Vec::new();
         let fail = |fault: BvhFault, words: &Tokens| {
             Error::data(Place::line(&name, words.line_of(fault.0)), fault.1)
         };
         if let Err(fault) = parser.hierarchy() {
             return Err(fail(fault, &parser.words));
         }
-        let mut joints = parser.joints;
-        let is_foreign = |joint: &&Joint| !joint.name.is_ascii();
-        let foreign = joints.iter().filter(is_foreign).count();
-        if foreign > 0 && matches!(text, Cow::Owned(_)) {
-            notes.push(format!(
-                "{name}: {foreign} names of joints are not UTF-8 and are read as Latin-1; convert \
-                 the file first if they have another encoding (iconv -f shift_jis -t utf-8)"
-            ));
-        }
-        if let Some((at, word, count)) = parser.stray {
-            let more = if count > 1 {
-                format!(" and {} more", count - 1)
-            } else {
-                String::new()
-            };
-            notes.push(format!(
-                "{name}:{}: ignored unexpected \"{}\"{more}",
-                parser.words.line_of(at),
-                excerpt(&word)
-            ));
-        }
-        let (frames, frame_time, start) = match motion_head(&mut parser.words) {
+        let mut notes = parser.notes(&name, matches!(text, Cow::Owned(_)));
+        let Parser {
+            mut words,
+            mut joints,
+            ..
+        } = parser;
+        let (frames, frame_time, start) = match motion_head(&mut words) {
             Ok(head) => head,
-            Err(fault) => return Err(fail(fault, &parser.words)),
+            Err(fault) => return Err(fail(fault, &words)),
         };
-        let width = Bvh::channels(&joints);
-        let values = match values(&mut parser.words, &joints, unit, frames) {
+        let values = match values(&mut words, &joints, unit, frames) {
             Ok(values) => values,
-            Err(fault) => return Err(fail(fault, &parser.words)),
+            Err(fault) => return Err(fail(fault, &words)),
         };
-        let whole = values.len().checked_div(width).unwrap_or(0);
-        if whole * width != values.len() && !keep_whole {
-            let what = format!(
-                "ends in frame {} ({} of {width} values) after {whole} complete frames; use the \
-                 option `keep_whole` to keep them",
-                whole + 1,
-                values.len() - whole * width
-            );
-            return Err(Error::data(Place::file(name), what));
-        }
+        let motion = whole_frames(values, Bvh::channels(&joints), keep_whole)
+            .map_err(|e| e.at(Place::file(&name)))?;
+        let whole = motion.nrows();
         if whole as f64 != frames {
             notes.push(format!(
                 "{name}:{}: announces {frames} frames but has {whole}; using those",
-                parser.words.line_of(start)
+                words.line_of(start)
             ));
         }
-        let renamed = unique_names(&mut joints);
-        if let Some(first) = renamed.first() {
-            notes.push(format!(
-                "{name}: {} of a repeated name; the first is renamed {first}",
-                if renamed.len() == 1 {
-                    "1 joint is".into()
-                } else {
-                    format!("{} joints are", renamed.len())
-                }
-            ));
-        }
+        notes.extend(note_of_renamed(&unique_names(&mut joints), &name));
         joints.iter_mut().for_each(|j| {
             j.offset *= unit;
             j.ends.iter_mut().for_each(|e| e.offset *= unit);
         });
-        let mut values = values;
-        values.truncate(whole * width);
-        let motion = Array2::from_shape_vec((whole, width), values)
-            .map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
         let missing = motion.iter().filter(|v| v.is_nan()).count();
         if missing > 0 {
             notes.push(format!("{name}: {missing} values are missing (nan)"));
@@ -112,6 +74,36 @@ impl Bvh {
             notes,
         })
     }
+}
+
+/// The frames of so many values each; with `keep_whole`, without one that is cut off.
+///
+/// # Errors
+/// [`Error::Unfit`]: the last frame is cut off.
+fn whole_frames(mut values: Vec<f64>, width: usize, keep_whole: bool) -> Result<Array2<f64>> {
+    let whole = values.len().checked_div(width).unwrap_or(0);
+    if whole * width != values.len() && !keep_whole {
+        return Err(Error::unfit(format!(
+            "ends in frame {} ({} of {width} values) after {whole} complete frames; use the \
+             option `keep_whole` to keep them",
+            whole + 1,
+            values.len() - whole * width
+        )));
+    }
+    values.truncate(whole * width);
+    Array2::from_shape_vec((whole, width), values).map_err(|e| Error::unfit(e.to_string()))
+}
+
+/// The note on joints that got other names.
+fn note_of_renamed(renamed: &[String], name: &str) -> Option<String> {
+    let joints = match renamed.len() {
+        1 => "1 joint is".into(),
+        n => format!("{n} joints are"),
+    };
+    let first = renamed.first()?;
+    Some(format!(
+        "{name}: {joints} of a repeated name; the first is renamed {first}"
+    ))
 }
 
 /// A node whose brace is open.
@@ -197,6 +189,31 @@ impl<'a> Parser<'a> {
                 }
             }
         }
+    }
+
+    /// What was odd in the hierarchy of a file, which is in Latin-1 or in UTF-8.
+    fn notes(&self, name: &str, is_latin: bool) -> Vec<String> {
+        let mut out = Vec::new();
+        let is_foreign = |joint: &&Joint| !joint.name.is_ascii();
+        let foreign = self.joints.iter().filter(is_foreign).count();
+        if foreign > 0 && is_latin {
+            out.push(format!(
+                "{name}: {foreign} names of joints are not UTF-8 and are read as Latin-1; convert \
+                 the file first if they have another encoding (iconv -f shift_jis -t utf-8)"
+            ));
+        }
+        if let Some((at, word, count)) = &self.stray {
+            let more = match count {
+                1 => String::new(),
+                count => format!(" and {} more", count - 1),
+            };
+            out.push(format!(
+                "{name}:{}: ignored unexpected \"{}\"{more}",
+                self.words.line_of(*at),
+                excerpt(word)
+            ));
+        }
+        out
     }
 
     fn stray(&mut self, at: usize, word: &str) {

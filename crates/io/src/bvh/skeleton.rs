@@ -5,14 +5,14 @@
 //! freedom, and each joint a bone without length that turns. Joints that start at one place share
 //! it, so that it is the end of the bone above them.
 
+use super::skeleton_builder::{Moving, SkeletonBuilder};
 use super::{Bvh, Joint};
 use crate::Result;
 use crate::numeric::statistics::span;
 use crate::pose::kinematics::Posture;
-use crate::pose::{Bone, Channel, Dof, Skeleton};
-use glam::{DMat3, DVec3};
+use crate::pose::{Channel, Skeleton};
+use glam::DMat3;
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use std::collections::HashMap;
 
 /// The points of a table of this hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,115 +65,19 @@ impl BvhSkeleton {
         turn: DMat3,
         moving: impl Fn(usize, usize) -> Moving,
     ) -> Result<BvhSkeleton> {
-        let mut builder = Builder::default();
-        // By joint: the bone that turns with it; by place: the bone that ends there.
-        let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
-        let mut places: HashMap<(usize, [u64; 3]), usize> = HashMap::new();
-        // By joint: the first and second place that something stands on it, and the sum and count
-        // of all of them.
-        let mut carried: Vec<(Vec<usize>, DVec3, f64)> =
-            vec![(Vec::new(), DVec3::ZERO, 0.0); joints.len()];
-        let (mut channels, mut still) = (Vec::new(), Vec::new());
-        let mut origins = Vec::new();
-        let mut end_sites = Vec::new();
-        for (i, joint) in joints.iter().enumerate() {
-            let kinds: Vec<Moving> = (joint.channels.iter().enumerate())
-                .map(|(c, channel)| {
-                    if channel.is_angle() {
-                        Moving::FromOrigin
-                    } else {
-                        moving(i, c)
-                    }
-                })
-                .collect();
-            let of_joint = || joint.channels.iter().copied().zip(&kinds);
-            let slides = of_joint().any(|(c, kind)| !c.is_angle() && *kind != Moving::No);
-            // A position channel takes the place of its component.
-            let mut fixed = joint.offset;
-            for (channel, kind) in of_joint() {
-                if let (Channel::Translate(axis), Moving::FromOrigin) = (channel, kind) {
-                    fixed[axis.index()] = 0.0;
-                }
-            }
-            let start = match joint.parent {
-                None if fixed == DVec3::ZERO => None,
-                None => Some(builder.fixed(None, turn * fixed)),
-                Some(p) => {
-                    let key = (turning[p], bits(fixed));
-                    let known = places.get(&key).copied().filter(|_| !slides);
-                    let bone =
-                        known.unwrap_or_else(|| builder.fixed(Some(turning[p]), turn * fixed));
-                    if !slides {
-                        places.insert(key, bone);
-                    }
-                    // What slides stands where its own bone, the next, does.
-                    let stands = if slides { builder.bones.len() } else { bone };
-                    let (on, sum, count) = &mut carried[p];
-                    if !on.contains(&stands) && on.len() < 2 {
-                        on.push(stands);
-                    }
-                    (*sum, *count) = (*sum + joint.offset, *count + 1.0);
-                    Some(bone)
-                }
-            };
-            let at = builder.bones.len();
-            let free = of_joint().filter(|(_, kind)| **kind != Moving::No);
-            let mut dofs: Vec<Dof> = free.map(|(channel, _)| Dof::free(channel)).collect();
-            // The last named turns first, and a skeleton's first.
-            dofs.reverse();
-            let first = builder.values;
-            let mut n = 0;
-            for (channel, kind) in of_joint() {
-                let value = (*kind != Moving::No).then(|| {
-                    n += 1;
-                    first + dofs.len() - n
-                });
-                channels.push(value);
-                still.push(match channel {
-                    Channel::Translate(axis) if *kind != Moving::FromOrigin => {
-                        joint.offset[axis.index()]
-                    }
-                    _ => 0.0,
-                });
-            }
-            builder.push(start, DVec3::ZERO, turn, dofs);
-            turning.push(at);
-            origins.push((joint.name.clone(), at));
-            for (n, end) in joint.ends.iter().map(|e| e.offset).enumerate() {
-                let key = (at, bits(end));
-                let bone = *places
-                    .entry(key)
-                    .or_insert_with(|| builder.fixed(Some(at), turn * end));
-                let (on, sum, count) = &mut carried[i];
-                if !on.contains(&bone) && on.len() < 2 {
-                    on.push(bone);
-                }
-                (*sum, *count) = (*sum + end, *count + 1.0);
-                let suffix = if n == 0 {
-                    String::new()
-                } else {
-                    format!("_{}", n + 1)
-                };
-                end_sites.push((format!("{}_end{suffix}", joint.name), bone));
-            }
+        let mut builder = SkeletonBuilder::new(turn);
+        for joint in joints {
+            builder.push_joint(joint, &moving);
+            builder.push_end_sites(joint);
         }
-        let mut ends = Vec::with_capacity(joints.len());
-        for (i, joint) in joints.iter().enumerate() {
-            let (on, sum, count) = &carried[i];
-            let bone = match on[..] {
-                _ if i == 0 => turning[0],
-                [] => turning[i],
-                [one] => one,
-                _ => builder.fixed(Some(turning[i]), turn * (*sum / *count)),
-            };
-            ends.push((joint.name.clone(), bone));
-        }
-        origins.extend(end_sites);
+        let ends = builder.ends(joints);
+        let mut origins = builder.origins;
+        origins.extend(builder.end_sites);
         unique(&mut origins);
         Ok(BvhSkeleton {
             skeleton: Skeleton::new(builder.bones)?,
-            channels,
-            still,
+            channels: builder.channels,
+            still: builder.still,
             origins,
             ends,
         })
@@ -232,17 +136,6 @@ impl BvhSkeleton {
         let channels = self.channels.iter().zip(&self.still);
         channels.map(|(c, still)| c.map_or(0.0, |i| q[i]) + still)
     }
-}
-
-/// How a position channel moves its joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Moving {
-    /// Not at all: the joint stays at its OFFSET.
-    No,
-    /// From the joint above, as the file's numbers count.
-    FromOrigin,
-    /// From the OFFSET, where a solver that knows no better leaves it.
-    FromOffset,
 }
 
 /// The first joint that carries no single other: position channels down to it move the body as a
@@ -409,36 +302,6 @@ impl BvhTemplate {
     }
 }
 
-#[derive(Default)]
-struct Builder {
-    bones: Vec<Bone>,
-    values: usize,
-}
-
-impl Builder {
-    fn push(&mut self, parent: Option<usize>, offset: DVec3, axis: DMat3, dofs: Vec<Dof>) {
-        self.values += dofs.len();
-        self.bones.push(Bone {
-            // A name of its own; the points' names are kept beside.
-            name: self.bones.len().to_string(),
-            parent,
-            offset,
-            axis,
-            dofs,
-        });
-    }
-    /// A bone that does not move.
-    fn fixed(&mut self, parent: Option<usize>, offset: DVec3) -> usize {
-        self.push(parent, offset, DMat3::IDENTITY, Vec::new());
-        self.bones.len() - 1
-    }
-}
-
-/// A place as a key: equal text reads to equal bits; 0 and -0 are one place.
-fn bits(v: DVec3) -> [u64; 3] {
-    v.to_array().map(|c| (c + 0.0).to_bits())
-}
-
 /// A joint may be called what an End Site is called here.
 fn unique(points: &mut [(String, usize)]) {
     let mut taken = std::collections::HashSet::new();
@@ -457,6 +320,7 @@ fn unique(points: &mut [(String, usize)]) {
 mod tests {
     use super::*;
     use crate::Input;
+    use glam::DVec3;
 
     /// A root, a spine and two arms whose bones are in position channels: OFFSETs are zero.
     /// `stretch` varies the right arm's.
