@@ -57,48 +57,30 @@ fn trajectories(
     lines: &mut Lines<impl BufRead>,
     keep_whole: bool,
 ) -> Result<(MarkerTake, Option<String>)> {
-    let rate = lines.next_line()?.and_then(section_rate);
-    let bad = |lines: &Lines<_>, what: &str| Error::data(lines.here(), what);
-    let rate = rate.ok_or_else(|| bad(lines, "expected the rate of the trajectories"))?;
-    let mut head: Vec<String> = Vec::new();
-    while head.len() < 3 {
-        let Some(line) = lines.next_line()? else {
-            break;
-        };
-        head.push(line.to_string());
-    }
-    let of_head: Vec<&str> = head.iter().map(String::as_str).collect();
-    let titles = PointTitles::of_markers(&of_head).filter(|t| !t.points.is_empty());
-    let titles = titles.ok_or_else(|| {
-        bad(
-            lines,
-            "expected the names of the markers above X, Y, Z and their unit",
-        )
-    })?;
-    let Some(byte) = titles.separator.byte() else {
-        return Err(bad(lines, "expected cells that commas or tabs part"));
-    };
+    let Head {
+        rate,
+        titles,
+        separator,
+        ahead,
+    } = Head::read(lines)?;
     let units = titles.unit().map_err(|e| e.at(lines.here()))?;
     let width = titles.width;
     let at: Vec<usize> = titles.points.iter().flat_map(|(_, at)| *at).collect();
     let mut rows = MarkerRows::default();
-    // The older programs have no row of units: the third line is a frame.
-    let mut ahead = head.get(titles.rows..).unwrap_or_default().to_vec();
-    let first_row = lines.number - ahead.len() as u64 + 1;
-    let mut number = first_row;
+    let mut number = lines.number - ahead.len() as u64 + 1;
+    let mut ahead = ahead.into_iter();
     let mut is_whole = lines.whole;
     // How many whole rows lack cells of points, and the line of the first.
     let (mut short, mut first_short) = (0, 0);
     let mut next = None;
     let last_point = at.iter().copied().max().unwrap_or_default();
     loop {
-        let line = if !ahead.is_empty() {
-            ahead.remove(0)
-        } else {
-            match lines.next_line()? {
+        let line = match ahead.next() {
+            Some(line) => line,
+            None => match lines.next_line()? {
                 Some(line) => line.to_string(),
                 None => break,
-            }
+            },
         };
         if is_section(&line) {
             next = Some(line.trim_matches(BLANK).to_string());
@@ -109,7 +91,7 @@ fn trajectories(
             continue;
         }
         is_whole = lines.whole;
-        let cells = texts_of(&line, byte);
+        let cells = texts_of(&line, separator);
         let place = Place::line(&lines.name, number);
         if cells.iter().skip(width).any(|c| !c.is_empty()) {
             let what = format!("expected {width} cells, found {}", cells.len());
@@ -140,6 +122,46 @@ fn trajectories(
         ));
     }
     Ok((take, next))
+}
+
+/// What stands above the rows of the section of markers.
+struct Head {
+    rate: f64,
+    titles: PointTitles,
+    /// What parts cells.
+    separator: u8,
+    /// The first row, which is read already: the older programs have no row of units.
+    ahead: Vec<String>,
+}
+
+impl Head {
+    fn read(lines: &mut Lines<impl BufRead>) -> Result<Head> {
+        let rate = lines.next_line()?.and_then(section_rate);
+        let bad = |lines: &Lines<_>, what: &str| Error::data(lines.here(), what);
+        let rate = rate.ok_or_else(|| bad(lines, "expected the rate of the trajectories"))?;
+        let mut head: Vec<String> = Vec::new();
+        while head.len() < 3 {
+            let Some(line) = lines.next_line()? else {
+                break;
+            };
+            head.push(line.to_string());
+        }
+        let of_head: Vec<&str> = head.iter().map(String::as_str).collect();
+        let titles = PointTitles::of_markers(&of_head).filter(|t| !t.points.is_empty());
+        let titles = titles.ok_or_else(|| {
+            let what = "expected the names of the markers above X, Y, Z and their unit";
+            bad(lines, what)
+        })?;
+        let Some(separator) = titles.separator.byte() else {
+            return Err(bad(lines, "expected cells that commas or tabs part"));
+        };
+        Ok(Head {
+            rate,
+            separator,
+            ahead: head.get(titles.rows..).unwrap_or_default().to_vec(),
+            titles,
+        })
+    }
 }
 
 #[cfg(test)]
