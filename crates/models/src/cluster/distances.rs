@@ -132,52 +132,15 @@ impl Centroids {
             found.extend(ids.iter().map(|&i| exactly(i)));
             return;
         }
-        let width = self.middle.len() + 1;
-        let Scratch {
-            tile,
-            scores,
-            gathered,
-        } = scratch;
         let norms: Vec<f64> = ids
             .iter()
-            .zip(tile.rows_mut())
+            .zip(scratch.tile.rows_mut())
             .map(|(&i, mut row)| {
                 let row = row.as_slice_mut().expect("a row of a table made here");
                 shift(poses.row(i as usize), &self.middle, row)
             })
             .collect();
-        gathered.clear();
-        if let Some(candidates) = candidates {
-            let all = self.scanned.as_slice().expect("made row by row");
-            for &j in candidates {
-                gathered.extend_from_slice(&all[j as usize * width..(j as usize + 1) * width]);
-            }
-        }
-        let scanned = match candidates {
-            None => self.scanned.view(),
-            Some(_) => ArrayView2::from_shape((count, width), gathered).expect("rows gathered"),
-        };
-        let mut best = vec![(f32::INFINITY, f32::INFINITY, 0usize); ids.len()];
-        for start in (0..count).step_by(BLOCK) {
-            let end = (start + BLOCK).min(count);
-            let mut scores = scores.slice_mut(s![..ids.len(), ..end - start]);
-            let rows = tile.slice(s![..ids.len(), ..]);
-            general_mat_mul(
-                1.0,
-                &rows,
-                &scanned.slice(s![start..end, ..]).t(),
-                0.0,
-                &mut scores,
-            );
-            for (best, row) in best.iter_mut().zip(scores.rows()) {
-                let (first, second, at) = two_smallest(row.to_slice().expect("contiguous"));
-                if first < best.0 {
-                    *best = (first, second.min(best.0), start + at);
-                } else {
-                    best.1 = best.1.min(first);
-                }
-            }
-        }
+        let best = self.best_scores(ids.len(), candidates, scratch);
         for ((&i, norm), (first, second, at)) in ids.iter().zip(norms).zip(best) {
             let margin = self.margin(norm);
             found.push(if f64::from(second) - f64::from(first) > 2.0 * margin {
@@ -193,6 +156,56 @@ impl Centroids {
                 exactly(i)
             });
         }
+    }
+
+    /// The smallest score, the second, and whose the first is among `candidates`, of each of the
+    /// first rows of the tile.
+    fn best_scores(
+        &self,
+        rows: usize,
+        candidates: Option<&[u32]>,
+        scratch: &mut Scratch,
+    ) -> Vec<(f32, f32, usize)> {
+        let count = candidates.map_or(self.k(), <[u32]>::len);
+        let width = self.middle.len() + 1;
+        let Scratch {
+            tile,
+            scores,
+            gathered,
+        } = scratch;
+        gathered.clear();
+        if let Some(candidates) = candidates {
+            let all = self.scanned.as_slice().expect("made row by row");
+            for &j in candidates {
+                gathered.extend_from_slice(&all[j as usize * width..(j as usize + 1) * width]);
+            }
+        }
+        let scanned = match candidates {
+            None => self.scanned.view(),
+            Some(_) => ArrayView2::from_shape((count, width), gathered).expect("rows gathered"),
+        };
+        let mut best = vec![(f32::INFINITY, f32::INFINITY, 0usize); rows];
+        let tile = tile.slice(s![..rows, ..]);
+        for start in (0..count).step_by(BLOCK) {
+            let end = (start + BLOCK).min(count);
+            let mut scores = scores.slice_mut(s![..rows, ..end - start]);
+            general_mat_mul(
+                1.0,
+                &tile,
+                &scanned.slice(s![start..end, ..]).t(),
+                0.0,
+                &mut scores,
+            );
+            for (best, row) in best.iter_mut().zip(scores.rows()) {
+                let (first, second, at) = two_smallest(row.to_slice().expect("contiguous"));
+                if first < best.0 {
+                    *best = (first, second.min(best.0), start + at);
+                } else {
+                    best.1 = best.1.min(first);
+                }
+            }
+        }
+        best
     }
 
     /// Distances from each centroid of `of` (at most [`TILE`]) to every centroid, (of, k): none is

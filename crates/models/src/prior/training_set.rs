@@ -9,6 +9,7 @@ use super::rigid_pairs::RigidPairs;
 use super::up_directions;
 use crate::io::Model;
 use crate::io::model::{BodyMeta, check_point_count};
+use crate::pose::similarity::Similarity;
 use crate::pose::{Anchor, Body, PoseTransform, Poses, Space, joints};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
@@ -149,50 +150,13 @@ fn prepare(
         xyz: Array2::zeros((0, 0)),
         takes: Vec::new(),
         body,
-        anchor: anchor.clone(),
+        anchor,
         up: None,
         incomplete: 0,
         unplaced: 0,
     };
-    let mut rows: Vec<f32> = Vec::new();
-    let mut placements = Vec::new();
-    let width = poses.xyz.ncols();
-    let (mut pose, mut placed) = (vec![0.0; width], vec![0.0; width]);
-    for (take, measured) in takes.iter().zip(&bodies) {
-        let map = match (&anchor, &out.body) {
-            (Some(_), Some(common)) => Some(PoseTransform::reshape(measured, common)),
-            _ => None,
-        };
-        let first = rows.len() / width.max(1);
-        for t in take.clone() {
-            pose.iter_mut()
-                .zip(poses.xyz.row(t))
-                .for_each(|(p, v)| *p = *v);
-            if pose.iter().any(|v| !v.is_finite()) {
-                out.incomplete += 1;
-                continue;
-            }
-            if let Some(anchor) = &anchor {
-                let Some(placement) = anchor.place(&pose) else {
-                    out.unplaced += 1;
-                    continue;
-                };
-                placements.push(placement);
-                placement.undo_pose(&pose, &mut placed);
-                match &map {
-                    Some(map) => map.apply(&placed, &mut pose),
-                    None => pose.copy_from_slice(&placed),
-                }
-            }
-            rows.extend(pose.iter().map(|v| *v as f32));
-        }
-        let end = rows.len() / width.max(1);
-        if end > first {
-            out.takes.push(first..end);
-        }
-    }
-    let frames = rows.len() / width.max(1);
-    if frames == 0 {
+    let placements = out.carry(poses, &takes, &bodies)?;
+    if out.xyz.nrows() == 0 {
         let what = match out.unplaced {
             0 => "has no complete pose to train on",
             _ => "has no pose that can be placed; that needs three points not on one line",
@@ -200,9 +164,60 @@ fn prepare(
         return Err(Error::data(Place::file(name), what));
     }
     out.up = up_directions::of_placements(&placements);
-    out.xyz =
-        Array2::from_shape_vec((frames, width), rows).map_err(|e| Error::usage(e.to_string()))?;
     Ok(out)
+}
+
+impl TrainingSet {
+    /// Takes over the poses that are complete and can be placed, of takes of some `bodies`. Where
+    /// they were placed.
+    fn carry(
+        &mut self,
+        poses: &Poses,
+        takes: &[Range<usize>],
+        bodies: &[Body],
+    ) -> Result<Vec<Similarity>> {
+        let mut rows: Vec<f32> = Vec::new();
+        let mut placements = Vec::new();
+        let width = poses.xyz.ncols();
+        let (mut pose, mut placed) = (vec![0.0; width], vec![0.0; width]);
+        for (take, measured) in takes.iter().zip(bodies) {
+            let map = match (&self.anchor, &self.body) {
+                (Some(_), Some(common)) => Some(PoseTransform::reshape(measured, common)),
+                _ => None,
+            };
+            let first = rows.len() / width.max(1);
+            for t in take.clone() {
+                pose.iter_mut()
+                    .zip(poses.xyz.row(t))
+                    .for_each(|(p, v)| *p = *v);
+                if pose.iter().any(|v| !v.is_finite()) {
+                    self.incomplete += 1;
+                    continue;
+                }
+                if let Some(anchor) = &self.anchor {
+                    let Some(placement) = anchor.place(&pose) else {
+                        self.unplaced += 1;
+                        continue;
+                    };
+                    placements.push(placement);
+                    placement.undo_pose(&pose, &mut placed);
+                    match &map {
+                        Some(map) => map.apply(&placed, &mut pose),
+                        None => pose.copy_from_slice(&placed),
+                    }
+                }
+                rows.extend(pose.iter().map(|v| *v as f32));
+            }
+            let end = rows.len() / width.max(1);
+            if end > first {
+                self.takes.push(first..end);
+            }
+        }
+        let frames = rows.len() / width.max(1);
+        self.xyz = Array2::from_shape_vec((frames, width), rows)
+            .map_err(|e| Error::usage(e.to_string()))?;
+        Ok(placements)
+    }
 }
 
 /// The poses with their points in another order; every point must be there.
