@@ -34,6 +34,66 @@ impl ModelEstimates {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> ModelEstimates {
+        let at_knots = KnotEstimates::new(adapted, smoothed, take, done);
+        let mut out = ModelEstimates {
+            mean: Array2::from_elem(take.xyz.dim(), f64::NAN),
+            sd: vec![f64::NAN; take.xyz.nrows() * take.names.len()],
+            novelty: vec![f64::NAN; take.xyz.nrows()],
+            too_little: 0,
+        };
+        for t in 0..take.xyz.nrows() {
+            at_knots.put(adapted, t, &mut out);
+        }
+        out.smooth(smoothed, take);
+        out
+    }
+
+    /// Smooths the estimates: what is left of the noise trembles in them.
+    fn smooth(&mut self, smoothed: &SmoothedTake, take: &Take<'_>) {
+        let paths = parallel::map_chunks(take.names.len(), 1, |range| {
+            let p = range.start;
+            let own = smoothed.noise.of_path(p);
+            let left = PathNoise {
+                variance: (SHARE_LEFT * own.variance).max(LEAST_VARIANCE),
+                ..own
+            };
+            let path = path_of(self.mean.view(), p);
+            smooth_path(&path, take.runs, left, 1.0 / take.rate)
+        });
+        for (p, path) in paths.into_iter().enumerate() {
+            put_path(&mut self.mean, p, &path.mean);
+        }
+    }
+
+    /// The mean over the points of each frame of the variance of a coordinate, cm²; NaN where
+    /// nothing is estimated.
+    pub(crate) fn mean_variances(&self) -> Vec<f64> {
+        let of_frame = |sd: &[f64]| mean_of_finite(sd.iter().map(|sd| sd * sd)).unwrap_or(f64::NAN);
+        let points = self.mean.ncols() / 3;
+        self.sd.chunks_exact(points.max(1)).map(of_frame).collect()
+    }
+}
+
+/// What the model finds in the frames of [`Knots`], in its own order of points.
+struct KnotEstimates {
+    knots: Knots,
+    /// The smoothed frames of the take (frames, 3 J), cm.
+    seen: Array2<f64>,
+    /// By knot.
+    found: Vec<Option<FrameEstimate>>,
+    /// Nats, by knot.
+    novelty: Vec<f64>,
+    /// See [`personal_offsets`].
+    offsets: Vec<DVec3>,
+}
+
+impl KnotEstimates {
+    fn new(
+        adapted: &AdaptedPrior<'_>,
+        smoothed: &SmoothedTake,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> KnotEstimates {
         let seen = adapted.mapping.gather(smoothed.mean.view());
         let variance = adapted.mapping.gather(smoothed.variance.view());
         // Lengths measured through noise are all too long: keeping them would do more harm than
@@ -59,72 +119,46 @@ impl ModelEstimates {
         });
         let found: Vec<Option<FrameEstimate>> = found.into_iter().flatten().collect();
         let novelty = |f: &FrameEstimate| estimator.novelty(&f.mean, &f.placement);
-        let novelty: Vec<f64> = (found.iter())
-            .map(|f| f.as_ref().map_or(f64::NAN, novelty))
-            .collect();
-        let offsets = personal_offsets(&seen.select(Axis(0), &knots.frames), &found);
-        let points = take.names.len();
-        let mut out = ModelEstimates {
-            mean: Array2::from_elem(take.xyz.dim(), f64::NAN),
-            sd: vec![f64::NAN; take.xyz.nrows() * points],
-            novelty: vec![f64::NAN; seen.nrows()],
-            too_little: 0,
-        };
-        for t in 0..seen.nrows() {
-            let is_any_seen = seen.row(t).iter().any(|v| v.is_finite());
-            let nearest = knots
-                .nearest(t, |k| found[k].is_some())
-                .filter(|_| is_any_seen);
-            let Some((near, novelty)) =
-                nearest.and_then(|k| Some((found[k].as_ref()?, novelty[k])))
-            else {
-                out.too_little += 1;
-                continue;
-            };
-            out.novelty[t] = novelty;
-            for (p, in_table) in adapted.mapping.pairs() {
-                let correction = |k: usize| {
-                    let found = found[k].as_ref()?;
-                    let mean = DVec3::from_slice(&found.mean[3 * p..]);
-                    let seen = point_at(seen.view(), knots.frames[k], p);
-                    Some(mean + found.placement.rotation * offsets[p] - seen)
-                        .filter(|c| c.is_finite())
-                };
-                let Some(by) = knots.between(t, correction, DVec3::lerp) else {
-                    continue;
-                };
-                let mean = point_at(seen.view(), t, p) + by;
-                (0..3).for_each(|axis| out.mean[[t, 3 * in_table + axis]] = mean[axis]);
-                out.sd[t * points + in_table] = near.sd[p];
-            }
+        KnotEstimates {
+            novelty: (found.iter())
+                .map(|f| f.as_ref().map_or(f64::NAN, novelty))
+                .collect(),
+            offsets: personal_offsets(&seen.select(Axis(0), &knots.frames), &found),
+            knots,
+            seen,
+            found,
         }
-        // What is left of the noise trembles in the estimates.
-        let paths = parallel::map_chunks(points, 1, |range| {
-            let p = range.start;
-            let own = smoothed.noise.of_path(p);
-            let left = PathNoise {
-                variance: (SHARE_LEFT * own.variance).max(LEAST_VARIANCE),
-                ..own
-            };
-            smooth_path(
-                &path_of(out.mean.view(), p),
-                take.runs,
-                left,
-                1.0 / take.rate,
-            )
-        });
-        for (p, path) in paths.into_iter().enumerate() {
-            put_path(&mut out.mean, p, &path.mean);
-        }
-        out
     }
 
-    /// The mean over the points of each frame of the variance of a coordinate, cm²; NaN where
-    /// nothing is estimated.
-    pub(crate) fn mean_variances(&self) -> Vec<f64> {
-        let of_frame = |sd: &[f64]| mean_of_finite(sd.iter().map(|sd| sd * sd)).unwrap_or(f64::NAN);
-        let points = self.mean.ncols() / 3;
-        self.sd.chunks_exact(points.max(1)).map(of_frame).collect()
+    /// Puts the estimate of a frame in place.
+    fn put(&self, adapted: &AdaptedPrior<'_>, t: usize, out: &mut ModelEstimates) {
+        let is_any_seen = self.seen.row(t).iter().any(|v| v.is_finite());
+        let nearest = (self.knots)
+            .nearest(t, |k| self.found[k].is_some())
+            .filter(|_| is_any_seen);
+        let Some((near, novelty)) =
+            nearest.and_then(|k| Some((self.found[k].as_ref()?, self.novelty[k])))
+        else {
+            out.too_little += 1;
+            return;
+        };
+        out.novelty[t] = novelty;
+        let points = out.mean.ncols() / 3;
+        for (p, in_table) in adapted.mapping.pairs() {
+            let correction = |k: usize| {
+                let found = self.found[k].as_ref()?;
+                let mean = DVec3::from_slice(&found.mean[3 * p..]);
+                let seen = point_at(self.seen.view(), self.knots.frames[k], p);
+                Some(mean + found.placement.rotation * self.offsets[p] - seen)
+                    .filter(|c| c.is_finite())
+            };
+            let Some(by) = self.knots.between(t, correction, DVec3::lerp) else {
+                continue;
+            };
+            let mean = point_at(self.seen.view(), t, p) + by;
+            (0..3).for_each(|axis| out.mean[[t, 3 * in_table + axis]] = mean[axis]);
+            out.sd[t * points + in_table] = near.sd[p];
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use super::motion_limits::MotionLimits;
 use super::predictors::{Predictors, other_poses, predictors};
 use super::regression::Regression;
 use super::tuning::filler::*;
+use super::weights::Weighed;
 use super::{FilledGap, Gap, ends, path, weights};
 use crate::numeric::parallel;
 use crate::numeric::statistics::mean_of_finite;
@@ -237,7 +238,7 @@ impl<'a, 't> GapFiller<'a, 't> {
         let mut xyz = CowArray::from(known.xyz.slice(s![around.clone(), ..]));
         let captured = self.take.xyz.slice(s![around.clone(), ..]);
         let anchor = anchor(names, xyz.view(), &predictors, &frames)?;
-        let seconds = &known.seconds[around];
+        let seconds = &known.seconds[around.clone()];
         let held = ends::hold(&mut xyz, seconds, &gap, &predictors, &targets);
         let own = LocalPoses::new(&anchor, xyz.view(), &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
@@ -260,49 +261,17 @@ impl<'a, 't> GapFiller<'a, 't> {
             },
             &gap,
         )?;
-        let mut filled = Vec::new();
-        for (k, index) in group.iter().enumerate() {
-            let (frames, point) = (&gaps[*index].frames, gaps[*index].point);
-            let place = |t: usize| {
-                let at = t - start;
-                let [x, y, z] = [0, 1, 2].map(|axis| found.mean[[at, 3 * k + axis]]);
-                Some(own.placements[gap.start + at]?.apply(DVec3::new(x, y, z)))
-            };
-            // Where the gap is shorter than the group, its own ends were estimated too.
-            let error = |t: usize| {
-                let seen = self.take.xyz.slice(s![t, 3 * point..3 * point + 3]);
-                let error = DVec3::new(seen[0], seen[1], seen[2]) - place(t)?;
-                Some(error).filter(|e| e.is_finite())
-            };
-            let before = (frames.start > start).then(|| error(frames.start - 1));
-            let after = (frames.end < end).then(|| error(frames.end));
-            let [before, after] = [before, after].map(|e| e.flatten().unwrap_or_default());
-            let mut xyz = Array2::zeros((frames.len(), 3));
-            let mut variance = Vec::with_capacity(frames.len());
-            for (i, t) in frames.clone().enumerate() {
-                let share = (i + 1) as f64 / (frames.len() + 1) as f64;
-                let placed = place(t)? + before.lerp(after, share);
-                (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (placed.x, placed.y, placed.z);
-                let columns = s![t - start, 3 * k..3 * k + 3];
-                variance.push(found.variance.slice(columns).mean()?);
-            }
-            if !xyz.iter().all(|v| v.is_finite()) {
-                return None;
-            }
-            let method = if found.over_time[k] > MOSTLY {
-                FillMethod::Interpolation
-            } else {
-                FillMethod::Regression
-            };
-            filled.push(FilledGap {
-                xyz,
-                variance,
-                method,
-                contacts: Vec::new(),
-            });
-        }
+        let estimated = Estimated {
+            captured: self.take.xyz,
+            own: &own,
+            first: around.start,
+            found: &found,
+            frames: start..end,
+        };
+        let group = group.iter().enumerate();
+        let filled = group.map(|(k, index)| estimated.filled(k, &gaps[*index]));
         Some(Regressed {
-            gaps: filled,
+            gaps: filled.collect::<Option<_>>()?,
             errors: found.error,
             leave_out,
         })
@@ -332,6 +301,63 @@ struct Regressed {
     errors: Vec<f64>,
     /// Whether points that the model does not know were left out.
     leave_out: bool,
+}
+
+/// What regression estimated in the frames of a group of gaps.
+struct Estimated<'a> {
+    /// The take as it was captured (frames, 3 J), cm.
+    captured: ArrayView2<'a, f64>,
+    /// The poses from which was learned, and the first of their frames.
+    own: &'a LocalPoses,
+    first: usize,
+    found: &'a Weighed,
+    /// The frames of the group.
+    frames: Range<usize>,
+}
+
+impl Estimated<'_> {
+    /// Where the point of the k-th gap is in a frame.
+    fn place(&self, k: usize, t: usize) -> Option<DVec3> {
+        let [x, y, z] = [0, 1, 2].map(|c| self.found.mean[[t - self.frames.start, 3 * k + c]]);
+        Some(self.own.placements[t - self.first]?.apply(DVec3::new(x, y, z)))
+    }
+
+    /// The k-th gap, filled. `None` where its place is not known.
+    fn filled(&self, k: usize, gap: &Gap) -> Option<FilledGap> {
+        let (frames, point) = (&gap.frames, gap.point);
+        // Where the gap is shorter than the group, its own ends were estimated too.
+        let error = |t: usize| {
+            let seen = self.captured.slice(s![t, 3 * point..3 * point + 3]);
+            let error = DVec3::new(seen[0], seen[1], seen[2]) - self.place(k, t)?;
+            Some(error).filter(|e| e.is_finite())
+        };
+        let before = (frames.start > self.frames.start).then(|| error(frames.start - 1));
+        let after = (frames.end < self.frames.end).then(|| error(frames.end));
+        let [before, after] = [before, after].map(|e| e.flatten().unwrap_or_default());
+        let mut xyz = Array2::zeros((frames.len(), 3));
+        let mut variance = Vec::with_capacity(frames.len());
+        for (i, t) in frames.clone().enumerate() {
+            let share = (i + 1) as f64 / (frames.len() + 1) as f64;
+            let placed = self.place(k, t)? + before.lerp(after, share);
+            (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (placed.x, placed.y, placed.z);
+            let columns = s![t - self.frames.start, 3 * k..3 * k + 3];
+            variance.push(self.found.variance.slice(columns).mean()?);
+        }
+        if !xyz.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        let method = if self.found.over_time[k] > MOSTLY {
+            FillMethod::Interpolation
+        } else {
+            FillMethod::Regression
+        };
+        Some(FilledGap {
+            xyz,
+            variance,
+            method,
+            contacts: Vec::new(),
+        })
+    }
 }
 
 /// Ranges of frames, apart from one another and in their order.
