@@ -51,6 +51,18 @@ impl<'a> AdaptedPrior<'a> {
         AdaptedPrior::new(mapping, frames, noise).with_lengths_from(frames, noise)
     }
 
+    /// The prior and the rigid distances of the body that a smoothed take shows at `mean` (frames,
+    /// 3 J, in the table's order; cm), in which so much noise is left: standard deviation of a
+    /// coordinate, cm.
+    pub(crate) fn of_smoothed(
+        mapping: &'a PointMapping<'a>,
+        mean: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedPrior<'a> {
+        let seen = mapping.gather(mean);
+        AdaptedPrior::new(mapping, seen.view(), 0.0).with_lengths_from(seen.view(), noise)
+    }
+
     /// Rigid distances of the body too, as uncertain as lengths are that were measured in `frames`
     /// with `noise` (standard deviation of a coordinate, cm).
     pub(crate) fn with_lengths_from(

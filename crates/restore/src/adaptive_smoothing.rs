@@ -45,8 +45,8 @@ impl SmoothedTake {
     ) -> SmoothedTake {
         let noise = CaptureNoise::measure(mapping, take, noise);
         let paths = parallel::map_chunks(noise.sd.len(), 1, |range| {
-            let path = path_of(take.xyz, range.start);
             let own = noise.of_path(range.start);
+            let path = path_of(take.xyz, range.start);
             let mut smooth = smooth_path(&path, take.runs, own, 1.0 / take.rate);
             for axis in 0..3 {
                 let (mean, variance) = (&mut smooth.mean[axis], &mut smooth.variance[axis]);

@@ -10,7 +10,9 @@ use super::frame_estimator::FrameEstimate;
 use super::gap::{empty_gaps, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::noise_estimation::{typical_noise, variances};
 use super::outliers::find_outliers;
-use super::take::{FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame};
+use super::take::{
+    FRAMES_PER_TASK, Method, PointMapping, Take, TakeResult, restore_each_frame, without,
+};
 use crate::numeric::parallel;
 use crate::pose::{Similarity, Status};
 use crate::{Error, Result};
@@ -82,7 +84,7 @@ impl Method for Complete {
     ) -> TakeResult {
         let sd = take.typical_sd();
         let (outliers, adapted) = find_outliers(mapping, take, sd);
-        let captured = outliers.removed_from(take.xyz);
+        let captured = without(take.xyz, &outliers.points);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = TakeResult::captured(take.xyz);
         let noise = typical_noise(captured.view(), take.runs).max(sd.unwrap_or(0.0));

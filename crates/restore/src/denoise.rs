@@ -1,23 +1,20 @@
 //! Denoising: measured points move to where they more likely were.
 //!
-//! A frame by itself is an observation whose coordinates all have the frame's noise variance;
-//! outliers are found by rigid distances and the prior. In a take, spikes and outliers are removed
-//! first; a Kalman smoother then removes the noise that neighboring frames reveal, and each
-//! smoothed frame is an observation with the variances that the smoother left.
+//! In a take, spikes and outliers are removed first; a Kalman smoother then removes the noise that
+//! neighboring frames reveal, and each smoothed frame is an observation with the variances that the
+//! smoother left. For a frame by itself see `denoised_frame`.
 
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::bone_lengths;
-use super::frame_estimator::{FrameEstimate, FrameEstimator, displacement};
+use super::denoised_frame::DenoisedFrame;
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::model_estimates::ModelEstimates;
-use super::noise_estimation::{self, point_noise, typical_noise};
-use super::outliers::{LIKELY, Outliers, find_outliers, spikes_by_time, without};
-use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame};
-use super::tuning::{
-    denoise::*,
-    noise_estimation::{NEARLY_CLEAN, NOISE_LIMIT},
-};
+use super::noise_estimation::{point_noise, typical_noise};
+use super::outliers::spikes_by_time;
+use super::sifted_take::SiftedTake;
+use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame, without};
+use super::tuning::{denoise::*, noise_estimation::NOISE_LIMIT};
 use crate::label::exchanges::{Exchange, exchanges};
 use crate::pose::{Status, point_at};
 use ndarray::{Array2, ArrayView2};
@@ -58,9 +55,11 @@ impl Method for Denoise {
             // One frame does not tell whether the points stand where the model's do.
             return TakeResult::captured(table);
         }
-        let restore = |frame: ArrayView2<'_, f64>| self.frame(mapping, frame);
+        let restore = |frame: ArrayView2<'_, f64>| {
+            DenoisedFrame::new(mapping, frame, self.noise, self.outliers)
+        };
         restore_each_frame(mapping, table, restore, |out, t, found| {
-            self.put_frame(out, t, &found);
+            found.put(out, t, self.fill);
         })
     }
 
@@ -70,23 +69,26 @@ impl Method for Denoise {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        // 1. What is exchanged left and right, put back; the outliers; and the paths of the other
-        //    points, smoothed.
+        // 1. What is exchanged left and right, put back.
         let captured = take.xyz;
         let exchanged = self.exchanges(take);
         let (xyz, emptied) = put_back(captured, &exchanged);
         let take = &take.with_xyz(xyz.view());
-        let (mut outliers, smoothed) = self.smooth(mapping, take);
-        outliers.add(&emptied);
-        // 2. The model for the body that the smoothed frames show.
-        let noise_left = smoothed.noise_left();
-        let adapted = mapping.map(|mapping| {
-            let seen = mapping.gather(smoothed.mean.view());
-            let prior = AdaptedPrior::new(mapping, seen.view(), 0.0);
-            prior.with_lengths_from(seen.view(), noise_left)
-        });
-        let known = (adapted.as_ref()).filter(|a| a.knows(smoothed.mean.view(), noise_left));
-        // 3. What the model expects in each frame.
+        // 2. The outliers, and the paths of the other points, smoothed.
+        let SiftedTake {
+            mut outliers,
+            smoothed,
+        } = if self.outliers {
+            SiftedTake::new(mapping, take, self.noise)
+        } else {
+            SiftedTake::whole(mapping, take, self.noise)
+        };
+        let each = outliers.iter_mut().zip(&emptied);
+        each.for_each(|(all, more)| all.extend(more));
+        // 3. The model for the body that the smoothed frames show, and what it expects in each.
+        let (mean, noise_left) = (smoothed.mean.view(), smoothed.noise_left());
+        let adapted = mapping.map(|mapping| AdaptedPrior::of_smoothed(mapping, mean, noise_left));
+        let known = (adapted.as_ref()).filter(|a| a.knows(mean, noise_left));
         let expected = known.map(|adapted| ModelEstimates::new(adapted, &smoothed, take, done));
         // 4. The smoothed points, drawn there by as much as they are noisy.
         let mut out = TakeResult::captured(take.xyz);
@@ -169,34 +171,6 @@ fn put_denoised(
     }
 }
 
-/// A frame by itself, denoised.
-struct DenoisedFrame {
-    found: Option<FrameEstimate>,
-    outliers: Vec<usize>,
-    /// Standard deviation of a coordinate, cm.
-    noise: f64,
-    /// Nats; see [`TakeResult::novelty`].
-    novelty: f64,
-}
-
-impl DenoisedFrame {
-    /// What `estimator` found.
-    fn new(
-        estimator: &FrameEstimator<'_>,
-        found: Option<FrameEstimate>,
-        outliers: Vec<usize>,
-        noise: f64,
-    ) -> DenoisedFrame {
-        let novelty = |f: &FrameEstimate| estimator.novelty(&f.mean, &f.placement);
-        DenoisedFrame {
-            novelty: found.as_ref().map_or(f64::NAN, novelty),
-            found,
-            outliers,
-            noise,
-        }
-    }
-}
-
 impl Denoise {
     /// Left and right exchanged; nothing where outliers are not wanted.
     fn exchanges(&self, take: &Take<'_>) -> Vec<Exchange> {
@@ -210,42 +184,19 @@ impl Denoise {
         exchanges(take.names, seen.view(), take.runs, take.rate, noise)
     }
 
-    /// The outliers of a take, and the paths of the other points smoothed. Suspected outliers that
-    /// lie where the rest of the take expects them are kept; the paths are then smoothed with them.
-    fn smooth(
-        &self,
-        mapping: Option<&PointMapping<'_>>,
-        take: &Take<'_>,
-    ) -> (Outliers, SmoothedTake) {
-        let (mut outliers, adapted) = if self.outliers {
-            find_outliers(mapping, take, self.noise)
-        } else {
-            (Outliers::none(take.xyz.nrows()), None)
-        };
-        let smooth = |outliers: &Outliers| {
-            let seen = outliers.removed_from(take.xyz);
-            SmoothedTake::new(mapping, &take.with_xyz(seen.view()), self.noise)
-        };
-        let mut smoothed = smooth(&outliers);
-        if outliers.accept_expected(adapted.as_ref(), take, &smoothed) {
-            smoothed = smooth(&outliers);
-        }
-        (outliers, smoothed)
-    }
-
     /// Fills the outliers of a denoised take; with [`Denoise::fill`] its missing points too.
     fn fill(
         &self,
         out: &mut TakeResult,
         captured: ArrayView2<'_, f64>,
         take: &Take<'_>,
-        outliers: &Outliers,
+        outliers: &[Vec<usize>],
         adapted: Option<&AdaptedPrior<'_>>,
     ) {
-        let seen = outliers.removed_from(out.xyz.view());
+        let seen = without(out.xyz.view(), outliers);
         let is_filled = |gap: &Gap| self.fill && !gap.is_longer(self.max_gap, take.rate);
         let mut gaps = find_gaps(seen.view(), take.runs);
-        gaps.retain(|gap| is_filled(gap) || outliers.is_in(gap));
+        gaps.retain(|gap| is_filled(gap) || gap.is_any_of(outliers));
         if gaps.is_empty() {
             return;
         }
@@ -266,69 +217,5 @@ impl Denoise {
         let is_bridged = |t: &usize| bare[*t] && !(0..out.points()).any(|p| is_unknown(*t, p));
         let bridged = (0..bare.len()).filter(is_bridged).count();
         out.too_little = out.too_little.saturating_sub(bridged);
-    }
-
-    /// Denoises one frame (1, 3 J).
-    fn frame(&self, mapping: &PointMapping<'_>, frame: ArrayView2<'_, f64>) -> DenoisedFrame {
-        let y = frame.row(0).to_vec();
-        let floor = mapping.model.noise_floor(&y);
-        if let Some((rigid, floor)) = floor.as_ref().filter(|_| self.outliers) {
-            // A noise that is given is that of clean points where it is small, and of all points
-            // otherwise.
-            let noise = match self.noise {
-                Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise),
-                None => noise_estimation::is_worth_searching(floor)
-                    .then(|| noise_estimation::rounded(floor.sd)),
-            };
-            // These distances fit the unknown body already: the model's own is not adapted.
-            let own = mapping.model.estimator().with_rigid_model(rigid);
-            let found = noise.and_then(|n| Some((n, own.estimate_with_outliers(&y, n * n)?)));
-            if let Some((noise, (found, probability))) = found {
-                let outliers = (0..probability.len()).filter(|&p| probability[p] > LIKELY);
-                return DenoisedFrame::new(&own, Some(found), outliers.collect(), noise);
-            }
-        }
-        let adapted = AdaptedPrior::new(mapping, frame, self.noise.unwrap_or(UNKNOWN_NOISE));
-        let noise = self.noise.unwrap_or_else(|| {
-            let by_distances = floor.map(|(_, floor)| floor.sd);
-            let by_model = || noise_estimation::of_frame(&adapted.estimator(), &y);
-            noise_estimation::rounded(by_distances.unwrap_or_else(by_model))
-        });
-        let adapted = adapted.with_lengths_from(frame, noise);
-        let estimator = adapted.rigid_estimator();
-        let found = estimator.estimate(&y, &noise_estimation::variances(&y, noise, &[]));
-        DenoisedFrame::new(&estimator, found, Vec::new(), noise)
-    }
-
-    /// Puts a denoised frame in place; with [`Denoise::fill`] its missing points too.
-    fn put_frame(&self, out: &mut TakeResult, t: usize, frame: &DenoisedFrame) {
-        out.too_little += usize::from(frame.found.is_none());
-        out.noise += frame.noise / out.xyz.nrows() as f64;
-        out.novelty[t] = frame.novelty;
-        let before = out.xyz.row(t).to_vec();
-        for p in 0..out.points() {
-            let is_missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
-            let (status, sd) = match &frame.found {
-                None if is_missing => (Status::Unknown, f64::NAN),
-                None => (Status::Observed, frame.noise),
-                Some(_) if is_missing && !self.fill => (Status::Unknown, f64::NAN),
-                Some(found) => {
-                    for i in 3 * p..3 * p + 3 {
-                        out.xyz[[t, i]] = found.mean[i];
-                    }
-                    let status = if is_missing {
-                        Status::Inferred
-                    } else if frame.outliers.contains(&p) {
-                        Status::Rejected
-                    } else if displacement(&before, &found.mean, p) <= UNCHANGED {
-                        Status::Observed
-                    } else {
-                        Status::Changed
-                    };
-                    (status, found.sd[p])
-                }
-            };
-            out.set(t, p, status, sd);
-        }
     }
 }

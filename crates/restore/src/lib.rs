@@ -13,10 +13,11 @@
 //!    (`take`).
 //! 2. `outliers` finds tracks that jump off and back (`label`) and spikes, adapts the prior
 //!    to the body (`adapted_prior`) and finds the other outliers.
-//! 3. `denoise` puts back what is exchanged left and right (`label`), measures the noise
-//!    (`capture_noise`), smooths each path over time (`adaptive_smoothing`), draws it to the
-//!    model's estimates (`model_estimates`, at `knots`), and holds the limbs' bones to their
-//!    lengths (`bone_lengths`); `complete` assumes that seen values are exact, but for those whose
+//! 3. `denoise` puts back what is exchanged left and right (`label`), sifts the outliers from the
+//!    take (`sifted_take`), of whose other points it measures the noise (`capture_noise`) and
+//!    smooths each path over time (`adaptive_smoothing`), draws them to the model's estimates
+//!    (`model_estimates`, at `knots`), and holds the limbs' bones to their lengths
+//!    (`bone_lengths`); `complete` assumes that seen values are exact, but for those whose
 //!    deviation the table says.
 //! 4. `gap` fills gaps from the frames around them, [`FrameEstimator`] estimates each frame where
 //!    these say nothing: [`placement`] finds rotation and shift, the prior gives the posterior in
@@ -58,6 +59,7 @@ pub(crate) mod clean;
 pub(crate) mod complete;
 mod cuts;
 pub(crate) mod denoise;
+mod denoised_frame;
 #[doc(hidden)]
 pub mod frame_estimator;
 mod gap;
@@ -73,6 +75,7 @@ mod pose_model;
 pub(crate) mod restoration;
 mod restorer;
 pub(crate) mod rigid;
+mod sifted_take;
 mod take;
 mod tuning;
 mod upright;

@@ -53,6 +53,17 @@ impl<'a> Take<'a> {
     }
 }
 
+/// Frames (3 J) with the given points of each missing.
+pub(crate) fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
+    let mut out = xyz.to_owned();
+    for (t, points) in points.iter().enumerate() {
+        for &p in points {
+            out.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+        }
+    }
+    out
+}
+
 /// A method that restores the frames of a table, in the table's order of points:
 /// [`super::Complete`], [`super::Denoise`] or [`super::Clean`].
 pub trait Method {

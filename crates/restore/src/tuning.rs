@@ -180,6 +180,13 @@ pub(crate) mod bone_lengths {
     pub(crate) const NEAR: f64 = 1e-3;
 }
 
+/// Outliers that are none.
+pub(crate) mod sifted_take {
+    /// An outlier within this many standard deviations of where the rest of the take expects it is
+    /// none.
+    pub(crate) const EXPECTED: f64 = 3.0;
+}
+
 /// Denoised takes and frames.
 pub(crate) mod denoise {
     /// Noise assumed to measure the body of one frame by, cm, where none is given.

@@ -32,7 +32,7 @@ const PRINTED_RATES: usize = 5;
 impl fmt::Display for ScoreReport {
     /// Aligned columns of text, in several lines.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&&text(self))
+        f.write_str(&text(self))
     }
 }
 

@@ -1,7 +1,6 @@
 //! What of a result somebody should look at.
 
 use super::places::PlaceToSee;
-use super::prepared::Prepared;
 use super::redo::kept;
 use super::restored::Restored;
 use super::written::Written;
@@ -21,9 +20,7 @@ impl Written<'_> {
     /// What somebody should look at, a line each: what is wrong in the result, as the audit of
     /// `remaining` says, and what could not be done.
     pub(super) fn findings(&self, remaining: Vec<String>) -> Vec<String> {
-        let Prepared {
-            run, file, labels, ..
-        } = self.restored.take;
+        let take = self.restored.take;
         let (points, rotations) = (&self.restored.points, self.restored.rotations.as_ref());
         let mut out = remaining;
         out.extend(left_open(points));
@@ -32,12 +29,12 @@ impl Written<'_> {
         out.extend(rotations.iter().flat_map(|r| r.findings()));
         out.extend(self.doubtful_outliers());
         out.extend(self.not_held());
-        out.extend(labels.findings());
-        out.extend(doubt_of_labels(file));
-        if run.job.to.is_none() {
-            out.extend(kept(&run.settings.redo, file, points));
+        out.extend(take.labels.findings());
+        out.extend(doubt_of_labels(&take.file));
+        if take.run.job.to.is_none() {
+            out.extend(kept(&take.run.settings.redo, &take.file, points));
         }
-        let names = run.settings.option_names;
+        let names = take.run.settings.option_names;
         out.iter().map(|line| names.in_text(line)).collect()
     }
 
@@ -52,10 +49,10 @@ impl Written<'_> {
     }
 
     fn doubtful_outliers(&self) -> Option<String> {
-        let Prepared { run, file, .. } = self.restored.take;
+        let take = self.restored.take;
         let rejected = self.restored.points.counts().rejected;
         let doubtful = rejected.saturating_sub(self.replaced.len());
-        let is_wanted = run.settings.method.outliers && !run.job.keeps_rotations(file.format);
+        let is_wanted = take.run.settings.method.outliers && !take.keeps_rotations();
         (is_wanted && doubtful > 0).then(|| {
             format!("outliers: {doubtful} more are not replaced, as too little is known there")
         })
@@ -63,11 +60,11 @@ impl Written<'_> {
 
     /// What the result does not hold.
     fn not_held(&self) -> Option<String> {
-        let Prepared { run, file, .. } = self.restored.take;
-        let line = match (self.unheld, run.job.keeps_rotations(file.format)) {
+        let take = self.restored.take;
+        let line = match (self.unheld, take.keeps_rotations()) {
             (0, _) => return None,
             (n, true) => {
-                let are = if run.settings.held_is_missing {
+                let are = if take.run.settings.held_is_missing {
                     "are still held or nan"
                 } else {
                     "are still nan"

@@ -13,7 +13,6 @@ mod outcome;
 mod page;
 mod places;
 mod prepared;
-mod read;
 mod record;
 mod recorded;
 mod redo;

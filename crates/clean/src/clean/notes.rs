@@ -1,7 +1,6 @@
 //! How a file was taken, and what was done, a line each.
 
 use super::findings::listed;
-use super::prepared::Prepared;
 use super::replaced::ReplacedPosition;
 use super::restored::Restored;
 use super::sources::OutputFormat;
@@ -15,29 +14,23 @@ impl Written<'_> {
     /// The notes on a file whose result is a copy, or not.
     pub(super) fn notes(&self, is_copied: bool) -> Vec<String> {
         let restored = &self.restored;
-        let Prepared {
-            run,
-            file,
-            labels,
-            redone,
-            ..
-        } = restored.take;
-        let limit = run.settings.rotation_noise_limit;
+        let take = restored.take;
+        let limit = take.run.settings.rotation_noise_limit;
         let rotations = restored.rotations.as_ref();
-        let mut out = of_file(file);
+        let mut out = of_file(&take.file);
         out.extend(of_points(restored));
         out.extend(replacements(&self.replaced));
         out.extend(rotations.iter().flat_map(|r| r.notes(limit)));
-        out.extend(redone.notes.iter().chain(&restored.low_pass).cloned());
-        out.extend(labels.notes());
-        if run.job.other_format(file.format) == Some(OutputFormat::Npy) {
-            out.extend(file.table.columns.lost_in_array());
+        out.extend(take.redone.notes.iter().chain(&restored.low_pass).cloned());
+        out.extend(take.labels.notes());
+        if take.run.job.other_format(take.file.format) == Some(OutputFormat::Npy) {
+            out.extend(take.file.table.columns.lost_in_array());
         }
         let noise = rotations.map(|r| r.noise());
         let is_little = |noise: &f64| is_copied && *noise < limit.to_degrees();
         let unchanged = |noise| format!("unchanged: the noise is {noise:.2} degrees");
         out.extend(noise.filter(is_little).map(unchanged));
-        let names = run.settings.option_names;
+        let names = take.run.settings.option_names;
         out.iter().map(|line| names.in_text(line)).collect()
     }
 }

@@ -7,8 +7,8 @@ use super::settings::CleanSettings;
 use super::skeleton::SkeletonSettings;
 use super::sources::{Job, is_of_rotations};
 use crate::Result;
-use crate::io::motion_file::{ReadOptions, skeleton_of};
-use crate::io::{Input, MotionFormat};
+use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, skeleton_of};
+use crate::io::{Input, MotionFile, MotionFormat};
 
 /// A file on its way to a result.
 pub(super) struct Run<'a> {
@@ -22,11 +22,16 @@ pub(super) struct Run<'a> {
     pub earlier: EarlierResult<'a>,
 }
 
+/// The bytes of a capture, unpacked.
+pub(super) struct Unpacked {
+    pub size: usize,
+    pub sha256: String,
+}
+
 /// A capture that is not read yet.
 pub(super) struct Opened<'a> {
-    pub run: Run<'a>,
-    /// Its bytes, unpacked.
-    pub bytes: Input,
+    run: Run<'a>,
+    bytes: Input,
     format: MotionFormat,
 }
 
@@ -76,14 +81,28 @@ impl<'a> Opened<'a> {
         unchanged.filter(|_| !self.run.settings.again && has_skeleton)
     }
 
-    /// Fails where a file of somebody else stands in a place that is to be written.
-    pub(super) fn check_places(&self) -> Result<()> {
-        let earlier = &self.run.earlier;
-        earlier.may_be_replaced(self.run.settings.again)?;
-        match self.run.skeletons(self.format) {
-            Some(skeletons) => skeletons.check(earlier),
-            None => Ok(()),
+    /// Reads the capture.
+    ///
+    /// # Errors
+    /// A file of somebody else stands in a place that is to be written; those of reading.
+    pub(super) fn read(self) -> Result<(Run<'a>, Unpacked, MotionFile)> {
+        let Opened { run, bytes, format } = self;
+        run.earlier.may_be_replaced(run.settings.again)?;
+        if let Some(skeletons) = run.skeletons(format) {
+            skeletons.check(&run.earlier)?;
         }
+        let is_utf16 = bytes.is_utf16();
+        let bytes = bytes.read_all(LARGEST_MOTION_FILE)?;
+        let unpacked = Unpacked {
+            size: bytes.len(),
+            sha256: Fingerprint::of(&run.job.input, &bytes).sha256,
+        };
+        let mut file = MotionFile::read(&run.job.input, bytes, &run.read)?;
+        if is_utf16 {
+            let what = "is a text in UTF-16; the result is in UTF-8".to_string();
+            file.notes.push(what);
+        }
+        Ok((run, unpacked, file))
     }
 }
 

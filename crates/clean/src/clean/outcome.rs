@@ -1,5 +1,4 @@
-//! What became of a file: it is opened, read, prepared, restored, written and recorded, a step a
-//! file.
+//! What became of a file: it is opened, prepared, restored, written and recorded, a step a file.
 
 use super::earlier_result::EarlierResult;
 use super::opened::Opened;
@@ -87,7 +86,7 @@ fn clean_file(
     if let Some(summary) = opened.unchanged() {
         return Ok(FileOutcome::Unchanged(summary));
     }
-    let prepared = opened.read()?.prepared()?;
+    let prepared = opened.prepared()?;
     let written = prepared.restored()?.written()?;
     written.recorded().map(FileOutcome::Cleaned)
 }

@@ -1,7 +1,6 @@
 //! The page of a take beside its result.
 
 use super::labels::label_table;
-use super::prepared::Prepared;
 use super::record::Summary;
 use super::restored::Restored;
 use crate::Result;
@@ -36,15 +35,13 @@ pub(super) fn write_page_of(output: &Path, html: Option<&str>) -> Result<Option<
 
 /// The page of a take: the capture, and the result beside it where that differs.
 fn take_page(restored: &Restored<'_>) -> Result<Option<String>> {
-    let Prepared {
-        run, file, labels, ..
-    } = restored.take;
-    let (poses, restored) = (&file.table.poses, &restored.points);
+    let (take, restored) = (restored.take, &restored.points);
+    let poses = &take.file.table.poses;
     let shape = (poses.frames(), poses.points.len());
     let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
     let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let captured = labels.captured(file);
+    let captured = take.labels.captured(&take.file);
     let mut figures = vec![Figure::new("capture", captured)];
     if restored.xyz() != captured {
         figures.push(Figure {
@@ -55,14 +52,14 @@ fn take_page(restored: &Restored<'_>) -> Result<Option<String>> {
         });
     }
     TakePage {
-        name: &run.job.name,
+        name: &take.run.job.name,
         note: "The capture, and beside it the result where it differs. Centimeters, y up.",
         poses,
-        rate: file.rate(),
-        bones: &file.bones()?,
+        rate: take.file.rate(),
+        bones: &take.file.bones()?,
         markers: None,
         figures,
-        table: label_table(&labels.report, labels.option_names),
+        table: label_table(&take.labels.report, take.labels.option_names),
     }
     .html()
 }

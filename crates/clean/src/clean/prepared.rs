@@ -2,8 +2,7 @@
 
 use super::held::empty_held;
 use super::labels::{Relabeled, relabeled};
-use super::opened::Run;
-use super::read::{Bytes, Read};
+use super::opened::{Opened, Run, Unpacked};
 use super::redo::Redone;
 use crate::audit::{TakeAudit, audit_motion, name_options};
 use crate::io::MotionFile;
@@ -13,7 +12,7 @@ use crate::{Error, Place, Result};
 /// A file that is ready to be restored.
 pub(super) struct Prepared<'a> {
     pub run: Run<'a>,
-    pub bytes: Bytes,
+    pub capture: Unpacked,
     pub file: MotionFile,
     /// The audit of the capture.
     pub before: Vec<TakeAudit>,
@@ -23,15 +22,15 @@ pub(super) struct Prepared<'a> {
     pub redone: Redone,
 }
 
-impl<'a> Read<'a> {
-    /// Audits the capture, and prepares it.
+impl<'a> Opened<'a> {
+    /// Reads the capture, audits and prepares it.
     ///
     /// # Errors
-    /// [`Error::Data`]: it has no rate or an odd unit, its labels cannot be checked, or what is to
-    /// be done again is not there.
+    /// Those of reading. [`Error::Data`]: it has no rate or an odd unit, its labels cannot be
+    /// checked, or what is to be done again is not there.
     pub(super) fn prepared(self) -> Result<Prepared<'a>> {
-        self.check()?;
-        let Read { run, file, bytes } = self;
+        let (run, capture, file) = self.read()?;
+        check(&run, &file)?;
         let settings = run.settings;
         let mut before = audit_motion(&file, &settings.limits);
         name_options(&mut before, settings.option_names);
@@ -47,25 +46,31 @@ impl<'a> Read<'a> {
         let redone = Redone::empty(&settings.redo, &mut file, keeps)?;
         Ok(Prepared {
             run,
-            bytes,
+            capture,
             file,
             before,
             labels,
             redone,
         })
     }
+}
 
-    /// Fails where times or lengths would be taken wrong.
-    fn check(&self) -> Result<()> {
-        let (run, file) = (&self.run, &self.file);
-        if file.rate().is_none() && file.table.poses.frames() > 1 {
-            let what = "has no times that give a rate; give it with the option `fps F` (frames \
-                        per second)";
-            return Err(Error::data(Place::file(&file.table.name), what));
-        }
-        if !run.settings.force && !run.job.keeps_rotations(file.format) {
-            check_unit(file.poses(), file.units(), &file.table.name)?;
-        }
-        Ok(())
+impl Prepared<'_> {
+    /// Whether the result holds rotations or columns, as the file does, and no positions.
+    pub(super) fn keeps_rotations(&self) -> bool {
+        self.run.job.keeps_rotations(self.file.format)
     }
+}
+
+/// Fails where times or lengths would be taken wrong.
+fn check(run: &Run<'_>, file: &MotionFile) -> Result<()> {
+    if file.rate().is_none() && file.table.poses.frames() > 1 {
+        let what = "has no times that give a rate; give it with the option `fps F` (frames per \
+                    second)";
+        return Err(Error::data(Place::file(&file.table.name), what));
+    }
+    if !run.settings.force && !run.job.keeps_rotations(file.format) {
+        check_unit(file.poses(), file.units(), &file.table.name)?;
+    }
+    Ok(())
 }

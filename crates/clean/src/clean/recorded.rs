@@ -1,7 +1,6 @@
 //! The last step: the record of a result, and what else stands beside it.
 
 use super::page::write_page;
-use super::prepared::Prepared;
 use super::record::{Fingerprint, Record, Summary};
 use super::written::Written;
 use crate::Result;
@@ -16,9 +15,7 @@ impl Written<'_> {
     /// [`crate::Error::Io`]: the record cannot be written.
     pub(super) fn recorded(self) -> Result<Summary> {
         let restored = &self.restored;
-        let Prepared {
-            run, file, labels, ..
-        } = restored.take;
+        let (take, run) = (restored.take, &restored.take.run);
         let mut summary = self.summary();
         let (solved, of_skeleton) = self.skeleton();
         // Whole limbs come first.
@@ -31,15 +28,15 @@ impl Written<'_> {
         Record {
             command: "clean",
             made_from: &run.made_from,
-            read_as: &file.read_as,
+            read_as: &take.file.read_as,
             map: match &restored.naming {
                 PointNaming::Map(map) => Some(&map.name),
                 _ => None,
             },
-            audit: restored.take.before.clone(),
+            audit: take.before.clone(),
             summary: &summary,
             redone: &run.settings.redo,
-            labels: labels.record().cloned(),
+            labels: take.labels.record().cloned(),
             gaps: gap_lines(&restored.points),
             gaps_by_point: Vec::new(),
             rotations: (restored.rotations.as_ref()).map(|r| r.lines()),
@@ -48,19 +45,19 @@ impl Written<'_> {
             output: Fingerprint::read(&run.job.output)?,
             outliers: self.replaced,
         }
-        .write(&run.job.output, restored.take.bytes.size)?;
+        .write(&run.job.output, take.capture.size)?;
         Ok(summary)
     }
 
     /// The skeleton beside the result, if it is asked for, and its findings; why there is none is
     /// one.
     fn skeleton(&self) -> (Option<Value>, Vec<String>) {
-        let Prepared { run, file, .. } = self.restored.take;
-        let Some(skeletons) = run.skeletons(file.format) else {
+        let take = self.restored.take;
+        let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
         let xyz = self.restored.points.xyz().to_owned();
-        match skeletons.write(&run.job.output, file, xyz) {
+        match skeletons.write(&take.run.job.output, &take.file, xyz) {
             Ok(solved) => {
                 let findings = solved["findings"].as_array().into_iter().flatten();
                 let findings = findings.filter_map(|f| f.as_str());
@@ -68,7 +65,7 @@ impl Written<'_> {
                 (Some(solved), findings)
             }
             Err(e) => {
-                let e = e.with_option_names(run.settings.option_names);
+                let e = e.with_option_names(take.run.settings.option_names);
                 let finding = format!("skeleton: none: {e}");
                 (Some(json!({"none": e.to_string()})), vec![finding])
             }

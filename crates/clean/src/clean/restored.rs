@@ -31,7 +31,7 @@ impl Prepared<'_> {
     /// Those of restoring; a body of no person's size; a filter that does not fit the rate.
     pub(super) fn restored(&self) -> Result<Restored<'_>> {
         let naming = self.naming();
-        let keeps = self.run.job.keeps_rotations(self.file.format);
+        let keeps = self.keeps_rotations();
         let (mut points, rotations) = match self.file.motion().filter(|_| keeps) {
             Some(motion) => self.clean_rotations(motion)?,
             None if keeps => (Restoration::unchanged(&self.file.table), None),
@@ -106,7 +106,7 @@ impl Prepared<'_> {
         let Some(cutoff) = self.run.settings.butterworth else {
             return Ok((points, None));
         };
-        if self.run.job.keeps_rotations(self.file.format) {
+        if self.keeps_rotations() {
             let what =
                 "no low-pass filter, since the file holds rotations; as csv, its positions have it";
             return Ok((points, Some(what.to_string())));

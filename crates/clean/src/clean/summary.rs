@@ -1,7 +1,6 @@
 //! What became of a file, in numbers and in lines.
 
 use super::places::places;
-use super::prepared::Prepared;
 use super::record::{Fingerprint, Summary};
 use super::written::Written;
 use crate::io::Input;
@@ -15,14 +14,8 @@ use ndarray::ArrayView2;
 impl Written<'_> {
     /// What became of the file.
     pub(super) fn summary(&self) -> Summary {
-        let Prepared {
-            run,
-            file,
-            before,
-            labels,
-            redone,
-            ..
-        } = self.restored.take;
+        let take = self.restored.take;
+        let file = &take.file;
         let poses = &file.table.poses;
         let (points, rotations) = (&self.restored.points, self.restored.rotations.as_ref());
         let (remaining, of_remaining) = self.remaining();
@@ -31,12 +24,20 @@ impl Written<'_> {
             place.point = place.point.filter(|p| poses.points.contains(p));
             place
         });
-        let of_labels = redone.places.iter().cloned().chain(labels.places());
+        let of_labels = take
+            .redone
+            .places
+            .iter()
+            .cloned()
+            .chain(take.labels.places());
         let found = of_labels.chain(of_remaining).chain(of_rotations).collect();
         let (missing, left) = (self.missing(poses.xyz.view()), self.missing(points.xyz()));
-        let keeps = run.job.keeps_rotations(file.format);
-        let not_held = if keeps { 0 } else { self.unheld };
-        let copied = labels.captured.is_none() && self.is_copied();
+        let not_held = if take.keeps_rotations() {
+            0
+        } else {
+            self.unheld
+        };
+        let copied = take.labels.captured.is_none() && self.is_copied();
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),
@@ -56,7 +57,7 @@ impl Written<'_> {
             copied,
             findings: self.findings(remaining),
             notes: self.notes(copied),
-            places: places(found, before, &self.replaced),
+            places: places(found, &take.before, &self.replaced),
         }
     }
 
@@ -74,20 +75,18 @@ impl Written<'_> {
     /// Whether the result is what the capture was: the same bytes, or the same numbers in the same
     /// format where all are positions and none was taken for missing.
     fn is_copied(&self) -> bool {
-        let Prepared {
-            run, file, bytes, ..
-        } = self.restored.take;
-        let (settings, job) = (run.settings, run.job);
-        if job.other_format(file.format).is_some() {
+        let take = self.restored.take;
+        let (settings, job) = (take.run.settings, take.run.job);
+        if job.other_format(take.file.format).is_some() {
             return false;
         }
-        let (was, is) = (&file.table.poses.xyz, self.restored.points.xyz());
+        let (was, is) = (&take.file.table.poses.xyz, self.restored.points.xyz());
         let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
         let is_emptied = settings.read.all.zeros_are_missing || !settings.redo.is_empty();
-        if !job.keeps_rotations(file.format) && !is_emptied {
+        if !take.keeps_rotations() && !is_emptied {
             return was.iter().zip(&is).all(is_same);
         }
         let written = Input::open(&job.output).and_then(|i| i.read_all(LARGEST_MOTION_FILE));
-        written.is_ok_and(|of| Fingerprint::of(&job.output, &of).sha256 == bytes.sha256)
+        written.is_ok_and(|of| Fingerprint::of(&job.output, &of).sha256 == take.capture.sha256)
     }
 }

@@ -1,6 +1,5 @@
 //! A file whose result is written.
 
-use super::prepared::Prepared;
 use super::record::Fingerprint;
 use super::replaced::{ReplacedPosition, replaced};
 use super::restored::Restored;
@@ -30,9 +29,7 @@ impl<'t> Restored<'t> {
     /// [`Error::Data`]: somebody may have changed what stands there, or the format does not hold
     /// the take. [`Error::Io`]: writing fails.
     pub(super) fn written(self) -> Result<Written<'t>> {
-        let Prepared {
-            run, file, labels, ..
-        } = self.take;
+        let (take, run) = (self.take, &self.take.run);
         if !run.settings.again && run.earlier.is_in_doubt() {
             self.check_same()?;
         }
@@ -40,7 +37,7 @@ impl<'t> Restored<'t> {
         let begun = run.earlier.begin(&run.made_from)?;
         match self.write(&run.job.output) {
             Ok(unheld) => Ok(Written {
-                replaced: replaced(&self.points, labels.captured(file)),
+                replaced: replaced(&self.points, take.labels.captured(&take.file)),
                 restored: self,
                 unheld,
             }),

@@ -451,6 +451,10 @@ mod tests {
         assert_eq!(fits(&without).unwrap().0, "hik");
         let prefixed: Vec<String> = lafan.iter().map(|n| format!("mixamorig1_{n}")).collect();
         assert_eq!(fits(&prefixed).unwrap().0, "lafan");
+    }
+
+    #[test]
+    fn detectors_fit_though_a_middle_is_missing() {
         // Pose2Sim: OpenPose's names with another middle hip, or with none.
         let openpose = [
             "|Hip",
@@ -490,6 +494,10 @@ mod tests {
             ["left", "right"],
         );
         assert_eq!(fits(&smpl), Some(("smpl", vec![])));
+    }
+
+    #[test]
+    fn rigs_fit_by_any_prefix() {
         let biped = [
             "| Thigh",
             "| Calf",

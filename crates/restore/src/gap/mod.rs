@@ -69,6 +69,11 @@ impl Gap {
     pub(crate) fn is_longer(&self, seconds: Option<f64>, rate: f64) -> bool {
         seconds.is_some_and(|most| self.frames.len() as f64 / rate > most * (1.0 + 1e-9))
     }
+
+    /// Whether its point is among those of some frame in it; in others it may be missing.
+    pub(crate) fn is_any_of(&self, points: &[Vec<usize>]) -> bool {
+        (self.frames.clone()).any(|t| points[t].contains(&self.point))
+    }
 }
 
 /// A filled gap.

@@ -16,19 +16,17 @@ mod trajectory;
 mod tuning;
 
 use crate::adapted_prior::AdaptedPrior;
-use crate::adaptive_smoothing::SmoothedTake;
-use crate::gap::{Gap, fill_gaps, find_gaps};
 use crate::label::out_and_back::stretches;
 use crate::noise_estimation::{rounded, variances};
 use crate::numeric::parallel;
-use crate::take::{FRAMES_PER_TASK, PointMapping, Take};
-use ndarray::{Array2, ArrayView2, Axis};
+use crate::take::{FRAMES_PER_TASK, PointMapping, Take, without};
+use ndarray::{ArrayView2, Axis};
 use std::borrow::Cow;
 use std::ops::Range;
+pub(crate) use trajectory::spikes_by_time;
 use trajectory::spikes_in_rounds;
 #[doc(hidden)]
 pub use trajectory::spikes_of_take;
-pub(crate) use trajectory::{spikes_by_time, without};
 pub(crate) use tuning::search::LIKELY;
 use tuning::search::*;
 
@@ -39,66 +37,6 @@ pub(crate) struct Outliers {
     /// Spikes of each frame, found by `trajectory`: the path says where the point should have
     /// been.
     pub spikes: Vec<Vec<usize>>,
-}
-
-impl Outliers {
-    /// No outlier in `frames` frames.
-    pub(crate) fn none(frames: usize) -> Outliers {
-        Outliers {
-            points: vec![Vec::new(); frames],
-            spikes: vec![Vec::new(); frames],
-        }
-    }
-
-    /// Frames (3 J; cm) of the take without the outliers.
-    pub(crate) fn removed_from(&self, xyz: ArrayView2<'_, f64>) -> Array2<f64> {
-        without(xyz, &self.points)
-    }
-
-    /// Adds points of each frame.
-    pub(crate) fn add(&mut self, points: &[Vec<usize>]) {
-        let each = self.points.iter_mut().zip(points);
-        each.for_each(|(all, more)| all.extend(more));
-    }
-
-    /// Whether a gap has a frame in which the point is an outlier; in others it may be missing.
-    pub(crate) fn is_in(&self, gap: &Gap) -> bool {
-        (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point))
-    }
-
-    /// Outliers, but no spikes, that are where the rest of the take expects them are none: within
-    /// three standard deviations of what fills their gaps in the take `smoothed` without them.
-    /// Returns whether there were any.
-    pub(crate) fn accept_expected(
-        &mut self,
-        adapted: Option<&AdaptedPrior<'_>>,
-        take: &Take<'_>,
-        smoothed: &SmoothedTake,
-    ) -> bool {
-        if self.points == self.spikes {
-            return false;
-        }
-        let (xyz, noise) = (take.xyz, &smoothed.noise.sd);
-        let rest = take.with_xyz(smoothed.mean.view());
-        let mut gaps = find_gaps(rest.xyz, rest.runs);
-        gaps.retain(|gap| self.is_in(gap));
-        let filled = fill_gaps(adapted, true, &rest, &gaps, None, &|_| ());
-        let mut is_any = false;
-        for (gap, filled) in gaps.iter().zip(&filled) {
-            let Some(filled) = filled else { continue };
-            for (k, t) in gap.frames.clone().enumerate() {
-                let p = gap.point;
-                let off = |axis: usize| (xyz[[t, 3 * p + axis]] - filled.xyz[[k, axis]]).powi(2);
-                let variance = 3.0 * (filled.variance[k] + noise[p] * noise[p]);
-                let is_spike = self.spikes[t].contains(&p);
-                if !is_spike && (0..3).map(off).sum::<f64>() <= EXPECTED * EXPECTED * variance {
-                    self.points[t].retain(|q| *q != p);
-                    is_any = true;
-                }
-            }
-        }
-        is_any
-    }
 }
 
 /// The outliers of a take in the table's order of points, and the model adapted to the take's body;

@@ -14,9 +14,9 @@ use super::tuning::trajectory::*;
 use crate::noise_estimation;
 use crate::numeric::parallel;
 use crate::pose_model::PoseModel;
-use crate::take::Take;
+use crate::take::{Take, without};
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2};
 use std::ops::{Deref, Range};
 
 /// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm,
@@ -74,17 +74,6 @@ pub(crate) fn spikes_in_rounds(
     by_point.sort_by(f64::total_cmp);
     let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
     (all, clean, typical)
-}
-
-/// Frames (3 J) with the given points of each missing.
-pub(crate) fn without(xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) -> Array2<f64> {
-    let mut out = xyz.to_owned();
-    for (t, points) in points.iter().enumerate() {
-        for &p in points {
-            out.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
-        }
-    }
-    out
 }
 
 /// The spikes of each frame of a take; `noise` (J) is the standard deviation of a coordinate of
@@ -419,7 +408,7 @@ mod tests {
             (30..50, 29),
         ] {
             let mut xyz = motion(100);
-            xyz.slice_mut(s![gap, ..3]).fill(f64::NAN);
+            xyz.slice_mut(ndarray::s![gap, ..3]).fill(f64::NAN);
             xyz[[off, 1]] += 20.0;
             assert_eq!(found(&xyz, 0.0), [(off, 0)]);
         }

@@ -36,9 +36,6 @@ pub(crate) mod search {
     pub(crate) const DECIDED: f64 = 0.25;
     /// A point more likely an outlier than this probability is one.
     pub(crate) const LIKELY: f64 = 0.5;
-    /// An outlier within this many standard deviations of where the rest of the take expects it is
-    /// none.
-    pub(crate) const EXPECTED: f64 = 3.0;
 }
 
 /// Spikes of single paths.

@@ -41,7 +41,7 @@ impl FramePrior {
             .collect();
         let mut out = FramePrior {
             bones: Vec::new(),
-            mean: mean_state(states.skeleton, &states.is_ball, prior, &with_prior),
+            mean: mean_state(states, prior, &with_prior),
             precision: Vec::new(),
             held: Vec::new(),
         };
@@ -96,13 +96,10 @@ impl FramePrior {
     fn push_slides(&mut self, root: usize, moves_a_joint: &[bool], states: &mut FrameStates<'_>) {
         let bones = states.skeleton.bones();
         let slides = |b: usize| bones[b].dofs.iter().any(|d| !d.channel.is_angle());
-        let mut up = std::iter::successors(Some(root), |&b| bones[b].parent);
-        let body = up.find(|&b| slides(b));
-        let is_below = |b: usize| {
-            std::iter::successors(bones[b].parent, |&b| bones[b].parent).any(|b| b == root)
-        };
+        let body = states.above(root).into_iter().find(|&b| slides(b));
         for bone in 0..bones.len() {
-            if Some(bone) != body && !(moves_a_joint[bone] && is_below(bone)) {
+            let is_below = bone != root && states.above(bone).contains(&root);
+            if Some(bone) != body && !(moves_a_joint[bone] && is_below) {
                 continue;
             }
             for (n, dof) in bones[bone].dofs.iter().enumerate() {
@@ -143,47 +140,43 @@ impl FramePrior {
 /// Whether each bone moves one of the joints by turning.
 fn moving_bones(skeleton: &Skeleton, joints: &[usize]) -> Vec<bool> {
     let bones = skeleton.bones();
-    let mut moving = vec![false; bones.len()];
-    for &joint in joints {
-        let first = if bones[joint].offset == DVec3::ZERO {
+    let turned = |&joint: &usize| {
+        let is_short = bones[joint].offset == DVec3::ZERO;
+        if is_short {
             bones[joint].parent
         } else {
             Some(joint)
-        };
-        std::iter::successors(first, |&b| bones[b].parent).for_each(|b| moving[b] = true);
-    }
-    moving
+        }
+    };
+    let turned: Vec<usize> = joints.iter().filter_map(turned).collect();
+    skeleton.ancestors(&turned)
 }
 
 /// The state in which the bones with a prior, by their number there, are at its mean, the others at
 /// rest.
-fn mean_state(
-    skeleton: &Skeleton,
-    is_ball: &[bool],
-    prior: &JointPrior,
-    with_prior: &[usize],
-) -> FrameState {
+fn mean_state(states: &FrameStates<'_>, prior: &JointPrior, with_prior: &[usize]) -> FrameState {
+    let skeleton = states.skeleton;
     let dofs = skeleton.bones().iter().flat_map(|b| &b.dofs);
-    let mut values: Vec<f64> = dofs.map(|d| -d.offset).collect();
-    let own = |values: &[f64], b: usize| skeleton.local_rotation(b, &values[skeleton.dofs_of(b)]);
-    let mut rotations: Vec<DMat3> = (0..is_ball.len()).map(|b| own(&values, b)).collect();
+    let mut state = states.state_of(&dofs.map(|d| -d.offset).collect::<Vec<f64>>());
     for &n in with_prior {
         let (bone, mean) = (prior.bones[n], &prior.means[n]);
-        if is_ball[bone] {
-            rotations[bone] = *mean;
+        if states.is_ball[bone] {
+            state.rotations[bone] = *mean;
             continue;
         }
         // The angles whose rotation is nearest to the mean: Gauss's and Newton's steps.
+        let values = &mut state.values;
         for _ in 0..ANGLE_ROUNDS {
-            let off = rotation_vector(&(*mean * own(&values, bone).transpose()));
-            let rows = pseudo_inverse(&turn_axes(skeleton, bone, &values));
+            let own = skeleton.local_rotation(bone, &values[skeleton.dofs_of(bone)]);
+            let off = rotation_vector(&(*mean * own.transpose()));
+            let rows = pseudo_inverse(&turn_axes(skeleton, bone, values));
             let angles = angle_values(skeleton, bone);
             angles
                 .zip(rows)
                 .for_each(|(i, row)| values[i] += row.dot(off));
         }
     }
-    FrameState { rotations, values }
+    state
 }
 
 /// The values of a bone that are angles.
