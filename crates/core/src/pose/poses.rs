@@ -74,7 +74,7 @@ impl Poses {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Unfit`](crate::Error::Unfit): no point has such a name.
+    /// [`Error::Unfit`]: no point has such a name.
     pub fn angle(&self, points: [&str; 3]) -> Result<Vec<f64>> {
         let mut at = [0; 3];
         for (place, name) in at.iter_mut().zip(points) {
