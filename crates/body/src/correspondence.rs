@@ -19,7 +19,24 @@ pub fn wrong_template(template: &Template) -> Option<String> {
     })
 }
 
-/// Why the vertices of a mesh are not the template's; `None` where they may be.
+/// Why the vertices of a mesh, as many as the template's, are not the template's; `None` where they
+/// may be.
+///
+/// ```
+/// use glam::DVec3;
+/// use posing_body::{Template, correspondence::mismatch};
+///
+/// let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+/// let template = Template::new(vertices, vec![[0, 1, 2]], vec![0; 3])?;
+/// assert_eq!(mismatch(&template, &template.vertices), None);
+/// // Edges are a hundred times as long: another vertex stands there.
+/// let other = [DVec3::ZERO, 100.0 * DVec3::X, DVec3::Y];
+/// assert!(mismatch(&template, &other).is_some());
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
+/// # Panics
+/// The mesh has fewer vertices than the template.
 pub fn mismatch(template: &Template, mesh: &[DVec3]) -> Option<String> {
     let torn = (template.surface().iter())
         .flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)])

@@ -91,6 +91,19 @@ impl<'a> Decomposer<'a> {
 }
 
 /// The rotation of each part, fitted to its vertices (Kabsch).
+///
+/// ```
+/// use glam::{DMat3, DVec3};
+/// use posing_body::{Template, decomposition::fit_rotations};
+///
+/// let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+/// let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// let template = Template::new(vertices, faces, vec![0; 4])?;
+/// let turn = DMat3::from_rotation_y(0.5);
+/// let turned: Vec<DVec3> = template.vertices.iter().map(|v| turn * *v).collect();
+/// assert!(fit_rotations(&template, &turned)[0].abs_diff_eq(turn, 1e-9));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub fn fit_rotations(template: &Template, vertices: &[DVec3]) -> Vec<DMat3> {
     let each = || (template.vertices.iter().zip(vertices)).zip(&template.vertex_parts);
     let mut means = vec![(DVec3::ZERO, DVec3::ZERO, 0.0); template.parts()];

@@ -47,6 +47,18 @@ impl Template {
     /// are rounded to single precision, in which files keep them, so that a template read again
     /// is the same.
     ///
+    /// ```
+    /// use glam::DVec3;
+    /// use posing_body::Template;
+    ///
+    /// // Two triangles with a common edge: a thigh and a shin.
+    /// let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(1.0, 1.0, 0.0)];
+    /// let template = Template::new(vertices, vec![[0, 1, 2], [2, 1, 3]], vec![0, 0, 1, 1])?;
+    /// assert_eq!((template.parts(), template.face_parts.clone()), (2, vec![0, 1]));
+    /// assert_eq!(template.joints[0].parts, [0, 1]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`crate::Error::Unfit`]: sizes differ, a triangle names a vertex that is not there, or the
     /// parts do not hang together.

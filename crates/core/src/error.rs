@@ -148,6 +148,15 @@ impl Error {
         }
     }
     /// 2 for wrong usage, 1 for everything else.
+    ///
+    /// ```
+    /// use posing_core::{Error, Place};
+    ///
+    /// let place = Place::line("walk.csv", 118).part("lwrist.y");
+    /// let error = Error::data(place, "is no number");
+    /// assert_eq!(error.to_string(), "walk.csv:118: lwrist.y: is no number");
+    /// assert_eq!(error.exit_code(), 1);
+    /// ```
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Usage(_) => 2,

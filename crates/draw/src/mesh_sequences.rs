@@ -16,8 +16,18 @@ const IN_CM: [&str; 2] = ["completed", "predicted"];
 /// Whether the files are meshes: a folder, a name that ends in `.obj`, `.ply`, `.stl` or `.off`, an
 /// NPZ archive or the beginning of a PLY file. Standard input is a table.
 ///
+/// ```
+/// use posing_draw::mesh_sequences::are_meshes;
+///
+/// let files = |names: &[&str]| names.iter().map(Into::into).collect::<Vec<_>>();
+/// assert!(are_meshes(&files(&["body.obj", "scan.ply"]))?);
+/// assert!(!are_meshes(&files(&["-"]))?);
+/// assert!(are_meshes(&files(&["body.obj", "-"])).is_err());
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
-/// Usage: some are and some are not.
+/// Usage: some are and some are not. Io: a file of another name cannot be read.
 pub fn are_meshes(files: &[PathBuf]) -> Result<bool> {
     let mut kinds = Vec::new();
     for file in files {

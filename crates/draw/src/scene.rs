@@ -183,6 +183,13 @@ impl Scene<'_> {
 }
 
 /// Up to `count` of `frames` frames, spread evenly from the first to the last, both included.
+///
+/// ```
+/// use posing_draw::scene::spread;
+///
+/// assert_eq!(spread(101, 3), [0, 50, 100]);
+/// assert_eq!(spread(2, 5), [0, 1]); // there are no more
+/// ```
 pub fn spread(frames: usize, count: usize) -> Vec<usize> {
     match count.min(frames) {
         0 => Vec::new(),
@@ -192,6 +199,16 @@ pub fn spread(frames: usize, count: usize) -> Vec<usize> {
 }
 
 /// The runs of a table; `rate` is that of takes without a rate of their own.
+///
+/// ```
+/// use posing_core::pose::Poses;
+///
+/// let time = Some(vec![0.0, 0.1, 0.2, 5.0, 5.1]);
+/// let xyz = ndarray::Array2::zeros((5, 3));
+/// let poses = Poses { points: vec!["hand".into()], xyz, time, take: None };
+/// let runs = posing_draw::scene::runs(&poses, 10.0);
+/// assert_eq!((runs.len(), runs[1].first, runs[1].time), (2, 3, 5.0));
+/// ```
 pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
     let run = |(range, own): (Range<usize>, Option<f64>)| Run {
         name: poses.take.as_ref().map_or("", |t| &t[range.start]),

@@ -17,6 +17,16 @@ use std::path::Path;
 const MOST_BONES: usize = 10_000;
 
 /// A skeleton with the conventions its AMC files follow.
+///
+/// ```
+/// use posing_io::Asf;
+///
+/// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+/// assert_eq!(asf.skeleton.bones().len(), 31);
+/// assert_eq!(asf.skeleton.find("root"), Some(0));
+/// assert!(asf.degrees);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Asf {
     /// The bones, in centimeters and radians.

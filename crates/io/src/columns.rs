@@ -98,6 +98,14 @@ impl Columns {
 
     /// Columns for points that come without a table, as amc2xyz writes them: take, time, then the
     /// points.
+    ///
+    /// ```
+    /// use posing_io::Columns;
+    ///
+    /// let columns = Columns::for_points(vec!["hand".into()], false, true);
+    /// assert_eq!(columns.names, ["time", "hand.x", "hand.y", "hand.z"]);
+    /// assert_eq!(columns.coordinates, [[Some(1), Some(2), Some(3)]]);
+    /// ```
     pub fn for_points(points: Vec<String>, take: bool, time: bool) -> Columns {
         let mut names = Vec::new();
         let mut columns = Columns::default();
@@ -178,6 +186,14 @@ fn smpl(width: usize, place: &Place) -> Result<Vec<String>> {
 
 /// Reads the points' names of `--joints`: `23`, `smpl` (which an array gives its names by its
 /// width), or a list with commas.
+///
+/// ```
+/// use posing_io::parse_point_names;
+///
+/// assert_eq!(parse_point_names("hip, knee")?, ["hip", "knee"]);
+/// assert!(parse_point_names("hip,hip").is_err());
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 ///
 /// # Errors
 /// [`Error::Usage`]: an empty name, or one that stands twice.

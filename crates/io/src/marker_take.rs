@@ -212,6 +212,18 @@ impl MarkerTake {
     /// The points in centimeters, y up, a frame a row, as the take `name`, with `rate` frames per
     /// second.
     ///
+    /// ```
+    /// use posing_core::pose::{LengthUnit, UpAxis, Units};
+    /// use posing_io::MarkerTake;
+    ///
+    /// let (points, xyz) = (vec!["knee".into()], ndarray::array![[10.0, 20.0, 30.0]]);
+    /// let take = MarkerTake { points, xyz, ..MarkerTake::default() };
+    /// let units = Units { unit: LengthUnit::Mm, up: UpAxis::Z };
+    /// let poses = take.to_poses(units, 100.0, "walk")?;
+    /// assert_eq!(poses.xyz, ndarray::array![[1.0, 3.0, -2.0]]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Data`]: a coordinate is too large.
     pub fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {

@@ -53,6 +53,13 @@ names!(MotionFormat {
 
 impl MotionFormat {
     /// The format of a file that begins so; what is nothing else may be a pose table.
+    ///
+    /// ```
+    /// use posing_io::MotionFormat;
+    ///
+    /// assert_eq!(MotionFormat::of(b"HIERARCHY\nROOT Hips\n"), MotionFormat::Bvh);
+    /// assert_eq!(MotionFormat::of(b"hand.x,hand.y,hand.z\n"), MotionFormat::Csv);
+    /// ```
     pub fn of(start: &[u8]) -> MotionFormat {
         let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
         let is = |prefix: &str| {

@@ -7,6 +7,20 @@ use crate::pose::one_take::first_frame_number;
 use crate::pose::{Poses, Units, UpAxis};
 
 /// What a new file says of a take.
+///
+/// ```
+/// use ndarray::array;
+/// use posing_core::pose::{LengthUnit, Poses, UpAxis, Units};
+/// use posing_io::{C3d, Input, NewTake};
+///
+/// let (points, xyz) = (vec!["hand".into()], array![[1.0, 2.0, 3.0]]);
+/// let poses = Poses { points, xyz, ..Poses::default() };
+/// let units = Units { unit: LengthUnit::Mm, up: UpAxis::Z };
+/// let bytes = NewTake::new(poses, 100.0, units).c3d()?;
+/// let file = C3d::read(Input::new("hand.c3d", std::io::Cursor::new(bytes))?, false)?;
+/// assert_eq!(file.take.xyz, array![[10.0, -30.0, 20.0]]); // millimeters, z up
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct NewTake {
     /// The frames, in the unit and axes of the file.
@@ -57,6 +71,18 @@ impl NewTake {
     }
 
     /// The bytes of a TRC file.
+    ///
+    /// ```
+    /// use posing_core::pose::{Poses, Units};
+    /// use posing_io::NewTake;
+    ///
+    /// let (points, xyz) = (vec!["hand".into()], ndarray::array![[1.0, 2.0, 3.0]]);
+    /// let poses = Poses { points, xyz, ..Poses::default() };
+    /// let trc = String::from_utf8(NewTake::new(poses, 50.0, Units::CM_Y).trc()?)?;
+    /// assert!(trc.starts_with("PathFileType"));
+    /// assert_eq!(trc.lines().last(), Some("1\t0\t1\t2\t3\t"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`crate::Error::Usage`]: no points or frames, or a name that the format cannot hold.

@@ -52,6 +52,16 @@ impl NpzValues {
 }
 
 /// A named array of an archive.
+///
+/// ```
+/// use posing_io::npz::{NpzArray, NpzValues, npz_bytes};
+///
+/// let values = NpzValues::Doubles(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+/// let array = NpzArray { name: "xyz".into(), shape: vec![2, 3], values };
+/// let bytes = npz_bytes(&[array])?;
+/// assert!(bytes.starts_with(b"PK")); // a ZIP archive, as numpy.load opens
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct NpzArray {
     /// The name.

@@ -44,6 +44,13 @@ pub enum TableFormat {
 impl TableFormat {
     /// The format that the extension of a path names: NPY for `.npy`, in either case, packed
     /// (`.npy.gz`, `.npy.zst`) or not; CSV for any other.
+    ///
+    /// ```
+    /// use posing_io::TableFormat;
+    ///
+    /// assert_eq!(TableFormat::of_path("walk.npy.gz"), TableFormat::Npy);
+    /// assert_eq!(TableFormat::of_path("walk.txt"), TableFormat::Csv);
+    /// ```
     pub fn of_path(path: impl AsRef<Path>) -> TableFormat {
         match unpacked(path.as_ref()).extension() {
             Some(e) if e.eq_ignore_ascii_case("npy") => TableFormat::Npy,

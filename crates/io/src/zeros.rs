@@ -4,6 +4,13 @@
 use ndarray::{Array2, ArrayView2, s};
 
 /// How many positions of (frames, 3 P) are at 0 0 0.
+///
+/// ```
+/// use posing_io::zeros::count_zeros;
+///
+/// let xyz = ndarray::array![[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
+/// assert_eq!(count_zeros(xyz.view()), 3); // of four positions
+/// ```
 pub fn count_zeros(xyz: ArrayView2<'_, f64>) -> usize {
     let count = |p: usize| {
         let point = xyz.slice(s![.., 3 * p..3 * p + 3]);

@@ -76,6 +76,23 @@ pub struct UnsureLabels {
 ///
 /// Nothing is written, and no position changes: [`MotionFile::write_moved`] makes the moves.
 ///
+/// ```
+/// use posing_io::{MotionFile, PointMove, motion_file::ReadOptions};
+/// use posing_label::{LabelSettings, check_labels};
+///
+/// let path = "../../testdata/examples/biomechanist/gait.c3d";
+/// let file = MotionFile::open(path, &ReadOptions::default())?;
+/// # let column = |name: &str| file.poses().points.iter().position(|point| point == name);
+/// let (knee, ankle) = (column("LKNE").ok_or("none")?, column("LANK").ok_or("none")?);
+/// // For half a second, the knee's marker is called ankle and the ankle's knee.
+/// let one = |from, to| PointMove { from, to: Some(to), frames: 30..60 };
+/// let wrong = file.moved(&[one(knee, ankle), one(ankle, knee)])?;
+/// let report = check_labels(&wrong, &LabelSettings::default())?;
+/// assert_eq!(report.changes[0].frames, [30, 60]);
+/// assert_eq!(wrong.moved(&report.moves)?.poses().xyz, file.poses().xyz);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Data`]: neither the file nor an option says its rate, it holds rotations, or it has no
 /// point that is to keep its label.

@@ -36,6 +36,18 @@ pub struct BodyFramePoses {
 impl BodyFramePoses {
     /// Places a take, whose rate is given.
     ///
+    /// ```
+    /// use posing_io::{Amc, Asf};
+    /// use posing_likeness::{BodyFramePoses, JointMap};
+    ///
+    /// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+    /// let take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
+    /// let poses = BodyFramePoses::new(&take, Some(120.0), &JointMap::cmu())?;
+    /// assert_eq!(poses.joints.dim(), (take.frames(), 16, 3));
+    /// assert!(poses.hip_height[0] > 0.4 && poses.hip_height[0] < 0.7); // body heights
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`crate::Error::Unfit`]: joints are missing, or the body's height cannot be measured.
     pub fn new(take: &Poses, rate: Option<f64>, map: &JointMap) -> Result<BodyFramePoses> {

@@ -23,6 +23,19 @@ pub struct Clip {
 impl Clip {
     /// A take, whose rate is given.
     ///
+    /// ```
+    /// use posing_io::{Amc, Asf};
+    /// use posing_likeness::{Clip, JointMap};
+    ///
+    /// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+    /// let take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
+    /// let clip = Clip::new(take, 120.0, &JointMap::cmu())?;
+    /// assert_eq!(clip.frames_in(0.5), 60);
+    /// let can_fade = clip.can_fade(60); // half a second before and after
+    /// assert!(!can_fade[59] && can_fade[60]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`crate::Error::Unfit`]: joints are missing.
     pub fn new(poses: Poses, rate: f64, map: &JointMap) -> Result<Clip> {

@@ -51,6 +51,13 @@ impl PoseFeatures {
     }
 
     /// The names of the features, in order.
+    ///
+    /// ```
+    /// use posing_likeness::PoseFeatures;
+    ///
+    /// // Distances of each two of sixteen joints.
+    /// assert_eq!(PoseFeatures::JointDistances.feature_names().len(), 16 * 15 / 2);
+    /// ```
     pub fn feature_names(self) -> Vec<String> {
         match (self.gpd(), self) {
             (Some(gpd), _) => gpd.names(),

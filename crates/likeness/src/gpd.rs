@@ -239,6 +239,13 @@ impl Gpd {
 
     /// The names of the features, in order: without commas, such as
     /// `LL_a(LShoulder-LElbow:LElbow-LHand)` and `JJ_o(LHand:Head)_x`.
+    ///
+    /// ```
+    /// use posing_likeness::{Family, Gpd};
+    ///
+    /// let names = Gpd::new(&[Family::LineLineAngle]).names();
+    /// assert!(names.iter().all(|name| name.starts_with("LL_a(")));
+    /// ```
     pub fn names(&self) -> Vec<String> {
         (self.families.iter().flat_map(|f| self.features(*f))).collect()
     }

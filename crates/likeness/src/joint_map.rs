@@ -92,6 +92,13 @@ impl JointMap {
 
     /// The map by which the joints are found among `points`: that of the CMU skeleton where they
     /// have its names, else the shipped map that fits them; CMU's again where none does.
+    ///
+    /// ```
+    /// use posing_likeness::JointMap;
+    ///
+    /// let names = posing_core::pose::joints::cmu_names();
+    /// assert_eq!(JointMap::fitting(&names), JointMap::cmu());
+    /// ```
     pub fn fitting(points: &[String]) -> JointMap {
         let cmu = JointMap::cmu();
         match (cmu.find(points), NameMap::fitting(points)) {

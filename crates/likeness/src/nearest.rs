@@ -54,6 +54,17 @@ impl PoseDatabase {
     /// The `k` nearest poses of each query (queries, dimensions), nearest first, of equal ones the
     /// first; fewer where the database, or what `allowed` (query, row) leaves of it, is
     /// smaller; none for a query with NaN.
+    ///
+    /// ```
+    /// use ndarray::array;
+    /// use posing_likeness::{PoseDatabase, pose_metric::Norm};
+    ///
+    /// let poses = array![[0.0, 0.0], [3.0, 4.0], [9.0, 9.0]];
+    /// let database = PoseDatabase::new(poses, Norm::Euclidean);
+    /// let found = database.nearest(array![[0.0, 1.0]].view(), 2, |_, row| row != 2);
+    /// assert_eq!((found[0][0].row, found[0][0].distance), (0, 1.0));
+    /// assert_eq!(found[0][1].row, 1);
+    /// ```
     pub fn nearest(
         &self,
         queries: ArrayView2<'_, f32>,

@@ -55,6 +55,16 @@ pub(crate) fn weighed(pairs: &[LabeledPair]) -> (Vec<LabeledPair>, usize) {
 /// The largest share of pairs that one threshold on the distance decides right, (36) and (37), and
 /// the threshold: a pair is called alike when its distance is below it. Pairs whose distance is NaN
 /// count as unlike. `None` without pairs.
+///
+/// ```
+/// use posing_likeness::pairs::best_threshold;
+///
+/// let (share, threshold) = best_threshold(&[0.1, 0.2, 0.3, 0.9], &[true, true, false, false])
+///     .ok_or("no pairs")?;
+/// assert_eq!(share, 1.0); // all pairs are told right
+/// assert!(threshold > 0.2 && threshold <= 0.3);
+/// # Ok::<(), &str>(())
+/// ```
 pub fn best_threshold(distances: &[f32], is_alike: &[bool]) -> Option<(f64, f32)> {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|a, b| distances[*a].total_cmp(&distances[*b]));

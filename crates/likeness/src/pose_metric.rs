@@ -38,6 +38,14 @@ names!(Norm {
 
 impl Norm {
     /// The distance of two projected poses.
+    ///
+    /// ```
+    /// use posing_likeness::pose_metric::Norm;
+    ///
+    /// let (a, b) = (ndarray::array![0.0, 0.0], ndarray::array![3.0, 4.0]);
+    /// assert_eq!(Norm::Euclidean.distance(a.view(), b.view()), 5.0);
+    /// assert_eq!(Norm::City.distance(a.view(), b.view()), 7.0);
+    /// ```
     pub fn distance(self, a: ArrayView1<'_, f32>, b: ArrayView1<'_, f32>) -> f32 {
         let differences = a.iter().zip(b).map(|(a, b)| a - b);
         match self {

@@ -36,6 +36,18 @@ pub struct Candidate {
 /// The candidates between two clips, nearest first, from the vectors (frames, dimensions) of their
 /// frames by a metric. Frames whose vectors have NaN are never candidates. `wanted` is asked in
 /// this order about those that may be kept; what it turns down does not keep others away.
+///
+/// ```
+/// use ndarray::array;
+/// use posing_likeness::pose_metric::Norm;
+/// use posing_likeness::transition::{TransitionSearch, candidates};
+///
+/// let (walk, run) = (array![[0.0], [1.0], [2.0]], array![[5.0], [2.1]]);
+/// let search = TransitionSearch { most: 1, apart: 1, least_jump: 0 };
+/// let clips = [walk.view(), run.view()];
+/// let found = candidates(clips, Norm::Euclidean, &search, |_| true);
+/// assert_eq!(found[0].frames, [2, 1]); // the poses 2 and 2.1
+/// ```
 pub fn candidates(
     vectors: [ArrayView2<'_, f32>; 2],
     norm: Norm,

@@ -11,6 +11,23 @@ use super::tuning::noise_estimation::NOISE_LIMIT;
 use ndarray::ArrayView2;
 
 /// How to clean.
+///
+/// ```
+/// use posing_core::pose::{Poses, Status};
+/// use posing_io::Table;
+/// use posing_restore::{Clean, Restorer};
+///
+/// // A marker that goes at an even pace, and one frame in which it is half a meter off.
+/// let mut xyz = ndarray::Array2::from_shape_fn((60, 3), |(t, c)| (t + c) as f64);
+/// xyz[[30, 1]] += 50.0;
+/// let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, ..Poses::default() });
+/// let options = Clean { fps: Some(100.0), ..Clean::default() };
+/// let clean = Restorer::without_model().clean(&table, &options)?;
+/// assert_ne!(clean.status(30, 0), Status::Observed);
+/// assert!((clean.xyz()[[30, 1]] - 31.0).abs() < 1.0);
+/// assert_eq!(clean.status(29, 0), Status::Observed);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clean {
     /// Takes with more noise are denoised: standard deviation of a coordinate, cm.

@@ -19,6 +19,21 @@ use crate::{Error, Result};
 use ndarray::ArrayView2;
 
 /// How to complete.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_io::Table;
+/// use posing_restore::{Complete, Restorer};
+///
+/// let mut xyz = ndarray::Array2::from_shape_fn((60, 3), |(t, c)| (t + c) as f64);
+/// xyz.slice_mut(ndarray::s![10..12, ..]).fill(f64::NAN);
+/// xyz.slice_mut(ndarray::s![20..50, ..]).fill(f64::NAN);
+/// let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, ..Poses::default() });
+/// let options = Complete { max_gap: Some(0.1), fps: Some(100.0), ..Complete::default() };
+/// let complete = Restorer::without_model().complete(&table, &options)?;
+/// assert_eq!(complete.filled(), 2); // 0.02 seconds; the gap of 0.3 stays
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Complete {
     /// Longest gap to fill, in seconds; `None`: no limit. Needs a frame rate.

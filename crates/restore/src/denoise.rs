@@ -20,6 +20,22 @@ use crate::pose::{Status, point_at};
 use ndarray::{Array2, ArrayView2};
 
 /// How to denoise.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_io::Table;
+/// use posing_restore::{Denoise, Restorer};
+///
+/// // A slow motion with an error of half a centimeter, up in one frame and down in the next.
+/// let value = |(t, _)| (t as f64 / 30.0).sin() * 40.0 + if t % 2 == 0 { 0.5 } else { -0.5 };
+/// let xyz = ndarray::Array2::from_shape_fn((200, 3), value);
+/// let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, ..Poses::default() });
+/// let options = Denoise { noise: Some(0.5), fps: Some(100.0), ..Denoise::default() };
+/// let denoised = Restorer::without_model().denoise(&table, &options)?;
+/// let truth = (100.0_f64 / 30.0).sin() * 40.0;
+/// assert!((denoised.xyz()[[100, 0]] - truth).abs() < 0.1);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Denoise {
     /// Standard deviation of the noise of a coordinate, cm, outliers aside; `None`: estimated.

@@ -25,6 +25,22 @@ pub struct GapLine {
 }
 
 /// What became of a table.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_io::Table;
+/// use posing_restore::{Complete, Restorer, gap_report::RestorationReport};
+///
+/// let mut xyz = ndarray::Array2::from_shape_fn((60, 3), |(t, c)| (t + c) as f64);
+/// xyz.row_mut(10).fill(f64::NAN);
+/// let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, ..Poses::default() });
+/// let options = Complete { fps: Some(100.0), ..Complete::default() };
+/// let restored = Restorer::without_model().complete(&table, &options)?;
+/// let report = RestorationReport::of(&restored);
+/// assert_eq!(report.counts().filled, 1);
+/// assert!(report.text().contains("knee"));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Serialize)]
 pub struct RestorationReport {
     #[serde(flatten)]

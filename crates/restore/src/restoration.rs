@@ -80,6 +80,21 @@ impl RestorationCounts {
 }
 
 /// A gap of a restored table: a point that was missing for some frames on end.
+///
+/// ```
+/// use posing_core::pose::{FillMethod, Poses};
+/// use posing_io::Table;
+/// use posing_restore::{Complete, Restorer};
+///
+/// let mut xyz = ndarray::Array2::from_shape_fn((60, 3), |(t, c)| (t + c) as f64);
+/// xyz.slice_mut(ndarray::s![10..12, ..]).fill(f64::NAN);
+/// let table = Table::from_poses(Poses { points: vec!["knee".into()], xyz, ..Poses::default() });
+/// let options = Complete { fps: Some(100.0), ..Complete::default() };
+/// let gaps = Restorer::without_model().complete(&table, &options)?.gaps();
+/// assert_eq!((gaps.len(), gaps[0].frames.clone()), (1, 10..12));
+/// assert_eq!(gaps[0].method, Some(FillMethod::Interpolation));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct RestoredGap {
     /// The point.

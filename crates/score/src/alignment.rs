@@ -9,6 +9,20 @@ const EQUAL_TIME: f64 = 1e-4;
 
 /// The index in `other` of each point of `first`.
 ///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_score::alignment::point_order;
+///
+/// let poses = |points: [&str; 2]| Poses {
+///     points: points.map(String::from).to_vec(),
+///     xyz: ndarray::Array2::zeros((1, 6)),
+///     ..Poses::default()
+/// };
+/// assert_eq!(point_order(&poses(["hip", "knee"]), &poses(["knee", "hip"]))?, [1, 0]);
+/// assert!(point_order(&poses(["hip", "knee"]), &poses(["hip", "toe"])).is_err());
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`crate::Error::Unfit`], such as `has no point "head"`: a point is missing, or frames, takes or
 /// times differ.

@@ -42,6 +42,20 @@ pub struct BoneLength {
 
 /// RMS accelerations of a coordinate (unit/s²), over all coordinates with three consecutive frames
 /// in truth and result.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_score::Score;
+///
+/// let table = |xyz| Poses { points: vec!["knee".into()], xyz, ..Poses::default() };
+/// let truth = table(ndarray::Array2::zeros((20, 3)));
+/// let shaken = ndarray::Array2::from_shape_fn((20, 3), |(t, _)| (t % 2) as f64);
+/// let report = Score::new(&truth, &table(shaken))?.with_rates(vec![Some(10.0)]).finish();
+/// let accelerations = report.accelerations.ok_or("no rate")?;
+/// assert_eq!(accelerations.truth, Some(0.0));
+/// assert_eq!(accelerations.result, Some(200.0)); // 2 cm, times the rate squared
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Accelerations {
     /// The number of accelerations compared.

@@ -110,6 +110,18 @@ pub(crate) fn name_options(takes: &mut [TakeAudit], names: OptionNames) {
 }
 
 /// The audit of what a file holds: its positions, and its angles if it has some.
+///
+/// ```
+/// use posing_clean::audit::{Limits, audit_motion};
+/// use posing_io::{MotionFile, motion_file::ReadOptions};
+///
+/// let path = "../../testdata/examples/biomechanist/gait.c3d";
+/// let file = MotionFile::open(path, &ReadOptions::default())?;
+/// let audits = audit_motion(&file, &Limits::default());
+/// assert_eq!((audits.len(), audits[0].rate), (1, Some(60.0)));
+/// assert_eq!(audits[0].gaps.missing, 0.0);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     let are_joints = are_joints(file);
     let mut takes = audit_points(&file.table.poses, file.rate(), limits, are_joints);

@@ -41,6 +41,23 @@ pub struct HeldRotations {
 /// The rotations that were held, in the order of their frames: those of joints that move in most of
 /// the take, while others move. Files hold them where sensors or solvers fail. `rate`: frames a
 /// second.
+///
+/// ```
+/// use posing_clean::audit::held_rotations;
+/// use posing_core::pose::{JointAngles, rotation::Axis};
+///
+/// // Both joints turn all the time, but for the knee from frame 100 on, for a second.
+/// let joint = |name: &str, held: std::ops::Range<usize>| JointAngles {
+///     joint: name.into(),
+///     axes: vec![Axis::X],
+///     angles: ndarray::Array2::from_shape_fn((400, 1), |(t, _)| {
+///         let t = if held.contains(&t) { held.start } else { t };
+///         (t as f64 / 20.0).sin()
+///     }),
+/// };
+/// let held = held_rotations(&[joint("hip", 0..0), joint("knee", 100..200)], 100.0);
+/// assert_eq!((held[0].joints.clone(), held[0].frames.clone()), (vec![1], 100..200));
+/// ```
 pub fn held_rotations(joints: &[JointAngles], rate: f64) -> Vec<HeldRotations> {
     let motions: Vec<JointMotion> = joints.iter().map(JointMotion::of).collect();
     let least = LEAST_FRAMES.max((SECONDS * rate) as usize + 1);

@@ -68,6 +68,14 @@ pub struct CleanOutput {
 }
 
 /// The files that stand beside a result of [`clean`] and [`write_labeled`]: its record, its page.
+///
+/// ```
+/// use std::path::Path;
+///
+/// let [record, page] = posing_clean::clean::files_beside(Path::new("clean/walk.c3d"));
+/// assert_eq!(record, Path::new("clean/walk.c3d.json"));
+/// assert_eq!(page, Path::new("clean/walk.c3d.html"));
+/// ```
 pub fn files_beside(result: &Path) -> [PathBuf; 2] {
     [record_path(result), page_beside(result)]
 }

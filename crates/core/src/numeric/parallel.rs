@@ -17,6 +17,13 @@ use std::sync::{Mutex, PoisonError};
 /// The results come back in the order of the chunks, whatever the number of threads,
 /// so that folding them one after another gives the same floating-point result every time.
 /// (Never use rayon's `sum` or `reduce` on floats: their order varies.)
+///
+/// ```
+/// use posing_core::numeric::parallel::map_chunks;
+///
+/// let sums = map_chunks(10, 4, |range| range.sum::<usize>());
+/// assert_eq!(sums, [6, 22, 17]); // 0 to 3, 4 to 7, 8 and 9
+/// ```
 pub fn map_chunks<T, F>(len: usize, chunk: usize, work: F) -> Vec<T>
 where
     T: Send,

@@ -93,6 +93,16 @@ impl Body {
 
     /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and
     /// keeps its direction. Roots stay. Linear in the pose.
+    ///
+    /// ```
+    /// use posing_core::pose::Body;
+    ///
+    /// // A hip and a knee 40 cm below it; the other person's thigh is a quarter longer.
+    /// let body = Body { parents: vec![None, Some(0)], lengths: vec![0.0, 40.0] };
+    /// let mut other = [0.0; 6];
+    /// body.reshape(&[0, 1], &[1.0, 1.25], &[0.0, 90.0, 0.0, 0.0, 50.0, 0.0], &mut other);
+    /// assert_eq!(other, [0.0, 90.0, 0.0, 0.0, 40.0, 0.0]);
+    /// ```
     pub fn reshape(&self, order: &[usize], ratios: &[f64], pose: &[f64], out: &mut [f64]) {
         for &k in order {
             for c in 0..3 {

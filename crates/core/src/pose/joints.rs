@@ -182,6 +182,13 @@ pub fn cmu_names() -> Vec<String> {
 /// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is
 /// `root`. `None` for the root, for names CMU does not know and for those with no ancestor in the
 /// list.
+///
+/// ```
+/// use posing_core::pose::joints::parents_by_name;
+///
+/// let names = ["root", "lfemur", "ltibia", "hat"].map(String::from);
+/// assert_eq!(parents_by_name(&names), [None, Some(0), Some(1), None]);
+/// ```
 pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
     names
         .iter()
@@ -199,6 +206,13 @@ pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
 }
 
 /// The pairs of points to join: those of CMU's hierarchy, to which a shipped map of names may lead.
+///
+/// ```
+/// use posing_core::pose::joints;
+///
+/// let leg = ["lfoot", "lfemur", "ltibia"].map(String::from);
+/// assert_eq!(joints::bones(&leg), [(2, 0), (1, 2)]);
+/// ```
 pub fn bones(points: &[String]) -> Vec<(usize, usize)> {
     let own = parents_by_name(points);
     let map = NameMap::fitting(points).filter(|_| own.iter().all(Option::is_none));
@@ -209,6 +223,14 @@ pub fn bones(points: &[String]) -> Vec<(usize, usize)> {
 
 /// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if
 /// `names` holds it.
+///
+/// ```
+/// use posing_core::pose::joints::mirrored;
+///
+/// let names = ["Hips", "LeftArm", "RightArm"].map(String::from);
+/// assert_eq!(mirrored(&names, 1), Some(2));
+/// assert_eq!(mirrored(&names, 0), None);
+/// ```
 pub fn mirrored(names: &[String], index: usize) -> Option<usize> {
     let name = names.get(index)?;
     let other = if let Some(rest) = name.strip_prefix("Left") {

@@ -58,6 +58,23 @@ impl Skeleton {
     }
 
     /// The posture for the values `q`. (The root's joint is where it starts.)
+    ///
+    /// ```
+    /// use glam::{DMat3, DVec3};
+    /// use posing_core::pose::{Bone, Channel, Dof, Skeleton, rotation::Axis};
+    ///
+    /// let bone = |name: &str, parent, offset, channel| {
+    ///     let dof = Dof { channel, limits: None, offset: 0.0 };
+    ///     Bone { name: name.into(), parent, offset, axis: DMat3::IDENTITY, dofs: vec![dof] }
+    /// };
+    /// let root = bone("root", None, DVec3::ZERO, Channel::Translate(Axis::Y));
+    /// let arm = bone("arm", Some(0), DVec3::new(30.0, 0.0, 0.0), Channel::Rotate(Axis::Z));
+    /// let skeleton = Skeleton::new(vec![root, arm])?;
+    /// // The root 100 cm up; the arm, along x at rest, turned upwards by 90 degrees.
+    /// let posture = skeleton.posture(&[100.0, 90_f64.to_radians()]);
+    /// assert!((posture.ends[1] - DVec3::new(0.0, 130.0, 0.0)).length() < 1e-9);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
     pub fn posture(&self, q: &[f64]) -> Posture {
         let mut out = Posture::default();
         self.posture_into(q, &mut out);

@@ -11,6 +11,17 @@ const LISTED: usize = 8;
 
 /// The frames of the take `wanted`, or all frames of a table with one take.
 ///
+/// ```
+/// use posing_core::pose::{Poses, one_take::one_take};
+///
+/// let take = Some(["walk", "run", "run"].map(Into::into).to_vec());
+/// let (points, xyz) = (vec!["hand".into()], ndarray::Array2::zeros((3, 3)));
+/// let takes = Poses { points, xyz, time: None, take };
+/// assert_eq!(one_take(takes.clone(), Some("run"), "day.csv")?.frames(), 2);
+/// assert!(one_take(takes, None, "day.csv").is_err()); // two takes, and none is wanted
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it
 /// lists the takes of the table called `name`.

@@ -26,7 +26,8 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// Poses without points: only the times and the takes of frames.
+    /// Poses without points: only the times and the takes of frames. They have no rows in
+    /// [`Poses::xyz`], which [`Poses::frames`] counts.
     pub fn without_points(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
         let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
         Poses {
@@ -73,7 +74,7 @@ impl Poses {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Unfit`](crate::Error::Unfit): no point has such a name.
+    /// [`Error::Unfit`]: no point has such a name.
     pub fn angle(&self, points: [&str; 3]) -> Result<Vec<f64>> {
         let mut at = [0; 3];
         for (place, name) in at.iter_mut().zip(points) {
@@ -92,6 +93,14 @@ impl Poses {
     /// number or an NTSC rate (n/1.001) where the rounding of the times allows it.
     ///
     /// `None` without times, or if no step is above zero.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let times = [0.0, 0.033, 0.067, 0.1]; // milliseconds, as files round them
+    /// let poses = Poses::without_points(times.into_iter().map(|time| (Some(time), None)));
+    /// assert_eq!(poses.rate(), Some(30.0));
+    /// ```
     pub fn rate(&self) -> Option<f64> {
         self.rate_within(0..self.time.as_ref()?.len())
     }
@@ -160,6 +169,15 @@ impl Poses {
 
     /// Runs of consecutive frames. A new take, a time that does not increase, and a step of more
     /// than 1.5 frames each start a new run. Nothing is ever interpolated across runs.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let time = Some(vec![0.0, 0.1, 0.2, 0.9, 1.0]); // a pause after the third frame
+    /// let xyz = ndarray::Array2::zeros((5, 3));
+    /// let poses = Poses { points: vec!["hand".into()], xyz, time, take: None };
+    /// assert_eq!(poses.runs(), [0..3, 3..5]);
+    /// ```
     pub fn runs(&self) -> Vec<Range<usize>> {
         let mut runs = Vec::new();
         for take in self.takes() {

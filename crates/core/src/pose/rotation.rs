@@ -48,6 +48,13 @@ impl Axis {
 }
 
 /// Three different axes read from text such as `XYZ`; `None` when it is anything else.
+///
+/// ```
+/// use posing_core::pose::rotation::{Axis, parse_order};
+///
+/// assert_eq!(parse_order("ZXY"), Some([Axis::Z, Axis::X, Axis::Y]));
+/// assert_eq!(parse_order("ZXZ"), None);
+/// ```
 pub fn parse_order(text: &str) -> Option<[Axis; 3]> {
     let axes: Option<Vec<Axis>> = text.trim().chars().map(Axis::parse).collect();
     three_axes(axes?)
@@ -189,6 +196,14 @@ pub fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
 }
 
 /// The angle between two rotations, 0 to pi.
+///
+/// ```
+/// use glam::DMat3;
+/// use posing_core::pose::rotation::angle_between;
+///
+/// let (a, b) = (DMat3::from_rotation_x(0.2), DMat3::from_rotation_x(0.5));
+/// assert!((angle_between(&a, &b) - 0.3).abs() < 1e-9);
+/// ```
 pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
     let d = a.transpose() * *b;
     let cos = (d.x_axis.x + d.y_axis.y + d.z_axis.z - 1.0) / 2.0;

@@ -16,6 +16,15 @@ pub struct Segment {
 impl Segment {
     /// `NAME:FROM-TO`, such as `Ann:LFHD:1.2-1.9`: the last colon parts them.
     ///
+    /// ```
+    /// use posing_core::pose::Segment;
+    ///
+    /// let segment = Segment::parse("Ann:LFHD:1.2-1.9")?;
+    /// assert_eq!(segment.point, "Ann:LFHD");
+    /// assert_eq!(segment.seconds, [1.2, 1.9]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`crate::Error::Unfit`]: it is not of this form.
     pub fn parse(text: &str) -> Result<Segment> {

@@ -38,6 +38,16 @@ impl Similarity {
         self.rotation.transpose() * (y - self.shift) / self.scale
     }
     /// Applies the similarity to a pose of 3 J numbers (missing values stay missing).
+    ///
+    /// ```
+    /// use posing_core::pose::similarity::Similarity;
+    ///
+    /// let lift = Similarity { shift: glam::DVec3::new(0.0, 5.0, 0.0), ..Similarity::IDENTITY };
+    /// let (pose, mut lifted) = ([1.0, 2.0, 3.0, f64::NAN, 0.0, 0.0], [0.0; 6]);
+    /// lift.apply_pose(&pose, &mut lifted);
+    /// assert_eq!(lifted[..3], [1.0, 7.0, 3.0]);
+    /// assert!(lifted[3].is_nan());
+    /// ```
     pub fn apply_pose(&self, from: &[f64], to: &mut [f64]) {
         for (x, y) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
             y.copy_from_slice(&self.apply(DVec3::from_slice(x)).to_array());
@@ -78,6 +88,19 @@ pub struct SimilarityFit {
 ///
 /// Closed form: R is the eigenvector of a symmetric 4 x 4 matrix (B. K. P. Horn, JOSA A 4, 1987),
 /// so a reflection is never returned. `None` when no weight is positive.
+///
+/// ```
+/// use glam::DVec3;
+/// use posing_core::pose::similarity::{TransformKind, fit_similarity};
+///
+/// // Each point is twice as far out, and then one up: y = 2 x + (0, 1, 0).
+/// let from = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X];
+/// let pairs = from.map(|x| (x, 2.0 * x + DVec3::Y, 1.0));
+/// let fit = fit_similarity(pairs.into_iter(), TransformKind::Similarity).ok_or("no weight")?;
+/// assert!((fit.similarity.scale - 2.0).abs() < 1e-9);
+/// assert!((fit.similarity.shift - DVec3::Y).length() < 1e-9);
+/// # Ok::<(), &str>(())
+/// ```
 pub fn fit_similarity(
     pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
     free: TransformKind,

@@ -30,6 +30,13 @@ const FINGERS: [&str; 5] = ["index", "middle", "pinky", "ring", "thumb"];
 
 /// The names of the joints of an array of so many: 22 of the body; 24 of SMPL, with hands; 52 of
 /// SMPL-H, with fingers; 55 of SMPL-X, with jaw, eyes and fingers.
+///
+/// ```
+/// use posing_core::pose::smpl_names;
+///
+/// assert_eq!(smpl_names(24).map(|names| names[0].clone()).as_deref(), Some("pelvis"));
+/// assert_eq!(smpl_names(23), None);
+/// ```
 pub fn smpl_names(count: usize) -> Option<Vec<String>> {
     let face: &[&str] = match count {
         22 | 52 => &[],

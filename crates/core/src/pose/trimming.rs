@@ -27,6 +27,17 @@ impl Poses {
 
     /// The poses of some points, in the order given.
     ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let points = ["hip", "knee"].map(String::from).to_vec();
+    /// let xyz = ndarray::array![[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]];
+    /// let poses = Poses { points, xyz, ..Poses::default() };
+    /// let names = ["knee".to_string()];
+    /// assert_eq!(poses.with_points(&names)?.xyz, ndarray::array![[4.0, 5.0, 6.0]]);
+    /// # Ok::<(), String>(())
+    /// ```
+    ///
     /// # Errors
     /// The name of a point that there is not.
     pub fn with_points<'n>(&self, names: &'n [String]) -> Result<Poses, &'n str> {
@@ -46,6 +57,21 @@ impl Poses {
     /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up
     /// to its last. A coordinate is interpolated (PCHIP) between measured neighbors; across a
     /// gap or a pause it stays missing.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let poses = Poses {
+    ///     points: vec!["hand".into()],
+    ///     xyz: ndarray::array![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]],
+    ///     time: Some(vec![0.0, 0.1, 0.2]),
+    ///     ..Poses::default()
+    /// };
+    /// let finer = poses.resampled(20.0)?; // twice the rate
+    /// assert_eq!(finer.frames(), 5);
+    /// assert!((finer.xyz[[1, 0]] - 1.0).abs() < 1e-9);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: no times, times that do not rise, or more than 2^27 values.
@@ -119,6 +145,18 @@ impl Poses {
     /// Filters each coordinate by a zero-lag Butterworth filter of order 4, forwards and backwards.
     /// `cutoff` is in Hz; `fps` is the rate of a table without times. A gap parts a coordinate;
     /// stretches of fewer than ten frames stay as they are: how many did is returned.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// // A slow motion, with a tremor of 50 Hz in it: one frame up, one frame down.
+    /// let value = |(t, _): (usize, usize)| t as f64 * 0.1 + if t % 2 == 0 { 0.5 } else { -0.5 };
+    /// let xyz = ndarray::Array2::from_shape_fn((200, 3), value);
+    /// let mut poses = Poses { points: vec!["hand".into()], xyz, ..Poses::default() };
+    /// assert_eq!(poses.low_pass(6.0, Some(100.0))?, 0); // no stretch is too short
+    /// assert!((poses.xyz[[100, 0]] - 10.0).abs() < 0.01);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not

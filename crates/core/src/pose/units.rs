@@ -6,6 +6,15 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 
 /// A unit of length.
+///
+/// ```
+/// use posing_core::pose::units::LengthUnit;
+///
+/// let unit = LengthUnit::of_name("mm");
+/// assert_eq!(unit, Some(LengthUnit::Mm));
+/// assert_eq!(unit.map(LengthUnit::centimeters), Some(0.1));
+/// assert_eq!(LengthUnit::of_name("mile"), None);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LengthUnit {
     /// Centimeters
@@ -55,6 +64,15 @@ impl LengthUnit {
 }
 
 /// A length with or without a unit: `3`, `3cm`, `1asf`, `0.02m`; centimeters when none is named.
+///
+/// ```
+/// use posing_core::pose::units::parse_length;
+///
+/// assert_eq!(parse_length("0.25m")?, 25.0);
+/// assert_eq!(parse_length("3")?, 3.0); // centimeters
+/// assert!(parse_length("3 feet").is_err());
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub fn parse_length(text: &str) -> Result<f64> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let unit = match &text[digits.len()..] {
@@ -122,6 +140,15 @@ impl UpAxis {
     }
 
     /// The rotation that carries the file's axes to y up.
+    ///
+    /// ```
+    /// use glam::DVec3;
+    /// use posing_core::pose::UpAxis;
+    ///
+    /// let turn = UpAxis::Z.rotation();
+    /// assert_eq!(turn * DVec3::Z, DVec3::Y);
+    /// assert_eq!(turn * DVec3::Y, -DVec3::Z); // the axes stay right-handed
+    /// ```
     pub fn rotation(self) -> DMat3 {
         DMat3::from_cols_array_2d(
             &[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|axis| self.to_y(axis)),
@@ -212,6 +239,13 @@ impl Units {
     }
 
     /// A length of so many centimeters.
+    ///
+    /// ```
+    /// use posing_core::pose::units::{LengthUnit, UpAxis, Units};
+    ///
+    /// let meters = Units { unit: LengthUnit::M, up: UpAxis::Z };
+    /// assert_eq!(meters.length(180.0), 1.8);
+    /// ```
     pub fn length(self, cm: f64) -> f64 {
         cm / self.unit.centimeters()
     }

@@ -44,6 +44,19 @@ pub static SCRIPT: LazyLock<String> = LazyLock::new(|| {
 /// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene. It has
 /// one frame of every `every`; `None`: as many as 24 MB of coordinates allow.
 ///
+/// ```
+/// use posing_draw::{player, scene::{Figure, Scene}};
+///
+/// let points = ["hip", "knee"].map(String::from);
+/// let xyz = ndarray::array![[0.0, 90.0, 0.0, 0.0, 45.0, 5.0], [0.0, 90.0, 0.0, 0.0, 45.0, -5.0]];
+/// let figures = vec![Figure::new("a leg", xyz.view())];
+/// let (title, bones, rate) = ("A swing", &[(0, 1)][..], 30.0);
+/// let scene = Scene { title, points: &points, bones, rate, figures, ..Scene::default() };
+/// let page = player::page(&scene, None)?;
+/// assert!(page.contains("<title>A swing</title>"));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Usage`]: a rate that is not above 0, a bone without its points, figures of different
 /// shapes, runs out of order; `every` is 0.

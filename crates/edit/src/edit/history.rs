@@ -4,6 +4,16 @@
 const MOST: usize = 500;
 
 /// The states before and after the present one, each with the name of the step between.
+///
+/// ```
+/// use posing_edit::edit::History;
+///
+/// let mut history = History::default();
+/// history.record("raise the arm", "arms down"); // the state before the step
+/// assert_eq!(history.undo_step(), Some("raise the arm"));
+/// assert_eq!(history.undo("arm raised"), Some("arms down"));
+/// assert_eq!(history.redo("arms down"), Some("arm raised"));
+/// ```
 #[derive(Debug, Clone)]
 pub struct History<T> {
     past: Vec<(String, T)>,

@@ -29,6 +29,17 @@ pub struct Rig {
 impl Rig {
     /// A rig whose joints are the ends of all bones, with their names.
     ///
+    /// ```
+    /// use posing_edit::edit::Rig;
+    /// use posing_io::Asf;
+    ///
+    /// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+    /// let rig = Rig::new(asf.skeleton, &posing_core::pose::joints::cmu_names())?;
+    /// let (left, right) = (rig.find("lwrist"), rig.find("rwrist"));
+    /// assert_eq!(left.and_then(|joint| rig.mirrors[joint]), right);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// As [`Rig::with_joints`].
     pub fn new(skeleton: Skeleton, model_points: &[String]) -> Result<Rig> {

@@ -50,6 +50,16 @@ impl C3d {
 
     /// Opens a file.
     ///
+    /// ```
+    /// use posing_io::C3d;
+    ///
+    /// let file = C3d::open("../../testdata/examples/biomechanist/gait.c3d")?;
+    /// assert_eq!(file.take.rate, Some(60.0));
+    /// assert_eq!(file.take.points[0], "LFHD");
+    /// assert_eq!(file.take.xyz.ncols(), 3 * file.take.points.len());
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Those of [`C3d::read`].
     pub fn open(path: impl AsRef<Path>) -> Result<C3d> {

@@ -132,6 +132,17 @@ impl Mesh {
     /// last.
     ///
     /// The time grows as f log f with the number f of faces.
+    ///
+    /// ```
+    /// use posing_io::mesh::{Finding, Mesh};
+    ///
+    /// let vertices = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    /// let mut body = Mesh { vertices, faces };
+    /// assert_eq!(body.check(), []); // a tetrahedron is closed
+    /// body.faces.pop();
+    /// assert_eq!(body.check(), [Finding::Holes { count: 1, open_edges: 3 }]);
+    /// ```
     pub fn check(&self) -> Vec<Finding> {
         let mut found = Vec::new();
         if self.vertices.is_empty() {

@@ -9,6 +9,15 @@ use ndarray::{Array3, s};
 use std::path::{Path, PathBuf};
 
 /// Meshes of one topology: the same number of vertices and the same faces.
+///
+/// ```
+/// use posing_io::MeshSet;
+///
+/// let set = MeshSet::open(&["../../testdata/bodies/poses.npz"])?; // one person in 16 poses
+/// assert_eq!(set.vertices.dim(), (16, 1400, 3));
+/// assert_eq!(set.mesh(0).faces, set.faces);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshSet {
     /// Where each mesh was read: a path, or `bodies.npz[3]` for a mesh of an archive, counted from

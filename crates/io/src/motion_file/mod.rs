@@ -133,9 +133,9 @@ impl MotionFile {
     /// ```
     /// use posing_io::{MotionFile, motion_file::ReadOptions};
     ///
-    /// let bvh = std::fs::read("../../testdata/damaged.bvh")?;
-    /// let file = MotionFile::from_bytes("damaged.bvh", bvh.clone(), &ReadOptions::default())?;
-    /// assert_eq!(file.rate(), Some(60.0));
+    /// let bvh = std::fs::read("../../testdata/examples/animator/goblin.bvh")?;
+    /// let file = MotionFile::from_bytes("goblin.bvh", bvh.clone(), &ReadOptions::default())?;
+    /// assert_eq!(file.rate(), Some(30.0));
     /// assert_eq!(file.to_bytes()?, bvh);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -260,6 +260,18 @@ impl MotionFile {
     }
 
     /// The channels of each joint; none of a file without rotations.
+    ///
+    /// ```
+    /// use posing_core::pose::rotation::Axis;
+    /// use posing_io::{MotionFile, motion_file::ReadOptions};
+    ///
+    /// let file = "../../testdata/examples/animator/goblin.bvh";
+    /// let file = MotionFile::open(file, &ReadOptions::default())?;
+    /// let hips = &file.channels()[0];
+    /// assert_eq!(hips.joint, "Hips");
+    /// assert_eq!(hips.angles[0], (3, Axis::Y)); // the three columns before are its position
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
     pub fn channels(&self) -> Vec<JointChannels> {
         match &self.original {
             Original::Bvh(_, bvh) => {

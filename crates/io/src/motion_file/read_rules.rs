@@ -9,6 +9,22 @@ use std::path::{Path, PathBuf};
 
 /// What is taken for files that do not say it. Of several values that are for a file, that of the
 /// deepest folder counts, else that of its format, else that of all files; of equals, the last.
+///
+/// ```
+/// use posing_core::pose::UpAxis;
+/// use posing_io::MotionFile;
+/// use posing_io::motion_file::{ReadRules, Scope, Scoped};
+///
+/// // Of all files, y is up; of CSV files, z.
+/// let y_up = Scoped { scope: Scope::All, value: UpAxis::Y };
+/// let z_up = Scoped { scope: Scope::parse("csv")?, value: UpAxis::Z };
+/// let rules = ReadRules { up: vec![y_up, z_up], ..ReadRules::default() };
+/// # let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("hand.csv");
+/// std::fs::write(&path, "hand.x,hand.y,hand.z\n1,2,3\n")?;
+/// assert_eq!(MotionFile::open_by(&path, &rules)?.poses().xyz, ndarray::array![[1.0, 3.0, -2.0]]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct ReadRules {
     /// Frames per second.

@@ -25,6 +25,19 @@ use std::io::BufRead;
 
 /// Reads a file. With `keep_whole`, one that ends within a row gives the frames before.
 ///
+/// ```
+/// use posing_io::{Input, trc};
+///
+/// let text = "PathFileType\t4\t(X/Y/Z)\twalk.trc\n\
+///             DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n\
+///             100\t100\t1\t1\tmm\nFrame#\tTime\tknee\n\t\tX1\tY1\tZ1\n\
+///             1\t0.00\t10\t20\t30\n";
+/// let take = trc::read(Input::new("walk.trc", text.as_bytes())?, false)?;
+/// assert_eq!((take.rate, take.units.as_deref()), (Some(100.0), Some("mm")));
+/// assert_eq!(take.xyz, ndarray::array![[10.0, 20.0, 30.0]]);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Data`]: it is no TRC file, has no points or frames, ends within a row, or a cell is no
 /// number. [`Error::Io`]: reading fails.

@@ -19,6 +19,18 @@ pub struct Correspondence {
 }
 
 /// Keeps the points for which `joints` gives a bone.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_joints::ik::correspondence::match_points;
+///
+/// let points = ["hat", "knee"].map(String::from).to_vec();
+/// let xyz = ndarray::array![[0.0, 170.0, 0.0, 0.0, 45.0, 5.0]];
+/// let poses = Poses { points, xyz, ..Poses::default() };
+/// let matched = match_points(&poses, &[None, Some(3)]); // the knee is the end of bone 3
+/// assert_eq!((matched.joints, matched.unmatched), (vec![3], vec!["hat".to_string()]));
+/// assert_eq!(matched.xyz, ndarray::array![[0.0, 45.0, 5.0]]);
+/// ```
 pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Correspondence {
     let mut out = Correspondence::default();
     let mut columns = Vec::new();

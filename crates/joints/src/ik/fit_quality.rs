@@ -59,6 +59,15 @@ pub struct FitQuality {
 
 impl FitQuality {
     /// Whether it fits.
+    ///
+    /// ```
+    /// use posing_joints::ik::{FitQuality, FitVerdict};
+    ///
+    /// // The joints are a millimeter from the points of somebody with legs of 90 cm.
+    /// let fit = FitQuality { mean: 0.1, leg: Some(90.0), joints: (20, 20) };
+    /// assert_eq!(fit.verdict(), FitVerdict::Good);
+    /// assert_eq!(FitQuality { mean: 50.0, ..fit }.verdict(), FitVerdict::Failed);
+    /// ```
     pub fn verdict(&self) -> FitVerdict {
         let over = |limit: (f64, f64)| !(self.mean <= self.limit(limit));
         match (over(FAILED), over(POOR) || self.is_partial()) {

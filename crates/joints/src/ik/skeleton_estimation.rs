@@ -18,6 +18,18 @@ use std::collections::BTreeMap;
 /// Points that CMU does not know, or that hang on nothing the table shows, are no bones of it.
 /// Bones that no frame shows from end to end are as long as CMU's mean.
 ///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_joints::ik::estimate_skeleton;
+///
+/// let points = ["lfemur", "ltibia", "lfoot"].map(String::from).to_vec();
+/// let xyz = ndarray::array![[0.0, 45.0, 0.0, 0.0, 5.0, 0.0, 0.0, 3.0, 12.0]];
+/// let skeleton = estimate_skeleton(&Poses { points, xyz, ..Poses::default() })?;
+/// let shin = skeleton.find("ltibia").ok_or("none")?;
+/// assert!((skeleton.bones()[shin].offset.length() - 40.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Usage`]: fewer than two points have the names of connected CMU joints.
 pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {

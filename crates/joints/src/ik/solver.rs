@@ -82,6 +82,29 @@ pub struct IkSolution {
 
 /// Solves frame after frame for one skeleton and one set of joints; the memory of the normal
 /// equations is kept between frames.
+///
+/// ```
+/// use posing_core::pose::{Bone, Channel, Dof, Skeleton, rotation::Axis};
+/// use posing_joints::ik::solver::{IkSettings, IkSolver, Regularization};
+/// # use glam::{DMat3, DVec3};
+/// # let bone = |name: &str, parent, offset, dofs| {
+/// #     Bone { name: name.into(), parent, offset, axis: DMat3::IDENTITY, dofs }
+/// # };
+/// # let turn = Dof { channel: Channel::Rotate(Axis::Z), limits: None, offset: 0.0 };
+/// # let root = bone("root", None, DVec3::ZERO, vec![]);
+/// # let arm = bone("arm", Some(0), DVec3::new(30.0, 0.0, 0.0), vec![turn]);
+///
+/// // One bone of 30 cm that turns about z, and where its end was seen.
+/// let skeleton = Skeleton::new(vec![root, arm])?;
+/// let mut solver = IkSolver::new(&skeleton, &[1], IkSettings::default());
+/// let (previous, rest) = (&[0.0][..], &[0.0][..]);
+/// let free = Regularization { previous, previous_weight: 0.0, rest, rest_weight: 0.0 };
+/// let mut q = [0.3];
+/// let solution = solver.solve(&[0.0, 30.0, 0.0], &[false], &free, &mut q);
+/// assert!(solution.converged);
+/// assert!((q[0] - 90_f64.to_radians()).abs() < 1e-2);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub struct IkSolver<'a> {
     skeleton: &'a Skeleton,
     joints: &'a [usize],

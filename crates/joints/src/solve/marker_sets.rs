@@ -272,6 +272,15 @@ impl MarkerSet {
     }
 
     /// The built-in set of a name; `None` where there is none.
+    ///
+    /// ```
+    /// use posing_joints::solve::MarkerSet;
+    ///
+    /// let set = MarkerSet::find("pig").ok_or("none")?;
+    /// assert!(set.summary().contains("{S}KNE")); // LKNE and RKNE
+    /// assert_eq!(MarkerSet::find("pigs"), None);
+    /// # Ok::<(), &str>(())
+    /// ```
     pub fn find(name: &str) -> Option<&'static MarkerSet> {
         MarkerSet::shipped().iter().find(|set| set.name == name)
     }

@@ -34,6 +34,19 @@ pub struct SolveSettings<'a> {
 
 /// Solves a take of labeled markers, y up.
 ///
+/// ```
+/// use posing_io::{MotionFile, motion_file::ReadOptions};
+/// use posing_joints::solve::{SolveSettings, solve};
+///
+/// let path = "../../testdata/examples/biomechanist/gait.c3d";
+/// let markers = MotionFile::open(path, &ReadOptions::default())?;
+/// let take = markers.poses().slice(0..20);
+/// let solved = solve(&take, &SolveSettings::default(), &mut |_| ())?;
+/// assert_eq!(solved.set, "pig"); // Plug-in Gait, told by the markers' names
+/// assert_eq!(solved.joints.xyz.dim(), (20, 69)); // CMU's 23 joints
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Unfit`]: fewer than eight markers are known, or most of a body's tracks have no label.
 /// [`Error::Usage`]: the skeleton has not CMU's bones, or the names tell several people.

@@ -279,6 +279,17 @@ fn two_smallest(row: &[f32]) -> (f32, f32, usize) {
 /// squared distances (n). On a tie the lowest label. Cost: n k d products, in f32 blocks with the
 /// doubtful ones computed again in f64, so that the answer is that of f64 throughout.
 ///
+/// ```
+/// use ndarray::array;
+/// use posing_models::cluster::assign;
+///
+/// let (poses, centroids) = (array![[1.0_f32, 0.0], [8.0, 0.0]], array![[0.0, 0.0], [9.0, 2.0]]);
+/// let (labels, squared_distances) = assign(poses.view(), centroids.view())?;
+/// assert_eq!(labels, [0, 1]);
+/// assert_eq!(squared_distances, [1.0, 5.0]);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// Usage: no centroids, widths that differ, a centroid that is not finite. Data: a pose that is not
 /// finite, its place naming the file `poses` and, as line, the row counted from 1.

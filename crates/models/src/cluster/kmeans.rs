@@ -11,6 +11,17 @@ use ndarray::ArrayView2;
 impl KMeans {
     /// Clusters `poses` (n, d).
     ///
+    /// ```
+    /// use posing_models::cluster::KMeans;
+    ///
+    /// let poses = ndarray::array![[0.0_f32, 0.0], [0.0, 2.0], [9.0, 0.0], [9.0, 2.0]];
+    /// let clustering = KMeans { k: 2, ..KMeans::default() }.fit(poses.view())?;
+    /// assert_eq!(clustering.sizes, [2, 2]);
+    /// assert_eq!(clustering.labels[0], clustering.labels[1]);
+    /// assert_eq!(clustering.inertia, 4.0); // each pose is 1 from its centroid
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Usage`]: a parameter out of its range; more clusters than poses, or than
     /// *different* poses (the

@@ -281,6 +281,20 @@ fn names() -> String {
 
 /// Opens the prior of a model; `source` names the model in messages.
 ///
+/// ```
+/// use posing_core::pose::Observation;
+/// use posing_models::prior::{OpenOptions, Want, builtin_model, open};
+///
+/// let model = builtin_model()?;
+/// let prior = open(&model, &OpenOptions::default(), "built in")?;
+/// // Nothing is seen of the 69 coordinates: the posterior is the prior.
+/// let seen = Observation::new(&[f64::NAN; 69], &[f64::INFINITY; 69])?;
+/// let posterior = prior.posterior(&seen, Want::Variances);
+/// assert_eq!(posterior.mean.len(), 69);
+/// assert!(posterior.variance.iter().all(|variance| *variance >= 0.0));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// Data: a model that is none of poses, or whose arrays are missing, of the wrong shape or not
 /// finite.

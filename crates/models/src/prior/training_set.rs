@@ -66,6 +66,20 @@ impl TrainingSet {
     /// rotation, and the mean body's bone lengths. Other spaces: rows as they are. `source`
     /// names the poses in messages.
     ///
+    /// ```
+    /// use ndarray::array;
+    /// use posing_core::pose::{Poses, kinematics::Space};
+    /// use posing_models::prior::training_set::TrainingSet;
+    ///
+    /// let (points, nan) = (vec!["hand".into()], f64::NAN);
+    /// let xyz = array![[1.0, 2.0, 3.0], [nan, nan, nan], [1.5, 2.0, 3.0]];
+    /// let poses = Poses { points, xyz, ..Poses::default() };
+    /// let set = TrainingSet::from_poses(&poses, Space::Body, "hands")?; // rows as they are
+    /// assert_eq!(set.xyz, array![[1.0, 2.0, 3.0], [1.5, 2.0, 3.0]]);
+    /// assert_eq!(set.incomplete, 1);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Data: too many points, or no complete pose that can be placed.
     pub fn from_poses(poses: &Poses, space: Space, source: &str) -> Result<TrainingSet> {

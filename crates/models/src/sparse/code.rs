@@ -35,6 +35,17 @@ impl SparseCode {
 /// [`StopReason::Sparsity`]. Pose and weights are as in
 /// [`Encoder::encode_one`](super::Encoder::encode_one).
 ///
+/// ```
+/// use ndarray::array;
+/// use posing_models::sparse::{Dictionary, refit};
+///
+/// let dictionary = Dictionary::from_rows(array![[1.0, 0.0], [0.0, 1.0]].view())?;
+/// let code = refit(&dictionary, &[1], array![3.0, 4.0].view(), None)?;
+/// assert_eq!(code.coefficients, [4.0]);
+/// assert!((code.squared_residual - 9.0).abs() < 1e-9); // what the other atom would explain
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Data`] as [`Encoder::encode_one`](super::Encoder::encode_one); also if an atom is not
 /// below the dictionary's length.

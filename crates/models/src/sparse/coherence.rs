@@ -37,6 +37,15 @@ impl Dictionary {
     /// The coherence: the greatest closeness |<a, b>| of two different atoms; 0 for a single atom.
     ///
     /// O(n^2 D) time by blocks, O(n) memory.
+    ///
+    /// ```
+    /// use posing_models::sparse::Dictionary;
+    ///
+    /// // The cosine of the angle between the atoms that are nearest to parallel.
+    /// let dictionary = Dictionary::from_rows(ndarray::array![[1.0, 0.0], [0.6, 0.8]].view())?;
+    /// assert!((dictionary.coherence() - 0.6).abs() < 1e-6);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
     pub fn coherence(&self) -> f32 {
         let each = greatest(self.atoms(), self.atoms(), |i, j| i != j);
         each.into_iter().fold(0.0, f32::max)

@@ -41,6 +41,14 @@ impl Dictionary {
     ///
     /// A row that has unit norm already keeps its bits.
     ///
+    /// ```
+    /// use posing_models::sparse::Dictionary;
+    ///
+    /// let dictionary = Dictionary::from_rows(ndarray::array![[3.0, 4.0], [0.0, -2.0]].view())?;
+    /// assert_eq!(dictionary.atoms(), ndarray::array![[0.6, 0.8], [0.0, -1.0]]);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// No rows or no columns, 2^32 - 1 rows or more, or a row that is zero or not finite (named,
     /// counted from 0).

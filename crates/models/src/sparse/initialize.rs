@@ -13,6 +13,15 @@ use std::hash::{DefaultHasher, Hasher};
 /// More atoms of one seed begin with the same ones. Poses that are zero cannot be atoms, and equal
 /// poses count once.
 ///
+/// ```
+/// use posing_models::sparse::random_atoms;
+///
+/// let poses = ndarray::array![[3.0_f32, 4.0], [0.0, 0.0], [3.0, 4.0], [0.0, 5.0]];
+/// assert_eq!(random_atoms(poses.view(), 2, 0)?.len(), 2);
+/// assert!(random_atoms(poses.view(), 3, 0).is_err()); // one is zero, two are equal
+/// # Ok::<(), posing_core::Error>(())
+/// ```
+///
 /// # Errors
 /// Fewer such poses than atoms, or a pose that is not finite.
 pub fn random_atoms(poses: ArrayView2<f32>, n: usize, seed: u64) -> Result<Dictionary> {

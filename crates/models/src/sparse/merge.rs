@@ -75,6 +75,19 @@ impl DictionaryMerge {
 
     /// Joins the parts.
     ///
+    /// ```
+    /// use ndarray::array;
+    /// use posing_models::sparse::{Dictionary, DictionaryMerge};
+    ///
+    /// let one = Dictionary::from_rows(array![[1.0, 0.0], [0.0, 1.0]].view())?;
+    /// let other = Dictionary::from_rows(array![[0.0, -1.0], [0.6, 0.8]].view())?;
+    /// let merge = DictionaryMerge { prune: Some(1.0), ..DictionaryMerge::default() };
+    /// let merged = merge.join(&[one, other])?;
+    /// assert_eq!(merged.dropped, [2]); // an atom of the first, turned round
+    /// assert_eq!(merged.dictionary.len(), 3);
+    /// # Ok::<(), posing_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// A parameter out of range, no parts, or parts of different widths.
     pub fn join(&self, parts: &[Dictionary]) -> Result<MergedDictionary> {

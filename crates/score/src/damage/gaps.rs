@@ -56,6 +56,18 @@ fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
 }
 
 /// Gaps of a length in time, in each take of a table.
+///
+/// ```
+/// use posing_core::pose::Poses;
+/// use posing_score::damage::GapInjection;
+///
+/// let (points, xyz) = (vec!["knee".into()], ndarray::Array2::zeros((200, 3)));
+/// let mut poses = Poses { points, xyz, ..Poses::default() };
+/// let gaps = GapInjection { count: 2, seconds: 0.1, points: 1, seed: 7 };
+/// gaps.inject(&mut poses, &[Some(100.0)], "walk.csv", &mut |_| ())?;
+/// assert_eq!(poses.xyz.column(0).iter().filter(|x| x.is_nan()).count(), 20);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct GapInjection {
     /// The number of gaps in each take, at least 1.

@@ -31,6 +31,19 @@ impl Stream {
 }
 
 /// The damage to every frame, in this order: dense noise, sparse noise, missing points.
+///
+/// ```
+/// use posing_score::damage::Corruption;
+///
+/// let points = ["hip", "knee"].map(String::from);
+/// let damage = Corruption { dense: 2.0, drop: vec!["hip".into()], ..Corruption::default() };
+/// let mut xyz = ndarray::Array2::zeros((1000, 6));
+/// damage.check(&points)?.apply_frames(&mut xyz);
+/// assert!(xyz[[0, 0]].is_nan());
+/// let knee = xyz.column(3); // noise with a standard deviation of 2 cm
+/// assert!((knee.std(0.0) - 2.0).abs() < 0.2);
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corruption {
     /// Standard deviation of the noise on every observed coordinate, cm, 0 to [`MAX_NOISE`]; 0 is

@@ -39,6 +39,22 @@ use tuning::feet::{LEG, LEGS};
 use tuning::{BLOCK, CHUNK};
 
 /// A rig that takes over motions.
+///
+/// ```
+/// use posing_core::pose::UpAxis;
+/// use posing_io::{Amc, Asf, Bvh};
+/// use posing_joints::ik::{SkeletonFit, retarget::{RetargetOptions, Retargeter}};
+///
+/// let asf = Asf::open("../../testdata/cmu/09/09.asf")?;
+/// let take = Amc::open("../../testdata/cmu/09/09_06.amc", &asf)?.to_poses(120.0)?;
+/// let run = SkeletonFit::new(&asf.skeleton).fit(&take.slice(0..3))?.to_bvh()?;
+/// let goblin = Bvh::open("../../testdata/examples/animator/goblin.bvh")?;
+/// let retargeter = Retargeter::new(goblin, UpAxis::Y, None)?;
+/// let retargeted = retargeter.retarget(&run, &RetargetOptions::default())?;
+/// assert_eq!(retargeted.bvh.motion.nrows(), 3);
+/// assert!(retargeted.scale < 1.0); // the goblin is small
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub struct Retargeter {
     bvh: Bvh,
     tree: Hierarchy,

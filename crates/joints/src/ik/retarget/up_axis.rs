@@ -13,6 +13,16 @@ use glam::{DMat3, DVec3};
 /// The axis that the figure of a motion stands along; `map` as for
 /// [`Retargeter::retarget`](super::Retargeter::retarget). `None` where nothing tells it: the joints
 /// are not known, or somebody may lie.
+///
+/// ```
+/// use posing_core::pose::UpAxis;
+/// use posing_io::Bvh;
+/// use posing_joints::ik::retarget::up_axis;
+///
+/// let rig = Bvh::open("../../testdata/examples/animator/goblin.bvh")?;
+/// assert_eq!(up_axis(&rig, None), Some(UpAxis::Y));
+/// # Ok::<(), posing_core::Error>(())
+/// ```
 pub fn up_axis(source: &Bvh, map: Option<&NameMap>) -> Option<UpAxis> {
     let tree = Hierarchy::new(source, DMat3::IDENTITY);
     let body = BodyJoints::find(&tree, map, "map_from").ok()?;

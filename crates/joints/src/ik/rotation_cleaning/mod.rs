@@ -91,6 +91,21 @@ pub struct CleanedTrack {
 
 /// Cleans the channels of `joints` in `motion` (frames, channels; radians and centimeters; NaN is
 /// missing), which has `rate` frames a second.
+///
+/// ```
+/// use posing_core::pose::{JointChannels, rotation::Axis};
+/// use posing_joints::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
+///
+/// // A knee that bends at an even pace, with a gap of three frames.
+/// let mut motion = ndarray::Array2::from_shape_fn((100, 1), |(t, _)| 0.01 * t as f64);
+/// motion.slice_mut(ndarray::s![40..43, ..]).fill(f64::NAN);
+/// let (angles, positions) = (vec![(0, Axis::X)], vec![]);
+/// let knee = JointChannels { joint: "knee".into(), angles, positions };
+/// let how = RotationCleaning::default();
+/// let clean = clean_rotations(&[knee], motion.view(), 100.0, &how);
+/// assert_eq!(clean.tracks[0].gaps[0].0, 40..43);
+/// assert!((clean.motion[[41, 0]] - 0.41).abs() < 1e-3);
+/// ```
 pub fn clean_rotations(
     joints: &[JointChannels],
     motion: ArrayView2<'_, f64>,

@@ -35,6 +35,13 @@ pub struct Strength {
 
 impl Strength {
     /// The frequency that is left by half, Hz; `rate`: frames a second.
+    ///
+    /// ```
+    /// use posing_joints::ik::rotation_cleaning::Strength;
+    ///
+    /// let strength = Strength { order: 2, lambda: 16.0 }; // rate / 2π / 16^(1/4)
+    /// assert!((strength.cutoff(120.0) - 60.0 / std::f64::consts::TAU).abs() < 1e-12);
+    /// ```
     pub fn cutoff(&self, rate: f64) -> f64 {
         rate / TAU * self.lambda.powf(-0.5 / self.order as f64)
     }
