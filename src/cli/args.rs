@@ -13,9 +13,9 @@ use glam::DMat3;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Flags of every command.
+// Flags of every command; what stood here as documentation would be the description of each.
 #[derive(Debug, Clone, Args)]
-pub struct CommonArgs {
+pub(crate) struct CommonArgs {
     /// Number of threads, 1 to 4096 (default: all processors); the result does not depend on it
     #[arg(long, value_name = "N", help_heading = "Shared")]
     pub threads: Option<usize>,
@@ -29,7 +29,7 @@ pub struct CommonArgs {
 
 impl CommonArgs {
     /// Sets the number of threads and the verbosity; called once, first.
-    pub fn apply(&self) -> Result<()> {
+    pub(crate) fn apply(&self) -> Result<()> {
         messages::set_verbosity(self.quiet, self.verbose);
         if let Some(threads) = self.threads.filter(|n| !(1..=4096).contains(n)) {
             let what = format!("--threads {threads}: expected 1 to 4096");

@@ -9,7 +9,7 @@ use posing::body::fit_prior::FitPrior;
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::Outcome;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, report_fits, report_free_parts, report_markers,
     write_rotations, write_shapes,
@@ -83,12 +83,9 @@ pub struct Args {
     shapes: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(Some(&args.output))?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, [&args.model, &args.on])?;

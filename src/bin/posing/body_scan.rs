@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::body::scan_fit::fit_scan;
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::open_body;
 use posing::cli::paths::OutputPath;
 use posing::cli::registration_points::{RegistrationPoints, read_scan};
@@ -42,12 +42,9 @@ pub struct Args {
     /// Output file: .obj, .ply, .stl or .npz
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     input::check_single_stdin([&args.scan, &args.model, &args.points])?;
     let output = MeshOutput::of(&args.output, "ply")?;
     let body = open_body(&args.model)?;

@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::body::BodyModel;
 use posing::body::take::{BodyTake, frames_of};
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{InputArgs, parse_rate};
 use posing::cli::body::pose_take;
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
@@ -86,12 +86,9 @@ pub struct Args {
         help_heading = "Output"
     )]
     out_up: UpAxis,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.rotations.iter().chain(&args.pose);
     input::check_single_stdin(tables.chain([&args.model]))?;
     let units = Units {

@@ -7,7 +7,7 @@ use posing::body::fit::FEWEST;
 use posing::body::part_finding::find_parts;
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Template};
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::choice::choice;
 use posing::cli::pair_file::PairFile;
@@ -101,12 +101,9 @@ pub struct Args {
     /// Output file
     #[arg(short, long, value_name = "BODY.npz")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let units = args.units.table_units();
     let poses = read_meshes(&args.poses, units)?;
     let people = if args.shapes.is_empty() {

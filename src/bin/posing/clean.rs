@@ -5,7 +5,7 @@ use posing::audit::Limits;
 use posing::clean::{
     CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
 };
-use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
+use posing::cli::args::{OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
@@ -181,8 +181,6 @@ pub struct Args {
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// Limits of noise: of a coordinate, cm, and of rotations, degrees.
@@ -215,7 +213,6 @@ impl NoiseLimit {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare_report();
     let output = CleanOutput {
         path: args.output.to_path_buf(),

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ndarray::{Axis, concatenate};
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::choice::choice;
 use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
@@ -61,8 +61,6 @@ pub struct Args {
         help_heading = "Output"
     )]
     to: Option<TableFormat>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn family(text: &str) -> std::result::Result<Family, String> {
@@ -71,7 +69,6 @@ fn family(text: &str) -> std::result::Result<Family, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let mut families = if args.features.is_empty() {
         Family::ALL.to_vec()
     } else {

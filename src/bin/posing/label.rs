@@ -2,7 +2,6 @@
 
 use clap::Parser;
 use posing::clean::{files_beside, write_labeled};
-use posing::cli::args::CommonArgs;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each_told};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
@@ -108,12 +107,9 @@ pub struct Args {
         help_heading = "Method"
     )]
     keep_labels: Vec<Segment>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     if args.learn {
         return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
     }

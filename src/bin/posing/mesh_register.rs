@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
@@ -54,12 +54,9 @@ pub struct Args {
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     MeshFormat::of(&args.output)?;
     input::check_single_stdin([&args.scan, &args.points])?;
     let units = args.units.table_units();

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, parse_positive};
+use posing::cli::args::{SeedArgs, TimedTableArgs, parse_positive};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -96,8 +96,6 @@ pub struct Args {
     output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// The methods, with what each is.
@@ -130,7 +128,6 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, &args.pairs)?;
     if args.pairs.is_none() && args.learner != Learner::L2 {

@@ -1,7 +1,7 @@
 //! Carries motion to another skeleton.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, parse_rate};
+use posing::cli::args::parse_rate;
 use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
@@ -99,8 +99,6 @@ pub struct Args {
     keep_whole: bool,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// What is the same for all files.
@@ -114,7 +112,6 @@ struct Job<'a> {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(args.output.as_deref())?;
     let inputs = or_stdin(&args.inputs);
     check_single_stdin(inputs.iter().chain([&args.to]))?;

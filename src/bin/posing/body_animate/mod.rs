@@ -8,7 +8,7 @@ use posing::body::BodyModel;
 use posing::body::Marker;
 use posing::body::animation::Offsets;
 use posing::body::take::BodyTake;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::body::fit_take;
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
@@ -99,12 +99,9 @@ pub struct Args {
     /// Write the shape as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     shapes: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     let files = args.on.iter().chain(&args.scan);
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, files.chain([&args.model]))?;

@@ -8,7 +8,7 @@ use self::benchmark::{BenchmarkArgs, sources};
 use self::metric::{EvaluateMetricArgs, evaluate_metric};
 use self::takes::{EvaluateTakesArgs, evaluate_takes};
 use clap::{Parser, Subcommand};
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
@@ -99,8 +99,6 @@ pub struct Args {
     merge: Vec<PathBuf>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 #[derive(Subcommand)]
@@ -116,14 +114,7 @@ enum Tested {
     /// Prints the RMS error in gaps beside that of the rivals (* marks the lowest), its ratio to
     /// the best of them with a 95% interval (bootstrap over gaps), the share of coordinates
     /// within one and two of the stated standard deviations, and the error left of noise.
-    Takes {
-        #[command(flatten)]
-        args: EvaluateTakesArgs,
-        #[command(flatten)]
-        json: JsonArgs,
-        #[command(flatten)]
-        common: CommonArgs,
-    },
+    Takes(EvaluateTakesArgs),
     /// Test distances of poses: published ones, and learners by features, on people that they have
     /// not learned from
     ///
@@ -136,29 +127,15 @@ enum Tested {
     ///
     /// Prints the precision of each distance with a 95% interval (bootstrap over takes); * marks
     /// the highest.
-    Metric {
-        #[command(flatten)]
-        args: EvaluateMetricArgs,
-        #[command(flatten)]
-        json: JsonArgs,
-        #[command(flatten)]
-        common: CommonArgs,
-    },
+    Metric(EvaluateMetricArgs),
 }
 
 pub fn work(args: &Args) -> Result<()> {
     match &args.command {
-        Some(Tested::Takes { args, json, common }) => {
-            common.apply()?;
-            return evaluate_takes(args, json);
-        }
-        Some(Tested::Metric { args, json, common }) => {
-            common.apply()?;
-            return evaluate_metric(args, json);
-        }
+        Some(Tested::Takes(args)) => return evaluate_takes(args),
+        Some(Tested::Metric(args)) => return evaluate_metric(args),
         None => {}
     }
-    args.common.apply()?;
     args.json.prepare_report();
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;

@@ -62,6 +62,8 @@ pub struct EvaluateTakesArgs {
     /// Also write takes.csv and report.html into DIR
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<OutputPath>,
+    #[command(flatten)]
+    json: JsonArgs,
 }
 
 fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
@@ -75,8 +77,8 @@ fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
 ///
 /// # Errors
 /// As [`TestTakes::test`]; also if a file cannot be read or written.
-pub fn evaluate_takes(args: &EvaluateTakesArgs, json: &JsonArgs) -> Result<()> {
-    json.prepare_report();
+pub fn evaluate_takes(args: &EvaluateTakesArgs) -> Result<()> {
+    args.json.prepare_report();
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, &args.model)?;
     let takes = TestTakes::new(&sources(&tables, &tables.files)?)?;
@@ -117,7 +119,7 @@ pub fn evaluate_takes(args: &EvaluateTakesArgs, json: &JsonArgs) -> Result<()> {
             ],
         )?;
     }
-    json.write_report(
+    args.json.write_report(
         None,
         || report.text(),
         json!({ "rows": rows_of(&report.csv()) }),

@@ -5,7 +5,7 @@ mod take_pairs;
 
 use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -82,8 +82,6 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
@@ -102,7 +100,6 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, &args.model)?;
     let is_stdout = |path: &Option<OutputPath>| path.as_deref().is_none_or(|p| p == Path::new("-"));
