@@ -57,6 +57,17 @@ pub enum Outcome {
     Failed,
 }
 
+impl Outcome {
+    /// That of work that was done, with findings or without.
+    pub fn of(has_findings: bool) -> Outcome {
+        if has_findings {
+            Outcome::Findings
+        } else {
+            Outcome::Done
+        }
+    }
+}
+
 impl From<()> for Outcome {
     fn from((): ()) -> Outcome {
         Outcome::Done

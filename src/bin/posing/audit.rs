@@ -108,9 +108,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.json.write_value(output, text, &audits)?;
     Ok(if audits.iter().any(|audit| audit.error.is_some()) {
         Outcome::Failed
-    } else if audits.iter().any(FileAudit::has_findings) {
-        Outcome::Findings
     } else {
-        Outcome::Done
+        Outcome::of(audits.iter().any(FileAudit::has_findings))
     })
 }

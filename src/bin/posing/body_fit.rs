@@ -50,9 +50,7 @@ use std::path::PathBuf;
     after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is \
                        on, counted from 0\n  fits.npz: completed and predicted (frames, V, 3) cm, \
                        rotations (frames, parts, 3, 3), shape (frames, K), faces (F, 3); NaN \
-                       where a frame has too few markers\n\nExamples:\n  posing body-fit -m \
-                       body.npz --on on.csv -o fits.npz markers.csv\n  posing body-fit -m \
-                       body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ markers.csv"
+                       where a frame has too few markers"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -126,10 +124,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         write_shapes(path, &poses, body.shape.len(), &shapes)?;
     }
     args.json.write(told(&fits, &names))?;
-    Ok(match findings {
-        0 => Outcome::Done,
-        _ => Outcome::Findings,
-    })
+    Ok(Outcome::of(findings > 0))
 }
 
 /// A frame's fit and its surfaces.

@@ -24,8 +24,7 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply",
     after_long_help = "Files:\n  points.csv: vertex,x,y,z; a vertex of the model, counted from 0, \
-                       and where it is on the scan, in the scan's unit\n\nExamples:\n  posing \
-                       body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply"
+                       and where it is on the scan, in the scan's unit"
 )]
 pub struct Args {
     /// Scan: OBJ, PLY, STL or OFF; without faces a cloud of points

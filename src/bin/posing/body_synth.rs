@@ -34,10 +34,7 @@ use std::path::PathBuf;
                        take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation \
                        vectors of the parts in the world, radians, and the mean of the vertices \
                        of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard \
-                       deviations of people; one row, or one a frame\n\nExamples:\n  posing \
-                       body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m \
-                       body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m \
-                       body.npz --pose walk.csv -o walk.glb"
+                       deviations of people; one row, or one a frame"
 )]
 pub struct Args {
     /// Body model

@@ -84,12 +84,7 @@ pub struct Args {
     /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
     /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
     /// [default: 0.1cm and 0.25deg]
-    #[arg(
-        long,
-        value_name = "CM|DEG",
-        value_parser = NoiseLimit::parse,
-        help_heading = "Method"
-    )]
+    #[arg(long, value_name = "CM|DEG", value_parser = NoiseLimit::parse, help_heading = "Method")]
     noise_limit: Option<NoiseLimit>,
     /// Remove no noise: only fill gaps and replace outliers
     #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
@@ -226,10 +221,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
     drop(bar);
     write_outputs(&report, &args.json)?;
-    Ok(match (report.has_failures(), report.has_findings()) {
-        (true, _) => Outcome::Failed,
-        (_, true) => Outcome::Findings,
-        _ => Outcome::Done,
+    Ok(if report.has_failures() {
+        Outcome::Failed
+    } else {
+        Outcome::of(report.has_findings())
     })
 }
 

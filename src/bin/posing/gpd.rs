@@ -35,9 +35,7 @@ use posing::{Error, Result};
                        Hip = \"root\", Chest = \"thorax\", Neck = \"lowerneck\", Head = \"head\", \
                        LShoulder = \"lclavicle\", LElbow = \"lhumerus\", LHand = \"lwrist\", LHip \
                        = \"lhipjoint\", LKnee = \"lfemur\", LFoot = \"ltibia\", and R for the \
-                       right side)\n\nExamples:\n  posing gpd walk.csv > features.csv\n  posing \
-                       gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd \
-                       --map joints.toml mine.csv"
+                       right side)"
 )]
 pub struct Args {
     #[command(flatten)]

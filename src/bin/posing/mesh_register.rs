@@ -31,10 +31,9 @@ use std::path::{Path, PathBuf};
     version,
     after_help = "Examples:\n  posing mesh-register --units cm --template template.ply --points \
                   points.csv -o registered.ply scan.ply",
-    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL, OFF\n  points.csv: vertex,x,y,z; a \
-                       vertex of the template, counted from 0, and where it is on the scan, in \
-                       the scan's unit\n\nExamples:\n  posing mesh-register --units cm --template \
-                       template.ply --points points.csv -o registered.ply scan.ply"
+    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL, OFF\n  points.csv: vertex,x,y,z; \
+                       a vertex of the template, counted from 0, and where it is on the scan, in \
+                       the scan's unit"
 )]
 pub struct Args {
     /// Scan; - is standard input

@@ -76,13 +76,8 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
     /// Axis that points up in BVH sources [default: that along which the figure stands, else y]
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Input"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
+    #[arg(allow_hyphen_values = true)]
     up: Option<UpAxis>,
     /// Axis that points up in the rig, and so in the results
     #[arg(
@@ -177,11 +172,7 @@ impl Job<'_> {
         }
         write_bytes(job.output.as_deref(), &text, false)?;
         report(&name, &done);
-        let outcome = match done.missing {
-            0 => Outcome::Done,
-            _ => Outcome::Findings,
-        };
-        Ok((outcome, told(&done)))
+        Ok((Outcome::of(done.missing > 0), told(&done)))
     }
 }
 

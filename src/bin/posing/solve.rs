@@ -181,11 +181,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let lines = solved.lines().into_iter().chain(findings.iter().cloned());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     write(args, &file, &solved)?;
-    Ok(if findings.is_empty() {
-        Outcome::Done
-    } else {
-        Outcome::Findings
-    })
+    Ok(Outcome::of(!findings.is_empty()))
 }
 
 /// A file of one take.

@@ -88,5 +88,5 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
     args.json.write(&report)?;
-    Ok(report.outcome())
+    Ok(report.outcome)
 }

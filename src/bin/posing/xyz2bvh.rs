@@ -140,7 +140,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.json.write(&report)?;
     Ok(match axis {
         Outcome::Findings => axis,
-        _ => report.outcome(),
+        _ => report.outcome,
     })
 }
 

@@ -4,7 +4,7 @@ mod matches;
 
 use self::matches::Matches;
 use clap::Parser;
-use posing::cli::args::TimedTableArgs;
+use posing::cli::args::{TimedTableArgs, parse_if};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_index, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -132,10 +132,7 @@ pub struct Args {
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (0.0..=1e6).contains(&v) => Ok(v),
-        _ => Err("expected seconds, 0 or more".into()),
-    }
+    parse_if(text, |v| (0.0..=1e6).contains(&v), "seconds, 0 or more")
 }
 
 /// Poses or events that are found, unless one says otherwise.
