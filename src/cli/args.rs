@@ -13,9 +13,9 @@ use glam::DMat3;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Flags of every command.
+// Flags of every command; what stood here as documentation would be the description of each.
 #[derive(Debug, Clone, Args)]
-pub struct CommonArgs {
+pub(crate) struct CommonArgs {
     /// Number of threads, 1 to 4096 (default: all processors); the result does not depend on it
     #[arg(long, value_name = "N", help_heading = "Shared")]
     pub threads: Option<usize>,
@@ -29,7 +29,7 @@ pub struct CommonArgs {
 
 impl CommonArgs {
     /// Sets the number of threads and the verbosity; called once, first.
-    pub fn apply(&self) -> Result<()> {
+    pub(crate) fn apply(&self) -> Result<()> {
         messages::set_verbosity(self.quiet, self.verbose);
         if let Some(threads) = self.threads.filter(|n| !(1..=4096).contains(n)) {
             let what = format!("--threads {threads}: expected 1 to 4096");
@@ -89,13 +89,8 @@ pub struct InputArgs {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     pub units: Option<LengthUnit>,
     /// Axis of the input that points up [default: y; of AMASS' markers z]
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Input"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
+    #[arg(allow_hyphen_values = true)]
     pub up: Option<UpAxis>,
 }
 
@@ -170,20 +165,25 @@ impl InputArgs {
     }
 }
 
+/// Parses a number that passes a test; the message says what is expected.
+pub fn parse_if(
+    text: &str,
+    fits: impl Fn(f64) -> bool,
+    expected: &str,
+) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|v| fits(*v));
+    number.ok_or_else(|| format!("expected {expected}"))
+}
+
 /// A rate: above zero.
 pub fn parse_rate(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 && v <= 1e6 => Ok(v),
-        _ => Err("expected frames per second, above 0 to 1000000".into()),
-    }
+    let expected = "frames per second, above 0 to 1000000";
+    parse_if(text, |v| v > 0.0 && v <= 1e6, expected)
 }
 
 /// A number above zero.
 pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
-        _ => Err("expected a number above 0".into()),
-    }
+    parse_if(text, |v| v.is_finite() && v > 0.0, "a number above 0")
 }
 
 /// A frequency with or without its unit.
@@ -230,13 +230,8 @@ pub struct BvhUnitArgs {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
     /// Axis that points up in the BVH files written, and in a BVH skeleton
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        default_value = "y"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
+    #[arg(allow_hyphen_values = true)]
     up: UpAxis,
 }
 
@@ -259,13 +254,8 @@ pub struct BvhSkeletonArgs {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     pub units: LengthUnit,
     /// Axis that points up in a BVH skeleton
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        default_value = "y"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
+    #[arg(allow_hyphen_values = true)]
     pub up: UpAxis,
 }
 
@@ -297,13 +287,8 @@ pub struct OutUnitArgs {
     )]
     out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Output"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Output")]
+    #[arg(allow_hyphen_values = true)]
     out_up: Option<UpAxis>,
 }
 

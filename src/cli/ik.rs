@@ -308,16 +308,11 @@ pub struct FitReport {
     incomplete_frames: usize,
     unplaced_frames: usize,
     unconverged_frames: usize,
-    fit: Fit,
-}
-
-/// Whether a fit is as it should be.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[serde(rename_all = "lowercase")]
-enum Fit {
-    Good,
-    /// Somebody has to look at it.
-    Poor,
+    /// Whether it is as it should be, or somebody has to look at it.
+    fit: &'static str,
+    /// The outcome of the command.
+    #[serde(skip)]
+    pub outcome: Outcome,
 }
 
 impl FitReport {
@@ -345,18 +340,12 @@ impl FitReport {
             incomplete_frames: sequence.incomplete,
             unplaced_frames: sequence.unplaced,
             unconverged_frames: sequence.unconverged,
-            fit: match outcome {
-                Outcome::Done => Fit::Good,
-                _ => Fit::Poor,
+            fit: if outcome == Outcome::Done {
+                "good"
+            } else {
+                "poor"
             },
-        }
-    }
-
-    /// The outcome of the command.
-    pub fn outcome(&self) -> Outcome {
-        match self.fit {
-            Fit::Good => Outcome::Done,
-            Fit::Poor => Outcome::Findings,
+            outcome,
         }
     }
 }

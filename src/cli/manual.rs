@@ -15,7 +15,8 @@ pub struct Group {
 /// Flags that `-h` shows at most, with `--help` and `--version`.
 const MOST_FIRST: usize = 12;
 
-/// The command as a user types it: `posing NAME`. Its `-h` ends with where all flags are.
+/// The command as a user types it: `posing NAME`. Its `-h` ends with where all flags are. Examples
+/// stand behind what only the long help has, unless it has its own.
 pub fn typed(command: Command) -> Command {
     let name = command.get_name().to_string();
     if name == "posing" {
@@ -23,7 +24,11 @@ pub fn typed(command: Command) -> Command {
     }
     let first = first_flags(&command);
     let examples = command.get_after_help().cloned().unwrap_or_default();
-    let long = command.get_after_long_help().cloned();
+    let long = match command.get_after_long_help().map(ToString::to_string) {
+        Some(long) if long.contains("\n\nExamples:") => long,
+        Some(files) => format!("{files}\n\n{examples}"),
+        None => examples.to_string(),
+    };
     command
         .mut_args(|arg| {
             let is_first = arg.is_positional() || first.contains(arg.get_id());
@@ -31,7 +36,7 @@ pub fn typed(command: Command) -> Command {
         })
         .bin_name(format!("posing {name}"))
         .after_help(format!("{examples}\n\nAll flags: posing {name} --help"))
-        .after_long_help(long.unwrap_or(examples))
+        .after_long_help(long)
 }
 
 /// The flags that `-h` shows: where the result goes and what must be given, then those that a

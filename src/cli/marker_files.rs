@@ -1,6 +1,6 @@
 //! Takes of markers as tables: what a file says of its rate, unit and axes, or else the flags.
 
-use super::args::{CommonArgs, OutputArgs, ZeroArgs, parse_rate};
+use super::args::{OutputArgs, ZeroArgs, parse_rate};
 use super::choice::choice;
 use super::input::open;
 use super::messages;
@@ -42,8 +42,6 @@ pub struct MarkerFileArgs {
     zeros: ZeroArgs,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 impl MarkerUnitArgs {
@@ -80,7 +78,6 @@ impl MarkerFileArgs {
         read: impl Fn(Input, bool) -> Result<MarkerTake>,
         model_outputs: bool,
     ) -> Result<()> {
-        self.common.apply()?;
         let path = self.file.clone().unwrap_or_else(|| PathBuf::from("-"));
         let mut input = open(&path)?;
         // A file of another format is named.

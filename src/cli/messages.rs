@@ -62,7 +62,7 @@ fn kept_lines() -> MutexGuard<'static, Option<Vec<String>>> {
 }
 
 /// Whether `-q` was given.
-pub(crate) fn is_quiet() -> bool {
+pub fn is_quiet() -> bool {
     LEVEL.load(Ordering::Relaxed) == 0
 }
 

@@ -41,8 +41,9 @@ pub mod usage_json;
 
 use crate::Result;
 use crate::error::{OptionName, OptionNames};
+use args::CommonArgs;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, FromArgMatches};
+use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -61,25 +62,58 @@ pub enum Outcome {
     Failed,
 }
 
+impl Outcome {
+    /// That of work that was done, with findings or without.
+    pub fn of(has_findings: bool) -> Outcome {
+        if has_findings {
+            Outcome::Findings
+        } else {
+            Outcome::Done
+        }
+    }
+}
+
 impl From<()> for Outcome {
     fn from((): ()) -> Outcome {
         Outcome::Done
     }
 }
 
-/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0
-/// done (a reader that closes the pipe included), 1 bad data (also of some files of several), 2
-/// wrong usage, 3 done with findings. `version` is what `--version` says.
-pub fn run<A, O>(
+/// The parser of a command, with the flags that all have. Subcommands that stand in place of its
+/// arguments have them too.
+pub fn command<A: CommandFactory>() -> Command {
+    let command = CommonArgs::augment_args(A::command());
+    if command.is_args_conflicts_with_subcommands_set() {
+        command.mut_subcommands(CommonArgs::augment_args)
+    } else {
+        command
+    }
+}
+
+/// Sets what the flags that all commands have say; the program itself has none.
+fn apply_common(command: &Command, matches: &ArgMatches) -> Result<()> {
+    let below = matches.subcommand().map(|(_, below)| below);
+    let below = below.filter(|_| command.is_args_conflicts_with_subcommands_set());
+    let own = below.unwrap_or(matches);
+    match own
+        .try_contains_id("threads")
+        .map(|_| CommonArgs::from_arg_matches(own))
+    {
+        Ok(Ok(common)) => common.apply(),
+        _ => Ok(()),
+    }
+}
+
+/// Parses `words`, the command's name and its arguments, by `command`, runs `work` and returns the
+/// exit code: 0 done (a reader that closes the pipe included), 1 bad data (also of some files of
+/// several), 2 wrong usage, 3 done with findings. `version` is what `--version` says.
+pub fn run<A: FromArgMatches, O: Into<Outcome>>(
+    command: Command,
     words: Vec<OsString>,
     version: String,
     work: impl FnOnce(&A) -> Result<O>,
-) -> ExitCode
-where
-    A: CommandFactory + FromArgMatches,
-    O: Into<Outcome>,
-{
-    let mut command = manual::typed(A::command()).version(version);
+) -> ExitCode {
+    let mut command = manual::typed(command).version(version);
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
@@ -100,9 +134,12 @@ where
         .try_get_matches_from_mut(words)
         .and_then(|matches| Ok((A::from_arg_matches(&matches)?, matches)));
     match parsed {
-        Ok((args, matches)) => exit_code(
-            paths::check(&command, &matches).and_then(|()| streams::together(|| work(&args))),
-        ),
+        Ok((args, matches)) => exit_code(paths::check(&command, &matches).and_then(|()| {
+            streams::together(|| {
+                apply_common(&command, &matches)?;
+                work(&args)
+            })
+        })),
         Err(e) => parse_failure(&typed, &e),
     }
 }

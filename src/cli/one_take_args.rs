@@ -1,7 +1,7 @@
 //! The flags of commands that write one take of a table to a file: the take, its rate, its first
 //! frame's number.
 
-use super::args::{CommonArgs, InputArgs, parse_rate};
+use super::args::{InputArgs, parse_rate};
 use super::ik::report_time_jumps;
 use super::input::{check_single_stdin, or_stdin, read_table};
 use super::paths::OutputPath;
@@ -29,8 +29,6 @@ pub struct OneTakeArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// One take of a table.
@@ -47,7 +45,6 @@ pub struct OneTake {
 impl OneTakeArgs {
     /// Reads the take; `other` is a file that is read too.
     pub fn read(&self, other: Option<&PathBuf>) -> Result<OneTake> {
-        self.common.apply()?;
         let files = or_stdin(&self.files);
         check_single_stdin(files.iter().chain(other))?;
         let table = read_table(&self.input(), false, true)?;

@@ -3,8 +3,7 @@
 use super::messages;
 use crate::io::Columns;
 use crate::io::csv::{AddedColumn, After};
-use crate::io::text::push_f64;
-use crate::io::text::significant;
+use crate::io::text::{number_cell, significant};
 use crate::pose::units::{LengthUnit, Units};
 use crate::restore::{Restoration, RestorationCounts};
 
@@ -43,7 +42,7 @@ pub(crate) fn status_cells(
         [
             restored.status(t, p).name().to_string(),
             match units.unit {
-                LengthUnit::Cm => number(sd),
+                LengthUnit::Cm => number_cell(sd),
                 _ => significant(units.length(sd)),
             },
             method.to_string(),
@@ -53,15 +52,8 @@ pub(crate) fn status_cells(
     let novelty = (restored.novelty(t) * 10.0).ceil() / 10.0;
     (0..points)
         .flat_map(of_point)
-        .chain([number(novelty)])
+        .chain([number_cell(novelty)])
         .collect()
-}
-
-/// A cell; empty for NaN.
-fn number(value: f64) -> String {
-    let mut text = Vec::new();
-    push_f64(&mut text, value);
-    String::from_utf8(text).unwrap_or_default()
 }
 
 /// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points

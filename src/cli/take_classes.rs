@@ -1,20 +1,17 @@
 //! Files of what is done in takes, and by whom: `take,class,subject`.
 
-use super::input;
-use crate::io::csv::csv_fault;
+use super::csv_file::CsvFile;
 use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
-use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
 
 /// What a take is.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone)]
 pub struct TakeClass {
     take: String,
     /// What is done in it.
     pub class: String,
-    #[serde(default)]
     subject: Option<String>,
 }
 
@@ -32,29 +29,24 @@ impl TakeClass {
 /// [`Error::Data`], with the line: the file cannot be read, a column is missing, or a take has two
 /// classes.
 pub fn read(path: &Path) -> Result<HashMap<String, TakeClass>> {
-    let file = input::open(path)?;
+    let mut file = CsvFile::open(path)?;
     let source = file.name.clone();
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file.into_reader());
+    let needed = |name| file.needed(name, "take,class,subject");
+    let (take, class) = (needed("take")?, needed("class")?);
+    let subject = file.column("subject");
     let mut classes: HashMap<String, TakeClass> = HashMap::new();
-    let head = reader.headers().cloned();
-    let head = head.map_err(|e| csv_fault(&source, &e))?;
-    for name in ["take", "class"] {
-        if !head.iter().any(|h| h == name) {
-            let what = format!("has no column {name}; expected take,class,subject");
-            return Err(Error::data(Place::line(&source, 1), what));
+    for row in file.rows() {
+        let (line, row) = row?;
+        let own = TakeClass {
+            take: row[take].to_string(),
+            class: row[class].to_string(),
+            subject: subject.map(|c| row[c].to_string()),
+        };
+        let before = classes.insert(own.take.clone(), own.clone());
+        if before.is_some_and(|before| before.class != own.class) {
+            let what = format!("gives take \"{}\" a second class", excerpt(&own.take));
+            return Err(Error::data(Place::line(&source, line), what));
         }
-    }
-    for (k, line) in reader.deserialize().enumerate() {
-        let number = k as u64 + 2;
-        let line: TakeClass = line.map_err(|e| csv_fault(&source, &e))?;
-        let before = classes.get(&line.take).map(|c| c.class.clone());
-        if before.is_some_and(|class| class != line.class) {
-            let what = format!("gives take \"{}\" a second class", excerpt(&line.take));
-            return Err(Error::data(Place::line(&source, number), what));
-        }
-        classes.insert(line.take.clone(), line);
     }
     Ok(classes)
 }

@@ -88,12 +88,7 @@ impl BodyModel {
     /// [`Error::Data`]: the model is of another kind, or its arrays do not belong together.
     pub fn from_model(model: &Model, source: &str) -> Result<BodyModel> {
         let fail = |what: String| Error::data(Place::file(source), what);
-        if model.meta.kind != KIND {
-            return Err(fail(format!(
-                "is a model of kind {}, not a body; train one with body-train",
-                model.meta.kind
-            )));
-        }
+        model.check_kind(KIND, "not a body; train one with body-train", source)?;
         let array = |name: &str| model.array(name, source);
         let whole = |v: &f32| *v as usize;
         let vertices = array("vertices")?;

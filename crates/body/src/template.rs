@@ -3,6 +3,7 @@
 
 use crate::Result;
 use crate::numeric::sparse_cholesky::SparseCholesky;
+use crate::numeric::union_find::root;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
@@ -309,13 +310,6 @@ fn bridges(vertices: &[DVec3], faces: &[[usize; 3]]) -> Vec<[usize; 3]> {
 /// The connected piece of the surface that each vertex is of, from 0.
 fn pieces(vertices: usize, faces: &[[usize; 3]]) -> Vec<usize> {
     let mut parent: Vec<usize> = (0..vertices).collect();
-    fn root(parent: &mut [usize], mut v: usize) -> usize {
-        while parent[v] != v {
-            parent[v] = parent[parent[v]];
-            v = parent[v];
-        }
-        v
-    }
     for face in faces {
         let a = root(&mut parent, face[0]);
         for v in &face[1..] {

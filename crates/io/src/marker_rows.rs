@@ -171,7 +171,7 @@ impl MarkerRows {
             return Err(bad("has no frames".into()));
         }
         let promised = stated.frames.filter(|_| !stated.rows_count || is_cut);
-        if let Some(what) = self.ends_early(promised, is_cut) {
+        if let Some(what) = ends_early("frame", self.rows, promised, is_cut) {
             if !keep_whole {
                 return Err(bad(format!("{what}; the option `keep_whole` reads those")));
             }
@@ -217,18 +217,6 @@ impl MarkerRows {
         })
     }
 
-    /// How the file ends early, if it does.
-    fn ends_early(&self, promised: Option<usize>, is_cut: bool) -> Option<String> {
-        let there = self.rows;
-        match promised {
-            Some(promised) if there < promised => {
-                Some(format!("ends after {there} of its {promised} frames"))
-            }
-            _ if is_cut => Some(format!("ends within a frame, after {there} whole ones")),
-            _ => None,
-        }
-    }
-
     /// Notes what contradicts the file's own header.
     fn note_oddities(&self, stated: &mut Stated, is_cut: bool) {
         let rows = self.rows;
@@ -265,6 +253,22 @@ impl MarkerRows {
             start = end;
         }
         xyz
+    }
+}
+
+/// How a file of so many whole rows ends early, if it does; a row is a frame or the like.
+pub(crate) fn ends_early(
+    row: &str,
+    there: usize,
+    promised: Option<usize>,
+    is_cut: bool,
+) -> Option<String> {
+    match promised {
+        Some(promised) if there < promised => {
+            Some(format!("ends after {there} of its {promised} {row}s"))
+        }
+        _ if is_cut => Some(format!("ends within a {row}, after {there} whole ones")),
+        _ => None,
     }
 }
 

@@ -169,6 +169,20 @@ impl Model {
             .map(|(name, matrix)| (name.as_str(), matrix))
     }
 
+    /// Checks that it is of a kind; `else_what` ends the sentence that says of which it is.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: it is of another kind.
+    #[doc(hidden)]
+    pub fn check_kind(&self, kind: &str, else_what: &str, source: &str) -> Result<()> {
+        let own = &self.meta.kind;
+        if own == kind {
+            return Ok(());
+        }
+        let what = format!("is a model of kind {own}, {else_what}");
+        Err(Error::data(Place::file(source), what))
+    }
+
     /// The numbers of an array as f32; `None` where the model has no such array.
     pub fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
         self.arrays.get(name).map(Matrix::floats)

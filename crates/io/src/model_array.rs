@@ -109,12 +109,8 @@ impl Matrix {
         let values: Vec<f32> = if short {
             let pairs = rest.as_chunks::<2>().0.iter();
             pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
-        } else if wide {
-            let numbers = rest.as_chunks::<8>().0.iter();
-            numbers.map(|b| f64::from_le_bytes(*b) as f32).collect()
         } else {
-            let numbers = rest.as_chunks::<4>().0.iter();
-            numbers.map(|b| f32::from_le_bytes(*b)).collect()
+            npy::singles(rest, wide)
         };
         let array = if header.fortran {
             Array2::from_shape_vec((columns, rows), values)

@@ -3,7 +3,7 @@
 
 use super::csv::{AddedColumn, After};
 use super::marker_take::{MarkerTake, Quantity};
-use super::text::push_f64;
+use super::text::number_cell;
 
 /// The columns of a take's points that are no positions.
 pub fn columns(take: &MarkerTake) -> Vec<AddedColumn> {
@@ -22,8 +22,8 @@ pub fn cells(take: &MarkerTake, frame: usize) -> Vec<String> {
         let xyz = [0, 1, 2].map(|c| take.xyz[[frame, 3 * p + c]]);
         match take.quantity(p) {
             // Most writers use the last of the three numbers only; else they are the parts by axis.
-            Quantity::Power | Quantity::Scalar => out.push(text(xyz.iter().sum())),
-            _ => out.extend(xyz.map(text)),
+            Quantity::Power | Quantity::Scalar => out.push(number_cell(xyz.iter().sum())),
+            _ => out.extend(xyz.map(number_cell)),
         }
     }
     out
@@ -32,10 +32,4 @@ pub fn cells(take: &MarkerTake, frame: usize) -> Vec<String> {
 /// The points that are no positions.
 fn others(take: &MarkerTake) -> impl Iterator<Item = usize> {
     (0..take.points.len()).filter(|p| !take.quantity(*p).is_position())
-}
-
-fn text(value: f64) -> String {
-    let mut out = Vec::new();
-    push_f64(&mut out, value);
-    String::from_utf8(out).unwrap_or_default()
 }

@@ -233,6 +233,17 @@ fn decode(bytes: &[u8], wide: bool, out: &mut Vec<f64>) {
     }
 }
 
+/// Floats in single precision, of `<f8` if they are `wide`, else of `<f4`.
+pub(super) fn singles(bytes: &[u8], wide: bool) -> Vec<f32> {
+    if wide {
+        let values = bytes.as_chunks::<8>().0.iter();
+        values.map(|b| f64::from_le_bytes(*b) as f32).collect()
+    } else {
+        let values = bytes.as_chunks::<4>().0.iter();
+        values.map(|b| f32::from_le_bytes(*b)).collect()
+    }
+}
+
 pub(super) fn read_header(reader: &mut dyn Read, place: &Place) -> Result<Header> {
     let fail = |what: String| Error::data(place.clone(), what);
     let cut = |_| fail("ends inside its header".to_string());

@@ -4,7 +4,7 @@
 
 use super::input::Input;
 use super::marker_csv::points::rate_of_times;
-use super::marker_rows::is_missing;
+use super::marker_rows::{ends_early, is_missing};
 use super::marker_take::{CarriedColumns, MarkerTake};
 use super::motion_format::{MotionFormat, recognized};
 use super::text::{Lines, excerpt, parse_number};
@@ -57,7 +57,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
         let others = row.iter().enumerate().filter(|(c, _)| *c != time);
         carried.push(lines.number, others.map(|(_, cell)| *cell));
     }
-    let early = header.ends_early(times.len(), is_cut);
+    let early = ends_early("row", times.len(), header.rows, is_cut);
     if let Some(what) = early.as_ref().filter(|_| !keep_whole) {
         return Err(bad(format!("{what}; the option `keep_whole` reads those")));
     }
@@ -146,17 +146,6 @@ impl Header {
             }
         }
         Err(Error::data(lines.here(), "expected a line endheader"))
-    }
-
-    /// How the file ends early, if it does.
-    fn ends_early(&self, rows: usize, is_cut: bool) -> Option<String> {
-        match self.rows {
-            Some(announced) if rows < announced => {
-                Some(format!("ends after {rows} of its {announced} rows"))
-            }
-            _ if is_cut => Some(format!("ends within a row, after {rows} whole ones")),
-            _ => None,
-        }
     }
 
     /// What a person should know of it.

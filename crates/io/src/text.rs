@@ -297,9 +297,14 @@ fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) 
 /// A standard deviation with five significant figures: more is noise of the conversion.
 #[doc(hidden)]
 pub fn significant(value: f64) -> String {
-    let rounded = format!("{value:.4e}").parse().unwrap_or(value);
+    number_cell(format!("{value:.4e}").parse().unwrap_or(value))
+}
+
+/// A number as a cell; empty for NaN.
+#[doc(hidden)]
+pub fn number_cell(value: f64) -> String {
     let mut text = Vec::new();
-    push_f64(&mut text, rounded);
+    push_f64(&mut text, value);
     String::from_utf8(text).unwrap_or_default()
 }
 

@@ -15,7 +15,7 @@
 use super::tuning::exchanges::*;
 use crate::numeric::statistics::median;
 use crate::pose::joints::{mirrored, parents_by_name};
-use crate::pose::point_at;
+use crate::pose::{point_at, ranges};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
@@ -61,8 +61,9 @@ pub fn exchanges(
             };
             let states = limb.supported(limb.states());
             for (k, points) in pairs.iter().enumerate() {
-                let is_exchanged = |t: usize| states[t - run.start] >> k & 1 == 1;
-                found.extend(stretches_of(run, is_exchanged).map(|frames| Exchange {
+                let is_exchanged = |t: &usize| states[t - run.start] >> k & 1 == 1;
+                let exchanged = ranges(run.clone().filter(is_exchanged)).into_iter();
+                found.extend(exchanged.map(|frames| Exchange {
                     points: *points,
                     frames,
                 }));
@@ -71,20 +72,6 @@ pub fn exchanges(
     }
     found.sort_by_key(|e| (e.frames.start, e.points));
     found
-}
-
-/// The stretches of `frames` in which something holds.
-fn stretches_of(
-    frames: &Range<usize>,
-    holds: impl Fn(usize) -> bool,
-) -> impl Iterator<Item = Range<usize>> {
-    let is_start = |t: &usize| holds(*t) && (*t == frames.start || !holds(t - 1));
-    let starts: Vec<usize> = frames.clone().filter(is_start).collect();
-    let end = |t: usize| (t..frames.end).find(|t| !holds(*t));
-    let all: Vec<_> = (starts.into_iter())
-        .map(|t| t..end(t).unwrap_or(frames.end))
-        .collect();
-    all.into_iter()
 }
 
 /// The pairs of left and right points, joined to limbs by the bones between them.
@@ -170,9 +157,7 @@ impl Limb<'_> {
     /// States without the stretches in which both points of a pair are hardly ever seen: these are
     /// told by no jump of both.
     fn supported(&self, mut states: Vec<usize>) -> Vec<usize> {
-        let all = 0..states.len();
-        let stretches: Vec<_> = stretches_of(&all, |t| states[t] > 0).collect();
-        for stretch in stretches {
+        for stretch in ranges((0..states.len()).filter(|t| states[*t] > 0)) {
             let is_seen =
                 |t: usize, p: &usize| point_at(self.xyz, self.frames.start + t, *p).is_finite();
             let of_frame = |t: usize| {

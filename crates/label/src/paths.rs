@@ -335,25 +335,14 @@ impl<'a> Paths<'a> {
             .rev()
             .find_map(|t| at(t).filter(is_other));
         let after = (end..end + longest + 1).find_map(|t| at(t).filter(is_other));
-        let clipped = |cost: f64| (LINKED - cost / 2.0).clamp(-UNLINKED, LINKED);
-        let before = before.map(|p| {
-            let gap = start.saturating_sub(self.pieces[p].frames.end);
-            clipped(link_cost(
-                &self.ends[p][1],
-                &self.ends[first][0],
-                gap,
-                self.take.rate,
-            ))
-        });
-        let after = after.map(|p| {
-            let gap = self.pieces[p].frames.start.saturating_sub(end);
-            clipped(link_cost(
-                &self.ends[last][1],
-                &self.ends[p][0],
-                gap,
-                self.take.rate,
-            ))
-        });
+        let linked = |[from, to]: [usize; 2], gap| {
+            let ends = [&self.ends[from][1], &self.ends[to][0]];
+            let cost = link_cost(ends[0], ends[1], gap, self.take.rate);
+            (LINKED - cost / 2.0).clamp(-UNLINKED, LINKED)
+        };
+        let gap = |end: usize, start: usize| start.saturating_sub(end);
+        let before = before.map(|p| linked([p, first], gap(self.pieces[p].frames.end, start)));
+        let after = after.map(|p| linked([last, p], gap(end, self.pieces[p].frames.start)));
         before.unwrap_or(0.0) + after.unwrap_or(0.0)
     }
 

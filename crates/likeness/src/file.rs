@@ -37,13 +37,7 @@ impl PoseMetric {
     /// [`Error::Data`]: the model is of another kind, or its arrays and settings do not belong
     /// together.
     pub fn from_model(model: &Model, source: &str) -> Result<PoseMetric> {
-        let fail = |what: String| Error::data(Place::file(source), what);
-        if model.meta.kind != KIND {
-            return Err(fail(format!(
-                "is a model of kind {}, not a metric; train one with rdsr-train",
-                model.meta.kind
-            )));
-        }
+        model.check_kind(KIND, "not a metric; train one with rdsr-train", source)?;
         PoseMetric::from_parts(model, source)
     }
 

@@ -183,12 +183,7 @@ impl PoseIndex {
     /// together.
     pub fn from_model(model: &Model, source: &str) -> Result<PoseIndex> {
         let fail = |what: String| Error::data(Place::file(source), what);
-        if model.meta.kind != KIND {
-            return Err(fail(format!(
-                "is a model of kind {}, no index; retrieve makes one of a table",
-                model.meta.kind
-            )));
-        }
+        model.check_kind(KIND, "no index; retrieve makes one of a table", source)?;
         let metric = PoseMetric::from_parts(model, source)?;
         let takes = model.meta.details.get("takes").cloned().unwrap_or_default();
         let takes: Vec<IndexedTake> =

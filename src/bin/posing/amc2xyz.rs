@@ -1,7 +1,7 @@
 //! Turns ASF/AMC takes into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
+use posing::cli::args::{OutputArgs, parse_rate};
 use posing::cli::choice::choice;
 use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin};
 use posing::cli::messages;
@@ -53,12 +53,9 @@ pub struct Args {
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let takes = or_stdin(&args.takes);
     check_single_stdin(takes.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;

@@ -3,7 +3,6 @@
 use clap::Parser;
 use posing::Result;
 use posing::audit::{FileAudit, FileAuditor, TakePages, files_to_audit, page};
-use posing::cli::args::CommonArgs;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
@@ -56,12 +55,9 @@ pub struct Args {
     /// only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     let has_json = args.json.prepare_report();
     check_single_stdin(&args.files)?;
     let (files, unreadable) = files_to_audit(&or_stdin(&args.files));
@@ -113,9 +109,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.json.write_value(output, text, &audits)?;
     Ok(if audits.iter().any(|audit| audit.error.is_some()) {
         Outcome::Failed
-    } else if audits.iter().any(FileAudit::has_findings) {
-        Outcome::Findings
     } else {
-        Outcome::Done
+        Outcome::of(audits.iter().any(FileAudit::has_findings))
     })
 }

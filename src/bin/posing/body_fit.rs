@@ -9,7 +9,7 @@ use posing::body::fit_prior::FitPrior;
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::Outcome;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, report_fits, report_free_parts, report_markers,
     write_rotations, write_shapes,
@@ -50,9 +50,7 @@ use std::path::PathBuf;
     after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is \
                        on, counted from 0\n  fits.npz: completed and predicted (frames, V, 3) cm, \
                        rotations (frames, parts, 3, 3), shape (frames, K), faces (F, 3); NaN \
-                       where a frame has too few markers\n\nExamples:\n  posing body-fit -m \
-                       body.npz --on on.csv -o fits.npz markers.csv\n  posing body-fit -m \
-                       body.npz --on on.csv --noise 0.5 -o fits.npz --meshes fits/ markers.csv"
+                       where a frame has too few markers"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -83,12 +81,9 @@ pub struct Args {
     shapes: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(Some(&args.output))?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, [&args.model, &args.on])?;
@@ -129,10 +124,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         write_shapes(path, &poses, body.shape.len(), &shapes)?;
     }
     args.json.write(told(&fits, &names))?;
-    Ok(match findings {
-        0 => Outcome::Done,
-        _ => Outcome::Findings,
-    })
+    Ok(Outcome::of(findings > 0))
 }
 
 /// A frame's fit and its surfaces.

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::body::scan_fit::fit_scan;
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::open_body;
 use posing::cli::paths::OutputPath;
 use posing::cli::registration_points::{RegistrationPoints, read_scan};
@@ -24,8 +24,7 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply",
     after_long_help = "Files:\n  points.csv: vertex,x,y,z; a vertex of the model, counted from 0, \
-                       and where it is on the scan, in the scan's unit\n\nExamples:\n  posing \
-                       body-scan -m body.npz --units cm --points points.csv -o whole.ply scan.ply"
+                       and where it is on the scan, in the scan's unit"
 )]
 pub struct Args {
     /// Scan: OBJ, PLY, STL or OFF; without faces a cloud of points
@@ -42,12 +41,9 @@ pub struct Args {
     /// Output file: .obj, .ply, .stl or .npz
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     input::check_single_stdin([&args.scan, &args.model, &args.points])?;
     let output = MeshOutput::of(&args.output, "ply")?;
     let body = open_body(&args.model)?;

@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::body::BodyModel;
 use posing::body::take::{BodyTake, frames_of};
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{InputArgs, parse_rate};
 use posing::cli::body::pose_take;
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
@@ -34,10 +34,7 @@ use std::path::PathBuf;
                        take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation \
                        vectors of the parts in the world, radians, and the mean of the vertices \
                        of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard \
-                       deviations of people; one row, or one a frame\n\nExamples:\n  posing \
-                       body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m \
-                       body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m \
-                       body.npz --pose walk.csv -o walk.glb"
+                       deviations of people; one row, or one a frame"
 )]
 pub struct Args {
     /// Body model
@@ -86,12 +83,9 @@ pub struct Args {
         help_heading = "Output"
     )]
     out_up: UpAxis,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.rotations.iter().chain(&args.pose);
     input::check_single_stdin(tables.chain([&args.model]))?;
     let units = Units {

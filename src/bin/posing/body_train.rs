@@ -7,7 +7,7 @@ use posing::body::fit::FEWEST;
 use posing::body::part_finding::find_parts;
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Template};
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::choice::choice;
 use posing::cli::pair_file::PairFile;
@@ -43,13 +43,11 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\
         \n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
-    after_long_help = "Files:\n  meshes: OBJ, PLY, STL, OFF; folders of them, read in the order of \
-                       their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: \
-                       vertex,part; both count from 0\n  joints.csv: part,joint; the point of a \
-                       pose table at the joint where the part begins; in a second line of the \
-                       same part, the point at its far end\n\nExamples:\n  posing body-train \
-                       --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing \
-                       body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL, OFF; folders of them, read in the order \
+                       of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  \
+                       parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the \
+                       point of a pose table at the joint where the part begins; in a second line \
+                       of the same part, the point at its far end"
 )]
 pub struct Args {
     /// Meshes of one person in many poses; the first is the template
@@ -101,12 +99,9 @@ pub struct Args {
     /// Output file
     #[arg(short, long, value_name = "BODY.npz")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let units = args.units.table_units();
     let poses = read_meshes(&args.poses, units)?;
     let people = if args.shapes.is_empty() {

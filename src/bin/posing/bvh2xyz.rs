@@ -1,7 +1,7 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
+use posing::cli::args::{OutputArgs, parse_rate};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::input::open;
 use posing::cli::messages;
@@ -50,12 +50,9 @@ pub struct Args {
     keep_whole: bool,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let path = args.file.clone().unwrap_or_else(|| PathBuf::from("-"));
     let input = open(&path)?;
     let name = input.name.clone();

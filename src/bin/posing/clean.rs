@@ -5,7 +5,7 @@ use posing::audit::Limits;
 use posing::clean::{
     CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
 };
-use posing::cli::args::{CommonArgs, OutlierDetection, parse_hertz, parse_positive};
+use posing::cli::args::{OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
@@ -84,12 +84,7 @@ pub struct Args {
     /// Noise over which a take is denoised: of a coordinate, in cm or with a unit (1mm), and of the
     /// rotations of BVH and AMC files, in degrees (0.5deg; a number without a unit is for both)
     /// [default: 0.1cm and 0.25deg]
-    #[arg(
-        long,
-        value_name = "CM|DEG",
-        value_parser = NoiseLimit::parse,
-        help_heading = "Method"
-    )]
+    #[arg(long, value_name = "CM|DEG", value_parser = NoiseLimit::parse, help_heading = "Method")]
     noise_limit: Option<NoiseLimit>,
     /// Remove no noise: only fill gaps and replace outliers
     #[arg(long, conflicts_with = "noise_limit", help_heading = "Method")]
@@ -181,8 +176,6 @@ pub struct Args {
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// Limits of noise: of a coordinate, cm, and of rotations, degrees.
@@ -215,7 +208,6 @@ impl NoiseLimit {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare_report();
     let output = CleanOutput {
         path: args.output.to_path_buf(),
@@ -229,10 +221,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
     drop(bar);
     write_outputs(&report, &args.json)?;
-    Ok(match (report.has_failures(), report.has_findings()) {
-        (true, _) => Outcome::Failed,
-        (_, true) => Outcome::Findings,
-        _ => Outcome::Done,
+    Ok(if report.has_failures() {
+        Outcome::Failed
+    } else {
+        Outcome::of(report.has_findings())
     })
 }
 

@@ -1,8 +1,8 @@
 //! The commands, in the groups and the order in which they are listed: a first-time user's jobs
 //! first.
 
-use clap::{Command, CommandFactory};
-use posing::cli::run;
+use clap::Command;
+use posing::cli::{command, run};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -15,8 +15,8 @@ pub struct Entry {
     pub linked: bool,
     /// Its parser.
     pub command: fn() -> Command,
-    /// Runs it with its name and its arguments.
-    pub run: fn(Vec<OsString>) -> ExitCode,
+    /// Runs it by its parser, with its name and its arguments.
+    pub run: fn(Command, Vec<OsString>) -> ExitCode,
 }
 
 /// What `--version` says: the version, and the commit where `make` built it in a checkout. Only
@@ -38,8 +38,8 @@ macro_rules! entry {
         Entry {
             name: $name,
             linked: $linked,
-            command: <crate::$module::Args as CommandFactory>::command,
-            run: |words| run(words, version(), crate::$module::work),
+            command: command::<crate::$module::Args>,
+            run: |command, words| run(command, words, version(), crate::$module::work),
         }
     };
 }

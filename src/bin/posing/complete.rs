@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::args::parse_positive;
 use posing::cli::paths::OutputPath;
 use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::io::parse_point_names;
@@ -47,12 +47,9 @@ pub struct Args {
     report: Option<OutputPath>,
     #[command(flatten)]
     restoring: RestoringArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let observe = args.observe.as_deref().map(parse_point_names).transpose()?;
     let options = Complete {
         max_gap: args.max_gap,

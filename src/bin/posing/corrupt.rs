@@ -1,7 +1,7 @@
 //! Damages poses on purpose, for tests.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_positive};
+use posing::cli::args::{InputArgs, OutputArgs, SeedArgs, parse_positive};
 use posing::cli::input::{RowStream, read_table};
 use posing::cli::messages;
 use posing::cli::streams::{create_table, write_table};
@@ -59,12 +59,9 @@ pub struct Args {
     out: OutputArgs,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let noise = args.dense.is_some() || args.sparse.is_some();
     if !noise && args.keep.is_none() && args.drop.is_none() && args.gaps.is_none() {
         let what = "nothing to do; give --dense, --sparse, --keep, --drop or --gaps";

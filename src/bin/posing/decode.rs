@@ -1,7 +1,7 @@
 //! Turns sparse codes back into poses.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs};
+use posing::cli::args::OutputArgs;
 use posing::cli::input::{check_single_stdin, open, open_model};
 use posing::cli::streams::create_table;
 use posing::io::csv::csv_fault;
@@ -32,12 +32,9 @@ pub struct Args {
     model: PathBuf,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     check_single_stdin([&args.file, &args.model])?;
     let model = open_model(&args.model)?;
     let dictionary = dictionary(&model, &args.model.display().to_string())?;

@@ -1,7 +1,6 @@
 //! The first minute: a captured run is damaged, restored and drawn.
 
 use clap::Parser;
-use posing::cli::args::CommonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::{messages, streams};
 use posing::io::output::write_file;
@@ -27,8 +26,6 @@ pub struct Args {
     /// Folder for the files; it is made if it is not there
     #[arg(value_name = "DIR", default_value = "posing-demo")]
     folder: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 const SKELETON: &[u8] = include_bytes!(concat!(
@@ -104,7 +101,6 @@ const DRAW: &[&str] = &[
 ];
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let folder = &args.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     write_file(folder.join("09.asf"), SKELETON)?;

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, OutlierDetection};
+use posing::cli::args::OutlierDetection;
 use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::pose::units::parse_length;
 use posing::restore::Denoise;
@@ -43,8 +43,6 @@ pub struct Args {
     fill: bool,
     #[command(flatten)]
     restoring: RestoringArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// Noise of a coordinate, at most, cm.
@@ -67,7 +65,6 @@ fn parse_noise(text: &str) -> std::result::Result<Noise, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let options = Denoise {
         noise: args.noise.0,
         outliers: args.outliers == OutlierDetection::Auto,

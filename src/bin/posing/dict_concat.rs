@@ -1,7 +1,7 @@
 //! Joins dictionaries into one.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::args::parse_positive;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, messages, streams};
 use posing::io::Model;
@@ -36,12 +36,9 @@ pub struct Args {
     /// Output file
     #[arg(short, long, value_name = "DICT.npz")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     input::check_single_stdin(&args.dictionaries)?;
     let models = args
         .dictionaries
@@ -54,7 +51,7 @@ pub fn work(args: &Args) -> Result<()> {
         parts.push(dictionary(model, &path.display().to_string())?);
     }
     let joined = DictionaryMerge {
-        compare: !args.common.quiet && parts.len() > 1,
+        compare: !messages::is_quiet() && parts.len() > 1,
         prune: args.prune,
     }
     .join(&parts)?;

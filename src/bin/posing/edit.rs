@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
+use posing::cli::args::{BvhUnitArgs, InputArgs};
 use posing::cli::ik::{name_bone_ends, read_skeleton};
 use posing::cli::input::{check_single_stdin, open_model, read_table};
 use posing::cli::name_maps::name_map;
@@ -70,12 +70,9 @@ pub struct Args {
     no_open: bool,
     #[command(flatten)]
     units: BvhUnitArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let files = [&args.poses, &args.model, &args.skeleton];
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {

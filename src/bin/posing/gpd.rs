@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ndarray::{Axis, concatenate};
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::choice::choice;
 use posing::cli::feature_table::{self, JointMapArgs, body_frames};
 use posing::cli::input;
@@ -35,9 +35,7 @@ use posing::{Error, Result};
                        Hip = \"root\", Chest = \"thorax\", Neck = \"lowerneck\", Head = \"head\", \
                        LShoulder = \"lclavicle\", LElbow = \"lhumerus\", LHand = \"lwrist\", LHip \
                        = \"lhipjoint\", LKnee = \"lfemur\", LFoot = \"ltibia\", and R for the \
-                       right side)\n\nExamples:\n  posing gpd walk.csv > features.csv\n  posing \
-                       gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd \
-                       --map joints.toml mine.csv"
+                       right side)"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -61,8 +59,6 @@ pub struct Args {
         help_heading = "Output"
     )]
     to: Option<TableFormat>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn family(text: &str) -> std::result::Result<Family, String> {
@@ -71,7 +67,6 @@ fn family(text: &str) -> std::result::Result<Family, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let mut families = if args.features.is_empty() {
         Family::ALL.to_vec()
     } else {

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::clean::{files_beside, write_labeled};
-use posing::cli::args::CommonArgs;
+use posing::cli::args::parse_if;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each_told};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::LikeArgs;
@@ -108,12 +108,9 @@ pub struct Args {
         help_heading = "Method"
     )]
     keep_labels: Vec<Segment>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     if args.learn {
         return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
     }
@@ -146,10 +143,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
 }
 
 fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if (0.5..1.0).contains(&share) => Ok(share),
-        _ => Err("expected a number from 0.5, below 1".into()),
-    }
+    parse_if(
+        text,
+        |share| (0.5..1.0).contains(&share),
+        "a number from 0.5, below 1",
+    )
 }
 
 /// The body with the markers of the set, placed as in the labeled takes if there are some.
@@ -206,10 +204,6 @@ fn label(
         note.iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
     }
-    let outcome = if report.is_unsure() {
-        Outcome::Findings
-    } else {
-        Outcome::Done
-    };
+    let outcome = Outcome::of(report.is_unsure());
     Ok((outcome, json!({ "labels": report })))
 }

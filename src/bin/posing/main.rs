@@ -126,13 +126,13 @@ fn main() -> ExitCode {
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let called = words.first().and_then(|word| Path::new(word).file_name());
     if let Some(entry) = called.and_then(OsStr::to_str).and_then(find) {
-        return (entry.run)(words);
+        return (entry.run)((entry.command)(), words);
     }
     if let Some(entry) = words.get(1).and_then(|w| w.to_str()).and_then(find) {
         words.remove(0);
-        return (entry.run)(words);
+        return (entry.run)((entry.command)(), words);
     }
-    run(words, version(), work)
+    run(Args::command(), words, version(), work)
 }
 
 fn work(args: &Args) -> Result<()> {

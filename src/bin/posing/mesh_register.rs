@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
-use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::args::MeshUnitArgs;
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
@@ -31,10 +31,9 @@ use std::path::{Path, PathBuf};
     version,
     after_help = "Examples:\n  posing mesh-register --units cm --template template.ply --points \
                   points.csv -o registered.ply scan.ply",
-    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL, OFF\n  points.csv: vertex,x,y,z; a \
-                       vertex of the template, counted from 0, and where it is on the scan, in \
-                       the scan's unit\n\nExamples:\n  posing mesh-register --units cm --template \
-                       template.ply --points points.csv -o registered.ply scan.ply"
+    after_long_help = "Files:\n  template, scan: OBJ, PLY, STL, OFF\n  points.csv: vertex,x,y,z; \
+                       a vertex of the template, counted from 0, and where it is on the scan, in \
+                       the scan's unit"
 )]
 pub struct Args {
     /// Scan; - is standard input
@@ -54,12 +53,9 @@ pub struct Args {
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     MeshFormat::of(&args.output)?;
     input::check_single_stdin([&args.scan, &args.points])?;
     let units = args.units.table_units();

@@ -1,7 +1,6 @@
 //! Tells what a model is and where it came from.
 
 use clap::{Parser, Subcommand};
-use posing::cli::args::CommonArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, streams};
@@ -25,8 +24,6 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(subcommand)]
     what: What,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 #[derive(Subcommand)]
@@ -52,7 +49,6 @@ const NAMES: usize = 40;
 const STEPS: usize = 4;
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     match &args.what {
         What::Info {
             model: Some(path),

@@ -1,7 +1,7 @@
 //! Distances of poses.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -60,8 +60,6 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// A distance that papers compare with, in a build without them: there is none.
@@ -81,7 +79,6 @@ fn baseline(name: &str) -> std::result::Result<Baseline, String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let input = args.tables.input();
     let others = (args.model.iter()).chain(&args.labels).chain(&args.pairs);
     input::check_single_stdin_with(&input, others)?;

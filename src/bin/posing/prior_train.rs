@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, SeedArgs, Space, TableArgs};
+use posing::cli::args::{SeedArgs, Space, TableArgs};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -47,8 +47,6 @@ pub struct Args {
     output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// The kinds, with what each is.
@@ -69,7 +67,6 @@ fn kinds() -> clap::builder::PossibleValuesParser {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let world = args.space == Space::World;
     let tables = args.tables.input();
     let poses = ready(&tables, tables.files.clone(), world, None)?;

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, parse_positive};
+use posing::cli::args::{SeedArgs, TimedTableArgs, parse_if, parse_positive};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -34,10 +34,7 @@ use std::path::PathBuf;
         \n  posing rdsr-train --paper --pairs pairs.csv -o paper.npz poses.csv\
         \n  posing retrieve -m metric.npz -k 10 --database poses.csv walk.csv",
     after_long_help = "Files:\n  pairs.csv: a_take,a_frame,b_take,b_frame,label; label 1: alike, \
-                       0: not; frames count from 0 within their take\n\nExamples:\n  posing \
-                       rdsr-train --pairs pairs.csv -o metric.npz poses.csv\n  posing rdsr-train \
-                       --paper --pairs pairs.csv -o paper.npz poses.csv\n  posing retrieve -m \
-                       metric.npz -k 10 --database poses.csv walk.csv"
+                       0: not; frames count from 0 within their take"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -96,8 +93,6 @@ pub struct Args {
     output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 #[cfg(feature = "papers")]
@@ -126,21 +121,14 @@ fn learner() -> impl TypedValueParser<Value = Learner> {
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (0.0..=60.0).contains(&v) => Ok(v),
-        _ => Err("expected seconds, 0 to 60".into()),
-    }
+    parse_if(text, |v| (0.0..=60.0).contains(&v), "seconds, 0 to 60")
 }
 
 fn share(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v > 0.0 && v <= 1.0 => Ok(v),
-        _ => Err("expected a number above 0 to 1".into()),
-    }
+    parse_if(text, |v| v > 0.0 && v <= 1.0, "a number above 0 to 1")
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, &args.pairs)?;
     if args.pairs.is_none() && args.learner != Learner::L2 {

@@ -1,7 +1,7 @@
 //! Carries motion to another skeleton.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, parse_rate};
+use posing::cli::args::parse_rate;
 use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
@@ -76,13 +76,8 @@ pub struct Args {
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
     /// Axis that points up in BVH sources [default: that along which the figure stands, else y]
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        help_heading = "Input"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
+    #[arg(allow_hyphen_values = true)]
     up: Option<UpAxis>,
     /// Axis that points up in the rig, and so in the results
     #[arg(
@@ -99,8 +94,6 @@ pub struct Args {
     keep_whole: bool,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// What is the same for all files.
@@ -114,7 +107,6 @@ struct Job<'a> {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(args.output.as_deref())?;
     let inputs = or_stdin(&args.inputs);
     check_single_stdin(inputs.iter().chain([&args.to]))?;
@@ -183,11 +175,7 @@ impl Job<'_> {
         }
         write_bytes(job.output.as_deref(), &text, false)?;
         report(&name, &done);
-        let outcome = match done.missing {
-            0 => Outcome::Done,
-            _ => Outcome::Findings,
-        };
-        Ok((outcome, told(&done)))
+        Ok((Outcome::of(done.missing > 0), told(&done)))
     }
 }
 

@@ -1,7 +1,6 @@
 //! Learns the prior over the rotations of a body's joints.
 
 use clap::Parser;
-use posing::cli::args::CommonArgs;
 use posing::cli::input::open;
 use posing::cli::messages;
 use posing::cli::paths::{OutputPath, check_read};
@@ -39,15 +38,12 @@ pub struct Args {
     /// Output file
     #[arg(short, long, value_name = "ROTATIONS.npz")]
     output: OutputPath,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// Frames of a take that are learned from, spread over it.
 const MOST_FRAMES: usize = 300;
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let bar = Progress::new("rotations-train", args.folders.len() as u64);
     let (mut subjects, mut skeletons) = (Vec::new(), Vec::new());
     let mut digests = Vec::new();

@@ -1,7 +1,7 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{InputArgs, parse_rate};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
@@ -55,12 +55,9 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     args.json.prepare_report();
     let files = [Some(&args.truth), Some(&args.result), args.damaged.as_ref()];
     let inputs: Vec<InputArgs> = files

@@ -1,7 +1,7 @@
 //! Joints from labeled markers.
 
 use clap::{Parser, ValueEnum};
-use posing::cli::args::{CommonArgs, OutputArgs};
+use posing::cli::args::OutputArgs;
 use posing::cli::input::open;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::marker_set::marker_set;
@@ -123,8 +123,6 @@ pub struct Args {
     page: Option<OutputPath>,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// Joints by their name on the command line.
@@ -138,7 +136,6 @@ enum Joints {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     let own = args.map.as_ref().or(args.template.as_ref());
     let own = match (own, args.set.as_str()) {
         (Some(path), _) => Some(Cow::Owned(MarkerSet::open(path)?)),
@@ -184,11 +181,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let lines = solved.lines().into_iter().chain(findings.iter().cloned());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
     write(args, &file, &solved)?;
-    Ok(if findings.is_empty() {
-        Outcome::Done
-    } else {
-        Outcome::Findings
-    })
+    Ok(Outcome::of(!findings.is_empty()))
 }
 
 /// A file of one take.

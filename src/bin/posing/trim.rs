@@ -4,7 +4,7 @@ use posing::cli::choice::named;
 use posing::cli::paths::OutputPath;
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutUnitArgs, OutputArgs, parse_hertz, parse_rate};
+use posing::cli::args::{InputArgs, OutUnitArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
@@ -72,8 +72,6 @@ pub struct Args {
     output: Option<OutputPath>,
     #[command(flatten)]
     out_units: OutUnitArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// What `--to` says: where frames end, or as what they are written.
@@ -122,7 +120,6 @@ fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let mut table = read_table(&args.input, false, false)?;
     let fps = args.input.rate(&table.poses)?;
     table.poses.time = table.poses.times(fps);

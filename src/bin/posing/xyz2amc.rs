@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{InputArgs, parse_rate};
 use posing::cli::choice::choice;
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
@@ -64,12 +64,9 @@ pub struct Args {
     fps: Option<f64>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(args.output.as_deref())?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
@@ -91,5 +88,5 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
     args.json.write(&report)?;
-    Ok(report.outcome())
+    Ok(report.outcome)
 }

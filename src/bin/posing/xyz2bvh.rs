@@ -1,7 +1,7 @@
 //! Turns a pose table into a BVH file.
 
 use clap::Parser;
-use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{BvhUnitArgs, InputArgs, parse_rate};
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::json_report::JsonArgs;
@@ -87,8 +87,6 @@ pub struct Args {
     /// fit
     #[arg(long)]
     force: bool,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
@@ -96,7 +94,6 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     args.json.prepare(args.output.as_deref())?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain(&args.skeleton).chain(&args.into))?;
@@ -143,7 +140,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.json.write(&report)?;
     Ok(match axis {
         Outcome::Findings => axis,
-        _ => report.outcome(),
+        _ => report.outcome,
     })
 }
 

@@ -76,5 +76,5 @@ pub fn work(args: &Args) -> Result<Outcome> {
     };
     args.take.write(&mesh.to_glb()?, true)?;
     args.json.write(&report)?;
-    Ok(report.outcome())
+    Ok(report.outcome)
 }

@@ -25,13 +25,8 @@ pub struct Args {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "mm")]
     units: LengthUnit,
     /// Axis of the file that points up
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        default_value = "y"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
+    #[arg(allow_hyphen_values = true)]
     up: UpAxis,
     #[command(flatten)]
     out: OneTakeArgs,

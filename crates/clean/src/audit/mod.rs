@@ -31,7 +31,7 @@ use crate::label::unlabeled::{labeled, labeled_poses};
 use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::stray::{PointApart, points_apart};
 use crate::pose::zeros::Zeros;
-use crate::pose::{JointAngles, Poses, point_at};
+use crate::pose::{JointAngles, Poses, point_at, ranges};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;
@@ -342,18 +342,6 @@ impl Take<'_> {
             what,
         }
     }
-}
-
-/// The frames in which something is so, in ranges on end.
-fn ranges(frames: impl IntoIterator<Item = usize>) -> Vec<Range<usize>> {
-    let mut out: Vec<Range<usize>> = Vec::new();
-    for t in frames {
-        match out.last_mut() {
-            Some(last) if last.end == t => last.end = t + 1,
-            _ => out.push(t..t + 1),
-        }
-    }
-    out
 }
 
 #[cfg(test)]

@@ -31,3 +31,5 @@ pub mod sparse_cholesky;
 pub mod statistics;
 #[doc(hidden)]
 pub mod track_noise;
+#[doc(hidden)]
+pub mod union_find;

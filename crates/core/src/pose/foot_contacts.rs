@@ -1,5 +1,6 @@
 //! Where a foot stands, and what holds it there.
 
+use super::ranges;
 use crate::numeric::statistics::quantile;
 use glam::DVec3;
 use std::ops::Range;
@@ -39,13 +40,7 @@ pub fn contacts(point: &[DVec3], rate: f64, limits: &ContactLimits) -> Vec<Range
     };
     let is_planted =
         |t: &usize| speed(point, *t, rate) < limits.speed && point[*t].y - ground < limits.height;
-    let mut found: Vec<Range<usize>> = Vec::new();
-    for t in (0..point.len()).filter(is_planted) {
-        match found.last_mut().filter(|range| range.end == t) {
-            Some(range) => range.end += 1,
-            None => found.push(t..t + 1),
-        }
-    }
+    let mut found = ranges((0..point.len()).filter(is_planted));
     found.retain(|range| range.len() as f64 >= limits.seconds * rate - 1e-6);
     found
 }

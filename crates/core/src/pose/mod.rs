@@ -21,6 +21,7 @@ pub mod orientation;
 pub(crate) mod placement;
 #[doc(hidden)]
 pub mod poses;
+mod ranges;
 #[doc(hidden)]
 pub mod repeated_frames;
 pub mod rotation;
@@ -51,6 +52,8 @@ pub use placement::Anchor;
 pub use poses::Poses;
 #[doc(hidden)]
 pub use poses::point_at;
+#[doc(hidden)]
+pub use ranges::ranges;
 pub use segment::Segment;
 pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};

@@ -5,7 +5,7 @@
 //! less (tilt / 15°)² / 2, the tilt being that of the pelvis from its present one, whichever way it
 //! faces. Poses that this makes less likely by 60 nats than the best are left out.
 
-use super::pose_solver::{Constraints, Pose, PoseSolver, Reference};
+use super::pose_solver::{Constraints, Pose, PoseSolver, Reference, largest_step};
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Observation, Similarity};
 use crate::prior::Want;
@@ -52,7 +52,7 @@ pub fn other_poses(solver: &PoseSolver, goals: &Constraints, now: &Pose) -> Vec<
             &start,
             f64::INFINITY,
         );
-        let is_new = |other: &Pose| farthest(&other.xyz, &pose.xyz) >= APART;
+        let is_new = |other: &Pose| largest_step(&other.xyz, &pose.xyz) >= APART;
         let is_held = pose.missed.iter().all(|m| *m == 0.0);
         if !is_held || !is_new(now) {
             continue;
@@ -98,13 +98,6 @@ fn laid_on(solver: &PoseSolver, model: &[f64], pinned: &[usize], now: &Pose) -> 
         shift: now.placement.shift + shift,
         ..now.placement
     }
-}
-
-/// The largest distance between the joints of two poses, cm.
-fn farthest(a: &[f64], b: &[f64]) -> f64 {
-    let joints = a.chunks_exact(3).zip(b.chunks_exact(3));
-    let apart = joints.map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length());
-    apart.fold(0.0, f64::max)
 }
 
 /// How likely a pose is, nats.

@@ -488,7 +488,7 @@ impl PoseSolver {
 }
 
 /// The farthest that a joint goes from one pose (3 K) to the other, cm.
-fn largest_step(from: &[f64], to: &[f64]) -> f64 {
+pub(super) fn largest_step(from: &[f64], to: &[f64]) -> f64 {
     let joints = from.chunks_exact(3).zip(to.chunks_exact(3));
     let steps = joints.map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length());
     steps.fold(0.0, f64::max)

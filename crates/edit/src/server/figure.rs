@@ -6,7 +6,7 @@ use crate::edit::{Rig, Session};
 use crate::ik::estimate_skeleton;
 use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::io::csv::{AddedColumn, After, CsvFormat};
-use crate::io::text::push_f64;
+use crate::io::text::number_cell;
 use crate::io::{Amc, Asf, Bvh, Columns, Row, SkeletonFile};
 use crate::pose::rotation::Axis;
 use crate::pose::{NameMap, Poses, Skeleton, Status};
@@ -231,10 +231,10 @@ fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
 
 /// A number as a cell; empty where it is not known.
 fn number(value: f64) -> String {
-    if !value.is_finite() {
-        return String::new();
+    let rounded = (value * 1e6).round() / 1e6;
+    if value.is_finite() {
+        number_cell(rounded)
+    } else {
+        String::new()
     }
-    let mut out = Vec::new();
-    push_f64(&mut out, (value * 1e6).round() / 1e6);
-    String::from_utf8(out).unwrap_or_default()
 }

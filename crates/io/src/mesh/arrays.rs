@@ -2,7 +2,7 @@
 //! whole type, both in C order. Other arrays are ignored.
 
 use super::super::Input;
-use super::super::npy::{Header, read_header};
+use super::super::npy::{Header, read_header, singles};
 use super::super::text::{MAX_COORDINATE, excerpt};
 use super::MOST;
 use crate::{Error, Place, Result};
@@ -103,13 +103,7 @@ fn vertices(archive: &mut Archive, name: &str, part: &str) -> Result<(usize, Vec
             ));
         }
     };
-    let xyz: Vec<f32> = if header.descr == "<f8" {
-        let values = bytes.as_chunks().0.iter();
-        values.map(|b| f64::from_le_bytes(*b) as f32).collect()
-    } else {
-        let values = bytes.as_chunks().0.iter();
-        values.map(|b| f32::from_le_bytes(*b)).collect()
-    };
+    let xyz = singles(&bytes, header.descr == "<f8");
     let beyond = |at: &usize| !(f64::from(xyz[*at].abs()) <= MAX_COORDINATE);
     let there = (0..xyz.len() / (3 * count))
         .filter(|k| !is_absent(&xyz[3 * count * k..3 * count * (k + 1)]));

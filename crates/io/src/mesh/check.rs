@@ -2,6 +2,7 @@
 
 use super::Mesh;
 use crate::Result;
+use crate::numeric::union_find::root;
 use glam::DVec3;
 use std::fmt;
 
@@ -276,12 +277,7 @@ fn groups(edges: &[[u32; 2]]) -> usize {
     for edge in edges {
         let [a, b] = edge.map(|v| {
             // Every vertex of an edge is in the list.
-            let mut at = vertices.binary_search(&v).unwrap_or_default();
-            while parent[at] != at {
-                parent[at] = parent[parent[at]];
-                at = parent[at];
-            }
-            at
+            root(&mut parent, vertices.binary_search(&v).unwrap_or_default())
         });
         if a != b {
             parent[a] = b;

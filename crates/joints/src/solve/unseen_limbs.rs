@@ -4,7 +4,7 @@
 //! A joint is known where a marker is on the bone that ends there, or beyond it, or the bone cannot
 //! turn against one that is known.
 
-use crate::pose::{Bone, point_at};
+use crate::pose::{Bone, point_at, ranges};
 use ndarray::Array2;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -67,13 +67,7 @@ impl SeenBones<'_> {
             if count > 0 && count == solved.iter().filter(|is| **is).count() {
                 return std::iter::once(0..frames).collect();
             }
-            let mut runs: Vec<Range<usize>> = Vec::new();
-            for t in (0..frames).filter(is_unseen) {
-                match runs.last_mut() {
-                    Some(run) if run.end == t => run.end += 1,
-                    _ => runs.push(t..t + 1),
-                }
-            }
+            let mut runs = ranges((0..frames).filter(is_unseen));
             runs.retain(|run| run.len() as f64 > longest);
             runs
         };

@@ -5,6 +5,7 @@ use super::timing::{point_at, smooth};
 use crate::clip::Clip;
 use crate::joint_map::joint;
 use crate::pose::foot_contacts::{ContactLimits, contacts, fade};
+use crate::pose::ranges;
 use crate::pose::two_bone::TwoBones;
 use glam::DVec3;
 use std::ops::Range;
@@ -104,14 +105,7 @@ impl Leg {
             let frame = usize::try_from(frame).unwrap_or(usize::MAX);
             self.contacts[clip].iter().any(|c| c.contains(&frame))
         };
-        let mut found: Vec<Range<isize>> = Vec::new();
-        for k in reach.filter(stands) {
-            match found.last_mut().filter(|range| range.end == k) {
-                Some(range) => range.end += 1,
-                None => found.push(k..k + 1),
-            }
-        }
-        found
+        ranges(reach.filter(stands))
     }
 
     /// How far the sole goes over the ground from one frame of a clip to another.

@@ -32,13 +32,8 @@ pub(super) fn refine(e: &[f32], atom: &mut [f32], x: &mut [f32]) -> usize {
         if step > 0 && gain <= SMALL * (total - now).max(0.0) {
             return step;
         }
-        let norm = next
-            .iter()
-            .map(|&v| f64::from(v).powi(2))
-            .sum::<f64>()
-            .sqrt();
         // E atom = 0: the atom tells nothing of these rows, and any of them makes a better start.
-        if norm <= 1e-6 * total {
+        if norm(&next) <= 1e-6 * total {
             let Some(row) = e
                 .chunks_exact(d)
                 .max_by(|a, b| dot(a, a).total_cmp(&dot(b, b)))
@@ -47,11 +42,7 @@ pub(super) fn refine(e: &[f32], atom: &mut [f32], x: &mut [f32]) -> usize {
             };
             next.copy_from_slice(row);
         }
-        let norm = next
-            .iter()
-            .map(|&v| f64::from(v).powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let norm = norm(&next);
         if !(norm > 0.0 && norm.is_finite()) {
             return step;
         }
@@ -82,6 +73,10 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
         sums[3] + sums[7],
     ];
     (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]) + rest
+}
+
+fn norm(v: &[f32]) -> f64 {
+    v.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt()
 }
 
 /// v += c u.

@@ -1,5 +1,7 @@
 //! Poses that are alike by a chain of pairs.
 
+use crate::numeric::union_find::root;
+
 /// The connected components of alike pairs, the "chunklets" of Bar-Hillel et al. 2005.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Components {
@@ -27,15 +29,6 @@ pub(super) fn components(n: usize, alike: &[[usize; 2]]) -> Components {
     }
     let groups = members.into_iter().filter(|m| m.len() > 1).collect();
     Components { groups, of }
-}
-
-/// The representative of `i`; halves the way to it.
-fn root(of: &mut [usize], mut i: usize) -> usize {
-    while of[i] != i {
-        of[i] = of[of[i]];
-        i = of[i];
-    }
-    i
 }
 
 #[cfg(test)]

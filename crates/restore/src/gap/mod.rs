@@ -41,7 +41,7 @@ mod whole_body;
 use super::adapted_prior::AdaptedPrior;
 use super::take::{PointState, Take, TakeResult};
 use crate::numeric::statistics::mean_of_finite;
-use crate::pose::{FillMethod, Status};
+use crate::pose::{FillMethod, Status, ranges};
 pub(crate) use contacts::hold as hold_feet;
 use filler::GapFiller;
 pub use local_poses::{LocalPoses, anchor as local_anchor};
@@ -126,24 +126,17 @@ pub(crate) fn find_gaps(seen: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec
 fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     let mut gaps = Vec::new();
     for point in 0..seen.ncols() / 3 {
-        let is_missing = |t: usize| (3 * point..3 * point + 3).any(|i| seen[[t, i]].is_nan());
-        let mut t = run.start;
-        while t < run.end {
-            if !is_missing(t) {
-                t += 1;
-                continue;
-            }
-            let start = t;
-            while t < run.end && is_missing(t) {
-                t += 1;
-            }
-            gaps.push(Gap {
-                point,
-                frames: start..t,
-                before: (start > run.start).then(|| start - 1),
-                after: (t < run.end).then_some(t),
-            });
-        }
+        let is_missing = |t: &usize| (3 * point..3 * point + 3).any(|i| seen[[*t, i]].is_nan());
+        gaps.extend(
+            ranges(run.clone().filter(is_missing))
+                .into_iter()
+                .map(|frames| Gap {
+                    point,
+                    before: (frames.start > run.start).then(|| frames.start - 1),
+                    after: (frames.end < run.end).then_some(frames.end),
+                    frames,
+                }),
+        );
     }
     gaps
 }

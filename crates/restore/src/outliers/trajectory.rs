@@ -13,6 +13,8 @@
 use super::tuning::trajectory::*;
 use crate::noise_estimation;
 use crate::numeric::parallel;
+use crate::numeric::statistics::median;
+use crate::pose::ranges;
 use crate::pose_model::PoseModel;
 use crate::take::{Take, without};
 use glam::DVec3;
@@ -71,9 +73,7 @@ pub(crate) fn spikes_in_rounds(
         by_point = noise_of(clean.view());
     }
     // The median: the noise of a single point may be meaningless.
-    by_point.sort_by(f64::total_cmp);
-    let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
-    (all, clean, typical)
+    (all, clean, median(by_point).unwrap_or(0.0))
 }
 
 /// The spikes of each frame of a take; `noise` (J) is the standard deviation of a coordinate of
@@ -190,14 +190,10 @@ impl Path {
     /// Where a path jumps and stays, the frames on either side of the jump disagree with their
     /// neighbors: they are no spikes.
     fn release(&self, spikes: &mut [bool]) {
-        let mut from = 0;
-        while let Some(first) = (from..spikes.len()).find(|t| spikes[*t]) {
-            let end = (first..spikes.len()).find(|t| !spikes[*t]);
-            let end = end.unwrap_or(spikes.len());
-            if self.jumps(first, end, spikes) {
-                spikes[first..end].fill(false);
+        for found in ranges((0..spikes.len()).filter(|t| spikes[*t])) {
+            if self.jumps(found.start, found.end, spikes) {
+                spikes[found].fill(false);
             }
-            from = end;
         }
     }
 

@@ -8,7 +8,7 @@ use posing::body::BodyModel;
 use posing::body::Marker;
 use posing::body::animation::Offsets;
 use posing::body::take::BodyTake;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::body::fit_take;
 use posing::cli::body::{
     marker_frames, open_body, read_marker_map, read_shapes, smooth, write_rotations, write_shapes,
@@ -42,9 +42,7 @@ use std::path::PathBuf;
                   markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o \
                   other.npz --rotations rotations.csv markers.csv",
     after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is \
-                       on, counted from 0\n\nExamples:\n  posing body-animate -m body.npz --on \
-                       on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on \
-                       on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv"
+                       on, counted from 0"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -71,13 +69,8 @@ pub struct Args {
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     scan_units: Option<LengthUnit>,
     /// Axis of the scan that points up
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        default_value = "y"
-    )]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
+    #[arg(allow_hyphen_values = true)]
     scan_up: UpAxis,
     /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
@@ -99,12 +92,9 @@ pub struct Args {
     /// Write the shape as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     shapes: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    args.common.apply()?;
     let files = args.on.iter().chain(&args.scan);
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, files.chain([&args.model]))?;
@@ -138,10 +128,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         write_shapes(path, &take.poses, take.shape(0).len(), &shapes)?;
     }
     output.write(&take, &body, Units::CM_Y)?;
-    Ok(match findings {
-        0 => Outcome::Done,
-        _ => Outcome::Findings,
-    })
+    Ok(Outcome::of(findings > 0))
 }
 
 /// The one shape of a take.

@@ -4,7 +4,7 @@ mod split;
 
 use self::split::{KMeansArgs, SplitFolder};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, SeedArgs, TableArgs};
+use posing::cli::args::{OutputArgs, SeedArgs, TableArgs};
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::streams;
@@ -46,12 +46,9 @@ pub struct Args {
     seed: SeedArgs,
     #[command(flatten)]
     out: OutputArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let split = args.split.as_deref().map(|folder| SplitFolder {
         folder,
         parts: args.kmeans.k as usize,

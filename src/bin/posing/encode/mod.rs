@@ -3,7 +3,7 @@
 mod code_table;
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, TableArgs};
+use posing::cli::args::TableArgs;
 use posing::cli::choice::choice;
 use posing::cli::paths::OutputPath;
 
@@ -48,12 +48,9 @@ pub(crate) struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.tables.input();
     check_single_stdin_with(&tables, [&args.model])?;
     let model = open_model(&args.model)?;

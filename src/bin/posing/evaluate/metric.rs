@@ -52,6 +52,8 @@ pub struct EvaluateMetricArgs {
     /// Also write metric.csv, metric.json and report.html into DIR
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<OutputPath>,
+    #[command(flatten)]
+    json: JsonArgs,
 }
 
 fn rule(text: &str) -> std::result::Result<LabelRule, String> {
@@ -63,8 +65,8 @@ fn rule(text: &str) -> std::result::Result<LabelRule, String> {
 /// # Errors
 /// [`Error::Data`]: a file cannot be read, a take has no class, or there is nothing to learn from
 /// or to test on.
-pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()> {
-    json.prepare_report();
+pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
+    args.json.prepare_report();
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, [&args.classes])?;
     let map = args.map.joint_map()?;
@@ -103,7 +105,8 @@ pub fn evaluate_metric(args: &EvaluateMetricArgs, json: &JsonArgs) -> Result<()>
             ],
         )?;
     }
-    json.write_report(None, || report.text(), parsed(&report.json())?)
+    args.json
+        .write_report(None, || report.text(), parsed(&report.json())?)
 }
 
 /// Takes with their classes; takes without one are left out, and said so.

@@ -5,7 +5,7 @@ use super::metric::{EvaluateMetricArgs, evaluate_metric};
 use super::takes::EvaluateTakesArgs;
 use super::{parsed, sources};
 use clap::{Parser, Subcommand};
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Shard};
@@ -95,8 +95,6 @@ pub struct Args {
     merge: Vec<PathBuf>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 #[derive(Subcommand)]
@@ -114,26 +112,15 @@ enum Tested {
     ///
     /// Prints the precision of each distance with a 95% interval (bootstrap over takes); * marks
     /// the highest.
-    Metric {
-        #[command(flatten)]
-        args: EvaluateMetricArgs,
-        #[command(flatten)]
-        json: JsonArgs,
-        #[command(flatten)]
-        common: CommonArgs,
-    },
+    Metric(EvaluateMetricArgs),
 }
 
 pub fn work(args: &Args) -> Result<()> {
     match &args.command {
         Some(Tested::Takes(args)) => return args.work(),
-        Some(Tested::Metric { args, json, common }) => {
-            common.apply()?;
-            return evaluate_metric(args, json);
-        }
+        Some(Tested::Metric(args)) => return evaluate_metric(args),
         None => {}
     }
-    args.common.apply()?;
     args.json.prepare_report();
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;

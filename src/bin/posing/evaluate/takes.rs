@@ -3,7 +3,7 @@
 use super::{rows_of, sources, write};
 use clap::Args;
 use posing::Result;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::TimedTableArgs;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
@@ -73,8 +73,6 @@ pub struct EvaluateTakesArgs {
     output: Option<OutputPath>,
     #[command(flatten)]
     json: JsonArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
@@ -90,7 +88,6 @@ impl EvaluateTakesArgs {
     /// # Errors
     /// As [`TestTakes::test`]; also if a file cannot be read or written.
     pub fn work(&self) -> Result<()> {
-        self.common.apply()?;
         self.json.prepare_report();
         let tables = self.tables.input();
         input::check_single_stdin_with(&tables, &self.model)?;

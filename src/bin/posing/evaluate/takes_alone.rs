@@ -14,6 +14,7 @@ use std::ffi::OsString;
 #[command(
     name = "evaluate",
     version,
+    args_conflicts_with_subcommands = true,
     arg_required_else_help = true,
     after_help = "Examples:\
         \n  posing evaluate takes -o bench two-people.csv"

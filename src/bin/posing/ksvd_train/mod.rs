@@ -5,7 +5,7 @@ mod training;
 use self::training::{KsvdArgs, TrainingRun};
 use clap::{ArgGroup, Parser};
 use posing::Result;
-use posing::cli::args::{CommonArgs, SeedArgs, Space, TableArgs};
+use posing::cli::args::{SeedArgs, Space, TableArgs};
 use posing::cli::paths::OutputPath;
 use posing::cli::training::ready;
 use posing::cli::{input, messages, streams};
@@ -38,12 +38,9 @@ pub struct Args {
     output: OutputPath,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let (own, seed) = (&args.training, args.seed.seed);
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, own.init.iter().chain(&own.valid))?;

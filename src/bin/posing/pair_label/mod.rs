@@ -5,7 +5,7 @@ mod output;
 use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, SeedArgs, TimedTableArgs, format_of};
+use posing::cli::args::{SeedArgs, TimedTableArgs, format_of};
 use posing::cli::feature_table::JointMapArgs;
 use posing::cli::metric_takes::read_takes;
 use posing::cli::paths::OutputPath;
@@ -62,8 +62,6 @@ pub struct Args {
     to: Option<PairFormat>,
     #[command(flatten)]
     seed: SeedArgs,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 impl Args {
@@ -79,7 +77,6 @@ impl Args {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     // --csv alone writes the table and nothing else.
     let format = match (&args.csv, &args.output, args.to) {
         (Some(_), None, None) => None,

@@ -7,7 +7,7 @@ mod tables;
 use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use self::tables::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, format_of};
+use posing::cli::args::{InputArgs, format_of};
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::messages;
 use posing::cli::paths::OutputPath;
@@ -95,12 +95,9 @@ pub struct Args {
     /// Output format (default: by FILE's extension)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PlotFormat>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let to = format_of(args.to, args.output.as_deref())?;
     // A flag of the other format is refused rather than ignored.
     if let (PlotFormat::Html, Some(flag)) = (to, args.svg.given()) {

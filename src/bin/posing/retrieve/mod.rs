@@ -4,7 +4,7 @@ mod matches;
 
 use self::matches::Matches;
 use clap::Parser;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::{TimedTableArgs, parse_if};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{MetricTakes, open_index, open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -129,22 +129,16 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (0.0..=1e6).contains(&v) => Ok(v),
-        _ => Err("expected seconds, 0 or more".into()),
-    }
+    parse_if(text, |v| (0.0..=1e6).contains(&v), "seconds, 0 or more")
 }
 
 /// Poses or events that are found, unless one says otherwise.
 const MOST: u32 = 10;
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let index = args.index.as_deref().filter(|_| args.database.is_none());
     let index = index.map(Path::to_path_buf);
     let others = (args.database.iter().chain(&args.model))

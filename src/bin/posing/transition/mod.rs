@@ -5,7 +5,7 @@ mod take_pairs;
 
 use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
-use posing::cli::args::{CommonArgs, TimedTableArgs};
+use posing::cli::args::{TimedTableArgs, parse_if};
 use posing::cli::feature_table::FittingMapArgs;
 use posing::cli::metric_takes::{open_metric, read_takes};
 use posing::cli::paths::OutputPath;
@@ -82,8 +82,6 @@ pub struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
@@ -95,14 +93,10 @@ fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
 
 /// Above 0 to 60 seconds.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v > 0.0 && v <= 60.0 => Ok(v),
-        _ => Err("expected seconds, above 0 to 60".into()),
-    }
+    parse_if(text, |v| v > 0.0 && v <= 60.0, "seconds, above 0 to 60")
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
     let tables = args.tables.input();
     input::check_single_stdin_with(&tables, &args.model)?;
     let is_stdout = |path: &Option<OutputPath>| path.as_deref().is_none_or(|p| p == Path::new("-"));

@@ -62,47 +62,35 @@ impl Session {
     }
 }
 
-fn check_place(coordinates: &[f64], what: impl FnOnce() -> String) -> Result<()> {
-    if coordinates.iter().all(|v| v.abs() <= FARTHEST) {
+/// An error that tells what is wrong, unless all is right.
+fn check(is_right: bool, wrong: impl FnOnce() -> String) -> Result<()> {
+    if is_right {
         Ok(())
     } else {
-        Err(Error::usage(format!(
-            "{} is not a place within {FARTHEST} cm",
-            what()
-        )))
+        Err(Error::usage(wrong()))
     }
 }
 
-fn check_range(cm: f64, range: (f64, f64), what: impl FnOnce() -> String) -> Result<()> {
-    let (least, most) = range;
-    if (least..=most).contains(&cm) {
-        Ok(())
-    } else {
-        Err(Error::usage(format!(
-            "{} is {cm}; expected {least} to {most} cm",
-            what()
-        )))
-    }
+fn check_place(coordinates: &[f64], what: impl FnOnce() -> String) -> Result<()> {
+    let is_near = coordinates.iter().all(|v| v.abs() <= FARTHEST);
+    check(is_near, || {
+        format!("{} is not a place within {FARTHEST} cm", what())
+    })
+}
+
+fn check_range(cm: f64, (least, most): (f64, f64), what: impl FnOnce() -> String) -> Result<()> {
+    let wrong = || format!("{} is {cm}; expected {least} to {most} cm", what());
+    check((least..=most).contains(&cm), wrong)
 }
 
 pub(super) fn check_rate(rate: f64) -> Result<()> {
-    if (1.0..=1000.0).contains(&rate) {
-        Ok(())
-    } else {
-        Err(Error::usage(format!(
-            "the rate is {rate}; expected 1 to 1000 frames a second"
-        )))
-    }
+    let wrong = || format!("the rate is {rate}; expected 1 to 1000 frames a second");
+    check((1.0..=1000.0).contains(&rate), wrong)
 }
 
 pub(super) fn check_time(time: f64) -> Result<()> {
-    if (0.0..=LATEST).contains(&time) {
-        Ok(())
-    } else {
-        Err(Error::usage(format!(
-            "the time is {time}; expected 0 to {LATEST} seconds"
-        )))
-    }
+    let wrong = || format!("the time is {time}; expected 0 to {LATEST} seconds");
+    check((0.0..=LATEST).contains(&time), wrong)
 }
 
 #[cfg(test)]

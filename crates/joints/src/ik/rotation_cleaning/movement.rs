@@ -1,5 +1,6 @@
 //! What moves: rotations and places, with steps from one to another as vectors.
 
+use crate::pose::ranges;
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
@@ -70,14 +71,7 @@ fn rotation_vector(q: DQuat) -> DVec3 {
 
 /// Runs of frames that are not seen.
 pub(super) fn gaps(seen: &[bool]) -> Vec<Range<usize>> {
-    let mut out: Vec<Range<usize>> = Vec::new();
-    for t in (0..seen.len()).filter(|t| !seen[*t]) {
-        match out.last_mut().filter(|last| last.end == t) {
-            Some(last) => last.end = t + 1,
-            None => out.push(t..t + 1),
-        }
-    }
-    out
+    ranges((0..seen.len()).filter(|t| !seen[*t]))
 }
 
 /// The straight way over a gap between the frames beside it; at an end of the take the one there

@@ -6,6 +6,7 @@
 //! that G_b = G_o Q_b, and with p the joint above b, L_b = Q_pᵀ (G_o(p)ᵀ G_o(b)) Q_b. Small
 //! rotations of CMU's bones add up on the way from o(p) to o(b), which carries the covariance.
 
+use super::bones::CENTRAL;
 use super::tuning::*;
 use super::{BONES, RotationPrior, is_free};
 use crate::pose::Skeleton;
@@ -400,15 +401,7 @@ fn path(bone: usize) -> Vec<usize> {
 
 /// Whether a bone of CMU's is one of the back, the neck or the head.
 fn is_trunk(bone: usize) -> bool {
-    let trunk = [
-        "lowerback",
-        "upperback",
-        "thorax",
-        "lowerneck",
-        "upperneck",
-        "head",
-    ];
-    trunk.contains(&CMU[bone])
+    CENTRAL.contains(&CMU[bone])
 }
 
 /// The end of a bone of CMU's in the rest pose, cm from the root.
