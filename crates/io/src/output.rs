@@ -86,31 +86,31 @@ enum Target {
 /// Packs what is written as the name of the file says: `.gz`, `.zst`.
 enum Packer {
     Plain(BufWriter<UnfinishedFile>),
-    Gzip(Box<GzEncoder<BufWriter<UnfinishedFile>>>),
-    Zstd(Box<zstd::Encoder<'static, BufWriter<UnfinishedFile>>>),
+    Gzip(Blocks<GzEncoder<BufWriter<UnfinishedFile>>>),
+    Zstd(Blocks<zstd::Encoder<'static, BufWriter<UnfinishedFile>>>),
 }
 
 impl Packer {
     fn new(file: UnfinishedFile, path: &Path) -> io::Result<Packer> {
-        let file = BufWriter::with_capacity(1 << 16, file);
+        let file = BufWriter::with_capacity(BLOCK, file);
         let ends_in = |end: &str| {
             path.extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case(end))
         };
-        Ok(match () {
-            _ if ends_in("gz") => {
-                Packer::Gzip(Box::new(GzEncoder::new(file, Compression::default())))
-            }
-            _ if ends_in("zst") => Packer::Zstd(Box::new(zstd::Encoder::new(file, 0)?)),
-            _ => Packer::Plain(file),
+        Ok(if ends_in("gz") {
+            Packer::Gzip(Blocks::new(GzEncoder::new(file, Compression::default())))
+        } else if ends_in("zst") {
+            Packer::Zstd(Blocks::new(zstd::Encoder::new(file, 0)?))
+        } else {
+            Packer::Plain(file)
         })
     }
 
     fn into_file(self) -> io::Result<UnfinishedFile> {
         let file = match self {
             Packer::Plain(file) => file,
-            Packer::Gzip(packed) => packed.finish()?,
-            Packer::Zstd(packed) => packed.finish()?,
+            Packer::Gzip(packed) => packed.into_packer()?.finish()?,
+            Packer::Zstd(packed) => packed.into_packer()?.finish()?,
         };
         file.into_inner().map_err(|e| e.into_error())
     }
@@ -125,13 +125,52 @@ impl Write for Packer {
         }
     }
 
-    /// Packed bytes wait for the end: each flush would begin a block, and when rows are flushed
-    /// depends on how fast they come.
     fn flush(&mut self) -> io::Result<()> {
         match self {
             Packer::Plain(file) => file.flush(),
-            Packer::Gzip(_) | Packer::Zstd(_) => Ok(()),
+            Packer::Gzip(packed) => packed.flush(),
+            Packer::Zstd(packed) => packed.flush(),
         }
+    }
+}
+
+/// Bytes that are written or packed at once.
+const BLOCK: usize = 1 << 16;
+
+/// Packs whole blocks: how bytes come, and when they are flushed, depends on threads, and packed
+/// bytes depend on both.
+struct Blocks<W> {
+    waiting: Vec<u8>,
+    packer: W,
+}
+
+impl<W: Write> Blocks<W> {
+    fn new(packer: W) -> Self {
+        Blocks {
+            waiting: Vec::with_capacity(BLOCK),
+            packer,
+        }
+    }
+
+    fn into_packer(mut self) -> io::Result<W> {
+        self.packer.write_all(&self.waiting)?;
+        Ok(self.packer)
+    }
+}
+
+impl<W: Write> Write for Blocks<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = bytes.len().min(BLOCK - self.waiting.len());
+        self.waiting.extend_from_slice(&bytes[..taken]);
+        if self.waiting.len() == BLOCK {
+            self.packer.write_all(&self.waiting)?;
+            self.waiting.clear();
+        }
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
