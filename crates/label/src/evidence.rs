@@ -8,9 +8,9 @@
 //! over the ten neighbors with the least s + .004 μ. Half, since neighbors are not independent; one
 //! that is itself wrong costs at most 3.5 nats. It is judged for whole pieces, never for a frame.
 
-use super::distances::{Distance, Distances, log_likelihood};
-use super::tuning::distances::FEWEST_FRAMES;
+use super::marker_distances::{Distance, Distances, log_likelihood};
 use super::tuning::evidence::*;
+use super::tuning::marker_distances::FEWEST_FRAMES;
 use crate::numeric::parallel;
 use crate::numeric::statistics::quantile;
 use crate::pose::point_at;

@@ -7,7 +7,7 @@
 //! holds where it is far cheaper than every other of both ends. Pieces that follow each other
 //! without a gap are linked before others: a point's own return some frames later is cheap too.
 
-use super::pieces::Piece;
+use super::fragments::Piece;
 use super::tuning::links::*;
 use crate::pose::point_at;
 use glam::DVec3;
@@ -82,7 +82,7 @@ pub(crate) struct Links {
 }
 
 impl Links {
-    /// Links `pieces` of the tracks of `xyz` (frames, 3 J; cm), those below `labels` labeled, at
+    /// Links `fragments` of the tracks of `xyz` (frames, 3 J; cm), those below `labels` labeled, at
     /// `rate` frames a second, over at most [`LONGEST`] seconds.
     pub(crate) fn new(
         xyz: ArrayView2<'_, f64>,

@@ -1,8 +1,8 @@
 //! Tracks without labels, cut to paths each of which is one marker, and the label of each path.
 
 use super::evidence::independent_frames;
+use super::fragments::{Piece, pieces};
 use super::links::{Links, chains};
-use super::pieces::{Piece, pieces};
 use super::tuning::naming::LOOKED_AT;
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;

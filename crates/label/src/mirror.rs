@@ -2,10 +2,10 @@
 //! other, so that the names are right on the side of a long exchange where they fit them.
 
 use super::chirality::Sides;
-use super::distances::{Distance, Distances};
+use super::marker_distances::{Distance, Distances};
 use super::tuning::chirality::{self, RIGID, RIGID_SHARE, STILL_NEAR};
 use super::tuning::mirror::*;
-use super::tuning::template::STANDING;
+use super::tuning::person_template::STANDING;
 use super::tuning::whole_take::{CLEAR, NEAR};
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;

@@ -6,12 +6,12 @@
 //! and where its distances to the points that are steadiest beside it would be likelier on the
 //! straight way across.
 //!
-//! Found without the cuts of `pieces`, which part from their track what stays away for
+//! Found without the cuts of `fragments`, which part from their track what stays away for
 //! five frames and longer: with these as jumps, 12 of 16 such stretches of markers were found in
 //! place of all, and twice as many true positions rejected.
 
-use super::distances::{Distance, log_likelihood};
-use super::pieces::seen_ranges;
+use super::fragments::seen_ranges;
+use super::marker_distances::{Distance, log_likelihood};
 use super::tuning::out_and_back::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::{median_of, quantile};

@@ -3,9 +3,9 @@
 //! another path gives for its own, or none.
 
 use super::evidence::{Evidence, independent_frames};
+use super::fragments::Piece;
 use super::labeled_take::LabeledTake;
 use super::links::{End, Link, chains, link_cost};
-use super::pieces::Piece;
 use super::tuning::out_and_back;
 use super::tuning::repair::*;
 use crate::io::PointMove;

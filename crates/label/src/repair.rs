@@ -1,7 +1,7 @@
 //! Labels put right: exchanged ones back, pieces without a label joined, stretches away from a
 //! point taken out.
 //!
-//! 1. Tracks are cut into pieces and these linked; exchanges between labels follow ([`pieces`],
+//! 1. Tracks are cut into pieces and these linked; exchanges between labels follow ([`fragments`],
 //!    [`super::links`], [`super::identities`]), and which side of each is right
 //!    ([`super::sides`]). That alone puts exchanges back.
 //! 2. Pieces that are linked are a path. Each path, the best known ones aside, may move to a label
@@ -11,11 +11,11 @@
 
 use super::changes::{Change, ChangeKind};
 use super::evidence::{Evidence, independent_frames};
+use super::fragments::{Piece, pieces};
 use super::identities::exchanges;
 use super::labeled_take::LabeledTake;
 use super::links::Links;
 use super::paths::Paths;
-use super::pieces::{Piece, pieces};
 use super::sides::{Exchanged, SideBy, Sides, Unsure};
 use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;

@@ -1,10 +1,10 @@
 //! Which side of an exchange is right: the longer one, of long exchanges the one that fits the
 //! body's mirror image.
 
+use super::fragments::Piece;
 use super::identities::{Course, Exchange, Followed};
 use super::labeled_take::LabeledTake;
 use super::mirror::Mirror;
-use super::pieces::Piece;
 use super::tuning::sides::*;
 use crate::pose::point_at;
 use ndarray::ArrayView2;

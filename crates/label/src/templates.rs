@@ -1,10 +1,10 @@
 //! Labels that are wrong in every frame of a take: by labeled takes, or by the body's mirror image.
 
-use super::distances::Distances;
+use super::marker_distances::Distances;
 use super::mirror::Mirror;
 use super::people::{Person, people_of_markers};
-use super::template::{Labels, Template};
-use super::tuning::template::FEWEST_LABELS;
+use super::person_template::{Labels, Template};
+use super::tuning::person_template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
 use super::whole_take::groups;
 use crate::io::MotionFile;

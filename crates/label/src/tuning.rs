@@ -25,7 +25,7 @@ pub(crate) mod exchanges {
 }
 
 /// How likely a distance is.
-pub(crate) mod distances {
+pub(crate) mod marker_distances {
     /// Frames that a distance is measured in, at most about.
     pub(crate) const MOST_FRAMES: usize = 1500;
     /// Frames in which one of all pairs is known, at least.
@@ -87,7 +87,7 @@ pub(crate) mod people {
 }
 
 /// Pieces of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
-pub(crate) mod pieces {
+pub(crate) mod fragments {
     /// Least miss of both sides' fits, cm, and least step.
     pub(crate) const LEAST: f64 = 1.0;
     pub(crate) const LEAST_STEP: f64 = 0.6;
@@ -262,7 +262,7 @@ pub(crate) mod whole_take {
 /// beside them, 2 in the takes as they are. On people that the choice did not see (three of Plug-in
 /// Gait, four of clinics, beside each other and those) 158 of 173, 6 others beside them, none in
 /// the takes as they are. Within a person (85_02, arnold, three others) all of 269, none beside.
-pub(crate) mod template {
+pub(crate) mod person_template {
     /// Fewer labels say nothing of each other.
     pub(crate) const FEWEST_LABELS: usize = 4;
     /// How unlike the same distance is: standard deviations, cm, and share of it; in the same

@@ -4,7 +4,7 @@
 //! ways. Each check says what it found, where, and the limit that it is over.
 
 mod body;
-mod distances;
+mod bone_lengths;
 mod file;
 mod gaps;
 mod held_rotations;
@@ -268,7 +268,7 @@ fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Ve
     findings.extend(motion::held(&kept, apart));
     if !take.are_joints {
         findings.extend(motion::swaps(&kept));
-        findings.extend(distances::findings(&kept, limits));
+        findings.extend(bone_lengths::findings(&kept, limits));
     }
     for frames in findings.iter_mut().filter_map(|f| f.frames.as_mut()) {
         let shown = repeated.frames(&(frames[0]..frames[1]));

@@ -6,6 +6,7 @@
 //! fitted with the poses of some frames, then every frame by itself.
 
 mod body;
+mod body_labels;
 mod body_points;
 mod calibration;
 mod deviations;
@@ -13,7 +14,6 @@ mod fitted;
 mod landmarks;
 mod learning;
 mod marker_sets;
-mod naming;
 mod page;
 mod person;
 mod solved_take;
@@ -21,11 +21,11 @@ mod solver;
 mod tuning;
 mod unseen_limbs;
 
+pub use body_labels::BodyModel;
 #[doc(hidden)]
 pub use body_points::body_points;
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
-pub use naming::BodyModel;
 pub use solved_take::{SolvedTake, UsedMarker};
 #[doc(hidden)]
 pub use solver::doubt;

@@ -60,7 +60,7 @@ pub(super) const FAR: f64 = 10.0;
 pub(super) const EXCHANGED: f64 = 16.0;
 
 /// Names of points by the body.
-pub(super) mod naming {
+pub(super) mod body_labels {
     /// Frames that bones and markers are fitted on.
     pub(crate) const FRAMES: usize = 16;
     /// Turns about the vertical to start from.

@@ -11,7 +11,7 @@
 //! both sides. Cost: n^2 / 2 distances of n looked-at poses, in parallel.
 
 mod candidates;
-mod spread;
+mod choice;
 
 use super::body_frame::BodyFramePoses;
 use crate::Result;
@@ -148,7 +148,7 @@ pub fn propose(takes: &[BodyFramePoses], names: &[String], rules: &PairRules) ->
         return Err(too_short(takes, &rates, rules.margin).into());
     }
     let found = Found::search(&sample, rules);
-    let pairs = spread::choose(&sample, &found, rules);
+    let pairs = choice::choose(&sample, &found, rules);
     if pairs.is_empty() {
         return Err(nothing_near(takes, &rates, rules).into());
     }

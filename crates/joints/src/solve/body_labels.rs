@@ -9,7 +9,7 @@ use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{calibrated, pose_prior};
 use super::tuning::LEAST_SD;
-use super::tuning::naming::*;
+use super::tuning::body_labels::*;
 use crate::ik::frame_solver::{FrameSolver, FrameState, Scratch};
 use crate::label::unlabeled::own_name;
 use crate::label::{FittedLabels, LabelModel, NamedFrame};

@@ -13,9 +13,9 @@
 //! one of both moves far less, a distance is some times as loose as it is in the other, as nobody
 //! walks as he stands; where both stand, their postures differ by a share of it.
 
-use super::distances::{Distance, Distances};
 use super::handedness::Hand;
-use super::tuning::template::*;
+use super::marker_distances::{Distance, Distances};
+use super::tuning::person_template::*;
 use super::tuning::whole_take::NEAR;
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;

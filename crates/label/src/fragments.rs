@@ -5,7 +5,7 @@
 //! line through three. Too many cuts do no harm: what belongs together is linked again
 //! ([`super::links`]).
 
-use super::tuning::pieces::*;
+use super::tuning::fragments::*;
 use crate::numeric::statistics::median;
 use crate::pose::point_at;
 use glam::DVec3;
