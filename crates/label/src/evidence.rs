@@ -6,7 +6,8 @@
 //! ```
 //!
 //! over the ten neighbors with the least s + .004 μ. Half, since neighbors are not independent; one
-//! that is itself wrong costs at most 3.5 nats. It is judged for whole pieces, never for a frame.
+//! that is itself wrong costs at most 3.5 nats. It is judged for whole fragments, never for a
+//! frame.
 
 use super::marker_distances::{Distance, Distances, log_likelihood};
 use super::tuning::evidence::*;

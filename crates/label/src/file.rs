@@ -209,12 +209,12 @@ impl LabelReport {
 }
 
 impl LabelChange {
-    /// Whether it joins a piece of a track to a label.
-    fn is_joined(&self, piece: &UnsureTrack) -> bool {
+    /// Whether it joins a fragment of a track to a label.
+    fn is_joined(&self, fragment: &UnsureTrack) -> bool {
         self.kind == ChangeKind::Joined
-            && self.from == piece.track
-            && self.frames[0] < piece.frames[1]
-            && piece.frames[0] < self.frames[1]
+            && self.from == fragment.track
+            && self.frames[0] < fragment.frames[1]
+            && fragment.frames[0] < self.frames[1]
     }
 
     fn new(change: &Change, poses: &Poses) -> LabelChange {

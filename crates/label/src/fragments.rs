@@ -1,4 +1,4 @@
-//! Pieces of tracks: what one point surely was, between the gaps and the jumps of a track.
+//! Fragments of tracks: what one point surely was, between the gaps and the jumps of a track.
 //!
 //! A track is cut at frame t where what comes before and what comes after, each fitted and carried
 //! on by half a frame, do not meet: `J = min |L − R|` over a parabola through five frames and a
@@ -12,9 +12,9 @@ use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
-/// A piece of a track.
+/// A fragment of a track.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Piece {
+pub(crate) struct Fragment {
     /// The track: a point of the take.
     pub track: usize,
     /// The frames, in all of which it is seen.
@@ -23,9 +23,14 @@ pub(crate) struct Piece {
     pub jumps: [bool; 2],
 }
 
-/// The pieces of the tracks of `xyz` (frames, 3 J; cm, NaN missing), track after track and in the
-/// order of their frames. `runs` are ranges of consecutive frames, `rate` is in frames a second.
-pub(crate) fn pieces(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Vec<Piece> {
+/// The fragments of the tracks of `xyz` (frames, 3 J; cm, NaN missing), track after track and in
+/// the order of their frames. `runs` are ranges of consecutive frames, `rate` is in frames a
+/// second.
+pub(crate) fn fragments(
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+) -> Vec<Fragment> {
     let found = crate::numeric::parallel::map_chunks(xyz.ncols() / 3, 4, |tracks| {
         let of_track = |track: usize| {
             let all = seen_ranges(xyz, track, runs).into_iter();
@@ -59,18 +64,23 @@ pub(crate) fn seen_ranges(
 }
 
 /// A range in which a track is seen, divided where it jumps.
-fn divided(xyz: ArrayView2<'_, f64>, track: usize, seen: &Range<usize>, rate: f64) -> Vec<Piece> {
+fn divided(
+    xyz: ArrayView2<'_, f64>,
+    track: usize,
+    seen: &Range<usize>,
+    rate: f64,
+) -> Vec<Fragment> {
     let path: Vec<DVec3> = seen.clone().map(|t| point_at(xyz, t, track)).collect();
     let mut bounds = vec![0];
     bounds.extend(cuts(&path, rate));
     bounds.push(path.len());
     let last = bounds.len() - 2;
-    let pieces = bounds.windows(2).enumerate().map(|(k, w)| Piece {
+    let fragments = bounds.windows(2).enumerate().map(|(k, w)| Fragment {
         track,
         frames: seen.start + w[0]..seen.start + w[1],
         jumps: [k > 0, k < last],
     });
-    pieces.collect()
+    fragments.collect()
 }
 
 /// The frames at which a path jumps, counted from its first.
@@ -215,7 +225,7 @@ mod tests {
 
     fn frames_of(xyz: &Array2<f64>, track: usize) -> Vec<Range<usize>> {
         let all = 0..xyz.nrows();
-        let found = pieces(xyz.view(), std::slice::from_ref(&all), RATE);
+        let found = fragments(xyz.view(), std::slice::from_ref(&all), RATE);
         let own = found.into_iter().filter(|p| p.track == track);
         own.map(|p| p.frames).collect()
     }

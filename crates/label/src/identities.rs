@@ -1,13 +1,13 @@
-//! Which point each piece of a labeled track is, by what was exchanged when.
+//! Which point each fragment of a labeled track is, by what was exchanged when.
 //!
-//! Links between pieces of different labels count only where they close: a goes on in b and b in a,
-//! or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
+//! Links between fragments of different labels count only where they close: a goes on in b and b in
+//! a, or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
 //! Such an exchange lasts until another of the same labels, or until the tracks of all of them end
 //! or jump and the distances to others say that they changed places again. Where the distances
 //! leave it open, it is not known; neither is it where they say so though no track ends.
 
 use super::evidence::{Evidence, independent_frames};
-use super::fragments::Piece;
+use super::fragments::Fragment;
 use super::links::Link;
 use super::tuning::identities::*;
 use crate::pose::point_at;
@@ -26,32 +26,39 @@ pub(crate) struct Exchange {
     pub to: Vec<usize>,
 }
 
-/// The exchanges among the links of pieces whose tracks are `labels` below their number. Links of
-/// different labels that are part of none are taken out.
-pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) -> Vec<Exchange> {
+/// The exchanges among the links of fragments whose tracks are `labels` below their number. Links
+/// of different labels that are part of none are taken out.
+pub(crate) fn exchanges(
+    fragments: &[Fragment],
+    links: &mut Vec<Link>,
+    labels: usize,
+) -> Vec<Exchange> {
     let is_other = |link: &Link| {
-        let [from, to] = [link.from, link.to].map(|p| pieces[p].track);
+        let [from, to] = [link.from, link.to].map(|p| fragments[p].track);
         from != to && from < labels && to < labels
     };
     let others: Vec<Link> = links.iter().copied().filter(is_other).collect();
     let mut by_track: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (n, link) in others.iter().enumerate() {
-        by_track.entry(pieces[link.from].track).or_default().push(n);
+        by_track
+            .entry(fragments[link.from].track)
+            .or_default()
+            .push(n);
     }
-    let gap = |n: usize| pieces[others[n].from].frames.end..pieces[others[n].to].frames.start;
+    let gap = |n: usize| fragments[others[n].from].frames.end..fragments[others[n].to].frames.start;
     let mut is_used = vec![false; others.len()];
     let mut found = Vec::new();
     for first in 0..others.len() {
         if is_used[first] {
             continue;
         }
-        let ring = match ring(first, &others, pieces, &by_track, &is_used) {
+        let ring = match ring(first, &others, fragments, &by_track, &is_used) {
             Some(ring) => ring,
-            None if is_handed_over(&others[first], pieces) => vec![first],
+            None if is_handed_over(&others[first], fragments) => vec![first],
             None => continue,
         };
         ring.iter().for_each(|n| is_used[*n] = true);
-        let track = |p: usize| pieces[p].track;
+        let track = |p: usize| fragments[p].track;
         let mut pairs: Vec<(usize, usize)> = ring
             .iter()
             .map(|n| (track(others[*n].from), track(others[*n].to)))
@@ -77,8 +84,8 @@ pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) 
 
 /// Whether a track ends where another begins, and one goes on in the other: these changed places
 /// while the second point was missing.
-fn is_handed_over(link: &Link, pieces: &[Piece]) -> bool {
-    let (from, to) = (&pieces[link.from], &pieces[link.to]);
+fn is_handed_over(link: &Link, fragments: &[Fragment]) -> bool {
+    let (from, to) = (&fragments[link.from], &fragments[link.to]);
     from.frames.end == to.frames.start && !from.jumps[1] && !to.jumps[0]
 }
 
@@ -86,19 +93,19 @@ fn is_handed_over(link: &Link, pieces: &[Piece]) -> bool {
 fn ring(
     first: usize,
     others: &[Link],
-    pieces: &[Piece],
+    fragments: &[Fragment],
     by_track: &BTreeMap<usize, Vec<usize>>,
     is_used: &[bool],
 ) -> Option<Vec<usize>> {
-    let gap = |n: usize| pieces[others[n].from].frames.end..pieces[others[n].to].frames.start;
-    let (of_first, home) = (gap(first), pieces[others[first].from].track);
+    let gap = |n: usize| fragments[others[n].from].frames.end..fragments[others[n].to].frames.start;
+    let (of_first, home) = (gap(first), fragments[others[first].from].track);
     let is_at_once = |n: usize| {
         let own = gap(n);
         own.start <= of_first.end && of_first.start <= own.end
     };
     let mut ring = vec![first];
     while ring.len() <= LONGEST_RING {
-        let track = pieces[others[*ring.last()?].to].track;
+        let track = fragments[others[*ring.last()?].to].track;
         if track == home {
             return Some(ring);
         }
@@ -113,7 +120,7 @@ fn ring(
 pub(crate) struct Course<'a> {
     /// The tracks as they are named (frames, 3 L), cm.
     pub places: ArrayView2<'a, f64>,
-    pub pieces: &'a [Piece],
+    pub fragments: &'a [Fragment],
     /// Frames a second.
     pub rate: f64,
 }
@@ -225,7 +232,7 @@ impl Course<'_> {
     /// jump.
     fn ends(&self, labels: &[usize]) -> Vec<usize> {
         let of = |label: usize| -> Vec<[usize; 2]> {
-            let own: Vec<&Piece> = self.pieces.iter().filter(|p| p.track == label).collect();
+            let own: Vec<&Fragment> = self.fragments.iter().filter(|p| p.track == label).collect();
             let ends = own.windows(2).map(|w| [w[0].frames.end, w[1].frames.start]);
             ends.collect()
         };

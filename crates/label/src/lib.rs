@@ -57,7 +57,7 @@ mod whole_take;
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
 pub use label_model::{FittedLabels, LabelModel, NamedFrame};
-pub use named_tracks::{FoundLabel, MovedPiece, NamedTracks, UnsureTrack};
+pub use named_tracks::{FoundLabel, MovedFragment, NamedTracks, UnsureTrack};
 pub use people::points_of_person;
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;

@@ -1,6 +1,6 @@
 //! Labels from nothing: the tracks of a take named as the markers of a set.
 //!
-//! 1. Tracks are cut to pieces, and these linked to paths, each of which is one marker
+//! 1. Tracks are cut to fragments, and these linked to paths, each of which is one marker
 //!    (`loose_tracks`).
 //! 2. A model of the labels names the points of some frames, each by itself, and these vote for the
 //!    labels of the paths.

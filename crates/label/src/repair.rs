@@ -1,17 +1,17 @@
-//! Labels put right: exchanged ones back, pieces without a label joined, stretches away from a
+//! Labels put right: exchanged ones back, fragments without a label joined, stretches away from a
 //! point taken out.
 //!
-//! 1. Tracks are cut into pieces and these linked; exchanges between labels follow ([`fragments`],
-//!    [`super::links`], [`super::identities`]), and which side of each is right
+//! 1. Tracks are cut into fragments and these linked; exchanges between labels follow
+//!    ([`fragments`], [`super::links`], [`super::identities`]), and which side of each is right
 //!    ([`super::sides`]). That alone puts exchanges back.
-//! 2. Pieces that are linked are a path. Each path, the best known ones aside, may move to a label
-//!    that fits it far better, or to none ([`super::paths`]).
+//! 2. Fragments that are linked are a path. Each path, the best known ones aside, may move to a
+//!    label that fits it far better, or to none ([`super::paths`]).
 //!
 //! No position changes. What is not sure stays as it was and is told.
 
 use super::changes::{Change, ChangeKind};
 use super::evidence::{Evidence, independent_frames};
-use super::fragments::{Piece, pieces};
+use super::fragments::{Fragment, fragments};
 use super::identities::exchanges;
 use super::labeled_take::LabeledTake;
 use super::links::Links;
@@ -25,8 +25,8 @@ use ndarray::Array2;
 
 /// What becomes of the tracks of a take.
 pub(crate) struct Repair {
-    /// Every piece, track after track, and the label that it is: its own where it stays.
-    pub pieces: Vec<PointMove>,
+    /// Every fragment, track after track, and the label that it is: its own where it stays.
+    pub fragments: Vec<PointMove>,
     /// What decided which side of an exchange is right, by its labels.
     pub decided: Vec<(Vec<usize>, SideBy)>,
     pub unsure: Vec<Unsure>,
@@ -36,34 +36,38 @@ pub(crate) struct Repair {
     pub places: Array2<f64>,
 }
 
-/// Puts the labels of a take right; `None` where most pieces are too short to say anything, or so
-/// few frames a second were measured that no path leads from one to the next.
+/// Puts the labels of a take right; `None` where most fragments are too short to say anything, or
+/// so few frames a second were measured that no path leads from one to the next.
 pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     if take.rate < LEAST_RATE {
         return None;
     }
-    let pieces = pieces(take.xyz, take.runs, take.rate);
-    let short = pieces.iter().filter(|p| p.frames.len() < FEWEST_FRAMES);
-    if 2 * short.count() > pieces.len() {
+    let fragments = fragments(take.xyz, take.runs, take.rate);
+    let short = fragments.iter().filter(|p| p.frames.len() < FEWEST_FRAMES);
+    if 2 * short.count() > fragments.len() {
         return None;
     }
-    let Links { mut links, ends } = Links::new(take.xyz, &pieces, take.labels, take.rate);
-    let found = exchanges(&pieces, &mut links, take.labels);
+    let Links { mut links, ends } = Links::new(take.xyz, &fragments, take.labels, take.rate);
+    let found = exchanges(&fragments, &mut links, take.labels);
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
     let sides = if found.is_empty() {
         Sides::default()
     } else {
-        take.sides(&found, named, &pieces)
+        take.sides(&found, named, &fragments)
     };
-    let identity = |piece: &Piece| {
-        if piece.track < take.labels {
-            Some(point_in(piece.track, piece.frames.start, &sides.exchanged))
+    let identity = |fragment: &Fragment| {
+        if fragment.track < take.labels {
+            Some(point_in(
+                fragment.track,
+                fragment.frames.start,
+                &sides.exchanged,
+            ))
         } else {
             None
         }
     };
-    let identities: Vec<Option<usize>> = pieces.iter().map(identity).collect();
-    let mut paths = Paths::new(take, pieces, ends, identities);
+    let identities: Vec<Option<usize>> = fragments.iter().map(identity).collect();
+    let mut paths = Paths::new(take, fragments, ends, identities);
     paths.join(&links);
     let unsure: Vec<usize> = sides.unsure.iter().flat_map(|u| u.labels.clone()).collect();
     paths.keep(&unsure);
@@ -72,10 +76,10 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
             break;
         }
     }
-    let pieces = paths.assigned();
+    let fragments = paths.assigned();
     let (evidence, places) = paths.learned();
     Some(Repair {
-        pieces,
+        fragments,
         decided: sides.decided,
         unsure: sides.unsure,
         evidence,
@@ -211,7 +215,10 @@ mod tests {
             like: &Templates::default(),
         })
         .unwrap();
-        (changes(moves(&repair.pieces), NAMES.len()), repair.unsure)
+        (
+            changes(moves(&repair.fragments), NAMES.len()),
+            repair.unsure,
+        )
     }
 
     fn of(change: &Change) -> (ChangeKind, Range<usize>, Vec<usize>) {
@@ -274,7 +281,8 @@ mod tests {
             let all: Vec<_> = changes.iter().map(of).collect();
             assert_eq!(all, [(ChangeKind::Swap, frames, vec![2, 4])]);
         }
-        // Mirror images of each other say nothing; not even where another piece is like the rest.
+        // Mirror images of each other say nothing; not even where another fragment is like the
+        // rest.
         let mut xyz = body();
         swap(&mut xyz, 300..700, [4, 10]);
         let (changes, unsure) = found(&xyz);

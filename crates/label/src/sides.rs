@@ -1,7 +1,7 @@
 //! Which side of an exchange is right: the longer one, of long exchanges the one that fits the
 //! body's mirror image.
 
-use super::fragments::Piece;
+use super::fragments::Fragment;
 use super::identities::{Course, Exchange, Followed};
 use super::labeled_take::LabeledTake;
 use super::mirror::Mirror;
@@ -78,11 +78,11 @@ impl LabeledTake<'_> {
         &self,
         found: &[Exchange],
         named: ArrayView2<'_, f64>,
-        pieces: &[Piece],
+        fragments: &[Fragment],
     ) -> Sides {
         let course = Course {
             places: named,
-            pieces,
+            fragments,
             rate: self.rate,
         };
         let mirror = Mirror::new(&self.names[..self.labels], named);

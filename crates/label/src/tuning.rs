@@ -86,7 +86,7 @@ pub(crate) mod people {
     pub(crate) const STEADY: f64 = 4.0;
 }
 
-/// Pieces of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
+/// Fragments of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
 pub(crate) mod fragments {
     /// Least miss of both sides' fits, cm, and least step.
     pub(crate) const LEAST: f64 = 1.0;
@@ -107,7 +107,7 @@ pub(crate) mod fragments {
     pub(crate) const END_STEPS: usize = 8;
 }
 
-/// Links between pieces. Across 730 of 730 jumps of swaps in 7 takes they are right, the
+/// Links between fragments. Across 730 of 730 jumps of swaps in 7 takes they are right, the
 /// prototype's measurement.
 pub(crate) mod links {
     /// Frames through which a line tells an end.
@@ -209,7 +209,7 @@ pub(crate) mod sides {
 
 /// Labels put right.
 pub(crate) mod repair {
-    /// Where most pieces have fewer frames, labels are not checked.
+    /// Where most fragments have fewer frames, labels are not checked.
     pub(crate) const FEWEST_FRAMES: usize = 5;
     /// Rounds over the paths, at most.
     pub(crate) const ROUNDS: usize = 3;
