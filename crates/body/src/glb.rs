@@ -111,7 +111,7 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> Result<Skin> {
     })
 }
 
-/// The vertices of a shape in the template's pose and place.
+/// The vertices of a shape in the template's pose and position.
 fn rest_vertices(body: &BodyModel, shape: &[f64]) -> Vec<DVec3> {
     let template = &body.template;
     let upright = vec![DMat3::IDENTITY; template.parts()];
@@ -175,9 +175,9 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
 fn animations(take: &BodyTake, skin: &Skin, mesh: &SkinnedMesh) -> Vec<Animation> {
     let people = mesh.shapes.len() - skin.skinning.shapes.len();
     let time = |k: usize| take.poses.time.as_ref().map_or(0.0, |t| t[k]);
-    let places = |frame: &Frame| -> Vec<DVec3> {
+    let positions = |frame: &Frame| -> Vec<DVec3> {
         (frame.motions().iter().zip(&skin.skinning.places))
-            .map(|(m, place)| m.transform_point3(*place) / 100.0)
+            .map(|(m, position)| m.transform_point3(*position) / 100.0)
             .collect()
     };
     let animation = |range: std::ops::Range<usize>| {
@@ -188,10 +188,10 @@ fn animations(take: &BodyTake, skin: &Skin, mesh: &SkinnedMesh) -> Vec<Animation
             .map(|(k, _)| (time(*k) - start) as f32)
             .collect();
         let rotations: Vec<Vec<DMat3>> = keys.clone().map(|(_, f)| f.rotations.clone()).collect();
-        let places: Vec<Vec<DVec3>> = keys.clone().map(|(_, f)| places(f)).collect();
+        let positions: Vec<Vec<DVec3>> = keys.clone().map(|(_, f)| positions(f)).collect();
         let named = take.poses.take.as_ref().map(|t| t[range.start].to_string());
         let name = named.unwrap_or_else(|| "take".into());
-        let mut animation = Animation::from_world(name, &mesh.bones, times, &rotations, &places);
+        let mut animation = Animation::from_world(name, &mesh.bones, times, &rotations, &positions);
         // The shapes of people stay at 0.
         let weights = |(_, f): &(usize, Frame)| {
             let corrections = f.weights.iter().map(|w| *w as f32);

@@ -241,7 +241,7 @@ mod tests {
     use crate::template::tests::column;
 
     #[test]
-    fn a_column_that_bends_in_one_place_has_two_parts() {
+    fn a_column_that_bends_once_has_two_parts() {
         let template = column(16);
         let bent = |by: f64| -> Vec<DVec3> {
             let turn = from_rotation_vector(DVec3::new(0.0, 0.0, by));

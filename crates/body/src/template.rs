@@ -127,7 +127,7 @@ impl Template {
         self.joints.first().map_or(0, |j| j.parts[0])
     }
 
-    /// The place of a body: the mean of the vertices of the root.
+    /// The position of a body: the mean of the vertices of the root.
     pub fn root_of(&self, vertices: &[DVec3]) -> DVec3 {
         let root = self.root();
         let own = (vertices.iter().zip(&self.vertex_parts)).filter(|(_, p)| **p == root);

@@ -70,16 +70,16 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     /// Where a point is (cm), unless it is missing.
     pub(crate) fn at(&self, figure: usize, frame: usize, point: usize) -> Option<[f64; 3]> {
         let xyz = self.scene.figures[figure].xyz;
-        let mut place = [0.0; 3];
+        let mut position = [0.0; 3];
         for axis in 0..3 {
             if !self.flat[figure][axis] {
-                place[axis] = xyz[[frame, 3 * point + axis]];
+                position[axis] = xyz[[frame, 3 * point + axis]];
             }
         }
-        place
+        position
             .iter()
             .all(|v| v.abs() <= MAX_COORDINATE)
-            .then_some(place)
+            .then_some(position)
     }
 
     /// The status of a point that is there.
@@ -101,12 +101,13 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     /// The box around the reference figure in a frame: lowest and highest x, y, z.
     pub(crate) fn extent(&self, frame: usize) -> Option<[[f64; 2]; 3]> {
         let mut extent = None;
-        for place in (0..self.scene.points.len()).filter_map(|p| self.at(self.reference, frame, p))
+        for position in
+            (0..self.scene.points.len()).filter_map(|p| self.at(self.reference, frame, p))
         {
-            let known = extent.get_or_insert(place.map(|v| [v, v]));
+            let known = extent.get_or_insert(position.map(|v| [v, v]));
             for axis in 0..3 {
-                known[axis][0] = known[axis][0].min(place[axis]);
-                known[axis][1] = known[axis][1].max(place[axis]);
+                known[axis][0] = known[axis][0].min(position[axis]);
+                known[axis][1] = known[axis][1].max(position[axis]);
             }
         }
         extent

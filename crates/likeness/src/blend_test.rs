@@ -13,7 +13,7 @@
 //! - Acceleration: the largest of each joint, over the largest of that joint in either clip.
 //!
 //! What is not seen, such as accelerations at the ends of a clip, counts as within its limit.
-//! People may judge otherwise: this is a rule in their place.
+//! People may judge otherwise: this is a rule instead of them.
 
 use super::clip::Clip;
 use super::joint_map::{PARENTS, joint};

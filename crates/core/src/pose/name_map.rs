@@ -28,7 +28,7 @@ static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
 });
 
 /// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
-/// other places.
+/// other positions.
 pub(crate) const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
 
 /// What shipped maps name for skeletons: the joints of the spine from the root on, the collar
@@ -146,13 +146,13 @@ impl NameMap {
         let middle = |names: &str| -> Option<Vec<usize>> {
             names.split('+').map(|name| finder.find(name)).collect()
         };
-        let place = |names: &str| names.split('|').find_map(middle);
+        let columns = |names: &str| names.split('|').find_map(middle);
         let listed = self.bones.get(name).or_else(|| self.trunk.get(name));
         let listed = listed.map_or("", String::as_str);
         listed
             .split(", ")
             .filter(|n| !n.is_empty())
-            .filter_map(place)
+            .filter_map(columns)
             .collect()
     }
 

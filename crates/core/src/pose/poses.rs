@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
-/// The place of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
+/// The position of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
 #[doc(hidden)]
 pub fn point_at(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|axis| xyz[[frame, 3 * point + axis]]))
@@ -119,9 +119,9 @@ impl Poses {
     /// [`Error::Unfit`]: no point has such a name.
     pub fn angle(&self, points: [&str; 3]) -> crate::Result<Vec<f64>> {
         let mut at = [0; 3];
-        for (place, name) in at.iter_mut().zip(points) {
+        for (index, name) in at.iter_mut().zip(points) {
             let own = self.points.iter().position(|p| p == name);
-            *place = own.ok_or_else(|| Error::unfit(format!("has no point {name}")))?;
+            *index = own.ok_or_else(|| Error::unfit(format!("has no point {name}")))?;
         }
         let angle = |frame: usize| {
             let [first, middle, last] = at.map(|point| point_at(self.xyz.view(), frame, point));

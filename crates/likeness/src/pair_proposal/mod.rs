@@ -5,7 +5,7 @@
 //!
 //! d(x, y) = 1/16 sum_k |c_k(x) - c_k(y)| < near
 //!
-//! c_k: joint k in the body's own frame (no place, no yaw), scaled to one body height, cm.
+//! c_k: joint k in the body's own frame (no position, no yaw), scaled to one body height, cm.
 //! `near` is 10 cm in Chen et al. Poses are looked at about ten times a second. The proposed pairs
 //! are spread over takes and over distances, and no two of them are within .25 s of each other on
 //! both sides. Cost: n^2 / 2 distances of n looked-at poses, in parallel.

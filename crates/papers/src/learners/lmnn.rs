@@ -74,7 +74,7 @@ pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Lear
     })
 }
 
-/// The poses that pairs name, by their place among them.
+/// The poses that pairs name, by their index among them.
 struct Labeled {
     /// The row of each among all poses (m).
     rows: Vec<usize>,
@@ -92,10 +92,10 @@ impl Labeled {
         let of = components(pairs.x.nrows(), pairs.alike).of;
         let partners = |pairs: &[[usize; 2]]| {
             let mut partners = vec![Vec::new(); rows.len()];
-            let places = pairs
+            let indices = pairs
                 .iter()
                 .map(|p| p.map(|row| rows.partition_point(|&r| r < row)));
-            for [a, b] in places.filter(|[a, b]| a != b) {
+            for [a, b] in indices.filter(|[a, b]| a != b) {
                 partners[a].push(b);
                 partners[b].push(a);
             }

@@ -89,7 +89,7 @@ fn facing(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) ->
     let normals: Vec<[f64; 3]> = faces.iter().map(|f| normal(f.map(at))).collect();
     let around = faces_around(faces, vertices.nrows());
     let triangle = |(face, own): (&[u32; 3], &[f64; 3])| {
-        let corners = face.map(|v| window.place(at(v)));
+        let corners = face.map(|v| window.pixel(at(v)));
         // On the screen, y is down.
         let [a, b, c] = corners.map(|c| c.map(i64::from));
         let turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);

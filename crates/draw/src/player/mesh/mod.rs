@@ -120,7 +120,10 @@ fn sparing(scene: &MeshScene<'_>, frames: usize, limit: usize) -> Result<(usize,
     let mut every = (numbers * 2 * 4 / 3 / 30).div_ceil(limit).max(1);
     loop {
         let figures = pack(scene, every);
-        let size: usize = figures.iter().map(|f| f.places.len() + f.faces.len()).sum();
+        let size: usize = figures
+            .iter()
+            .map(|f| f.positions.len() + f.faces.len())
+            .sum();
         if size <= limit {
             return Ok((every, figures));
         }
@@ -144,7 +147,7 @@ fn embedded(scene: &MeshScene<'_>, frames: usize, every: usize, packed: &[Packed
             "vertices": figure.vertices.dim().1,
             "step": packed.step,
             "origins": packed.origins,
-            "places": packed.places,
+            "places": packed.positions,
             "faces": packed.faces,
             "labels": labels.collect::<Vec<_>>(),
         })
