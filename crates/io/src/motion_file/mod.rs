@@ -299,7 +299,7 @@ impl MotionFile {
         }
     }
 
-    /// The positions that the file lists as computed, by their places among all its positions.
+    /// The positions that the file lists as computed, by their indices among all its positions.
     fn listed_as_computed(&self) -> Vec<usize> {
         let Original::C3d(c3d) = &self.original else {
             return Vec::new();
