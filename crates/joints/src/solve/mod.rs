@@ -2,7 +2,7 @@
 //! every frame, fitted together.
 //!
 //! A marker is on a landmark of a bone, of which a dictionary knows where it is about, as the
-//! marker set says by the marker's name. The bones of the body and the places of the markers are
+//! marker set says by the marker's name. The bones of the body and the positions of the markers are
 //! fitted with the poses of some frames, then every frame by itself.
 
 mod body;

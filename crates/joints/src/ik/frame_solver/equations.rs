@@ -264,10 +264,10 @@ impl FrameEquations<'_> {
         scratch: &Scratch,
     ) -> Vec<DVec3> {
         let above = self.states.above(bone);
-        let place = at.posture.ends[bone];
+        let position = at.posture.ends[bone];
         let of = |(c, column): (usize, &Column)| {
             if above.contains(&column.bone()) {
-                scratch.motions[c].derivative(place)
+                scratch.motions[c].derivative(position)
             } else {
                 DVec3::ZERO
             }

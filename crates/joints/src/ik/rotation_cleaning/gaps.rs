@@ -1,4 +1,4 @@
-//! Missing rotations and places: three paths over a gap, weighed on gaps that are simulated
+//! Missing rotations and positions: three paths over a gap, weighed on gaps that are simulated
 //! elsewhere in the take.
 //!
 //! ```text

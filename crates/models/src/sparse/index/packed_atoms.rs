@@ -16,15 +16,15 @@ impl Row {
     pub(crate) const ZERO: Row = Row([0.0; WIDTH]);
 }
 
-/// The places of a panel's atoms, in order.
-pub(crate) const PLACES: Row = {
-    let mut places = Row::ZERO;
+/// The indices of a panel's atoms, in order.
+pub(crate) const INDICES: Row = {
+    let mut indices = Row::ZERO;
     let mut i = 0;
     while i < WIDTH {
-        places.0[i] = i as f32;
+        indices.0[i] = i as f32;
         i += 1;
     }
-    places
+    indices
 };
 
 /// The number of lanes of the widest SIMD vectors.
