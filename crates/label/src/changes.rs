@@ -47,7 +47,7 @@ pub struct Change {
     /// The tracks, each of which moved to the next, the last to the first of a swap or cycle.
     pub tracks: Vec<usize>,
     pub moves: Vec<PointMove>,
-    /// How much likelier the places are as they are then, nats.
+    /// How much likelier the positions are as they are then, nats.
     pub nats: f64,
     /// What decided which side of an exchange is right.
     pub side: Option<SideBy>,

@@ -178,9 +178,9 @@ impl Miss {
             };
         }
         let sides = |weights: &[f64]| {
-            let of = |place: &dyn Fn(usize) -> DVec3| {
+            let of = |position: &dyn Fn(usize) -> DVec3| {
                 let all = weights.iter().enumerate();
-                all.map(|(k, w)| *w * place(k)).sum::<DVec3>()
+                all.map(|(k, w)| *w * position(k)).sum::<DVec3>()
             };
             [of(&|k| path[t - 1 - k]), of(&|k| path[t + k])]
         };
@@ -233,18 +233,18 @@ mod tests {
     #[test]
     fn fits_extrapolate_polynomials_exactly() {
         let at = |k: f64| 3.0 - 2.0 * k + 0.5 * k * k;
-        let place = |weights: &[f64]| {
+        let position = |weights: &[f64]| {
             let all = weights.iter().enumerate();
             all.map(|(k, w)| w * at(k as f64 + 0.5)).sum::<f64>()
         };
-        assert!((place(&PARABOLA) - 3.0).abs() < 1e-12);
+        assert!((position(&PARABOLA) - 3.0).abs() < 1e-12);
         let line = |k: f64| 3.0 - 2.0 * k;
         let found: f64 = (LINE.iter().enumerate())
             .map(|(k, w)| w * line(k as f64 + 0.5))
             .sum();
         assert!((found - 3.0).abs() < 1e-12);
         for rest in [&CUBIC[..], &QUARTIC] {
-            assert!(place(rest).abs() < 1e-12);
+            assert!(position(rest).abs() < 1e-12);
         }
     }
 

@@ -119,13 +119,13 @@ fn ring(
 /// All that is known of a set of labels that change places.
 pub(crate) struct Course<'a> {
     /// The tracks as they are named (frames, 3 L), cm.
-    pub places: ArrayView2<'a, f64>,
+    pub positions: ArrayView2<'a, f64>,
     pub fragments: &'a [Fragment],
     /// Frames a second.
     pub rate: f64,
 }
 
-/// Where each of some points is throughout a take. A state says in which track, by its place among
+/// Where each of some points is throughout a take. A state says in which track, by its index among
 /// the labels; the points are those of the tracks in one stretch, whose state is the first.
 pub(crate) struct Followed {
     pub states: Vec<Vec<usize>>,
@@ -148,10 +148,10 @@ impl Course<'_> {
     /// first, then of all that is known.
     pub(crate) fn follow(&self, exchanges: &[&Exchange]) -> Followed {
         let labels = &exchanges[0].labels;
-        let place = |label: &usize| labels.iter().position(|l| l == label).unwrap_or(0);
+        let index = |label: &usize| labels.iter().position(|l| l == label).unwrap_or(0);
         let steps: Vec<Vec<usize>> = exchanges
             .iter()
-            .map(|e| e.to.iter().map(place).collect())
+            .map(|e| e.to.iter().map(index).collect())
             .collect();
         let states = closure(labels.len(), &steps);
         let all = steps
@@ -159,7 +159,7 @@ impl Course<'_> {
             .fold(states[0].clone(), |state, step| after(&state, step));
         let is_closed = all == states[0];
         let chains = self.chains(labels, exchanges, &steps, !is_closed);
-        // The longest between places where a track ends.
+        // The longest between positions where a track ends.
         let first = longest(&chains, |frames| self.seen(labels, frames));
         let mut known = vec![None; chains.len()];
         let mut state = Some(0);
@@ -169,8 +169,8 @@ impl Course<'_> {
         }
         if first.len() < chains.len() {
             for _ in 0..ROUNDS {
-                let places = self.undone(labels, &states, &stretches(&chains, &known, &states));
-                let evidence = Evidence::of(places.view(), labels);
+                let positions = self.undone(labels, &states, &stretches(&chains, &known, &states));
+                let evidence = Evidence::of(positions.view(), labels);
                 let gains: Vec<Vec<f64>> = (chains.iter())
                     .map(|chain| self.gains(&evidence, labels, &states, chain))
                     .collect();
@@ -191,7 +191,7 @@ impl Course<'_> {
         steps: &[Vec<usize>],
         everywhere: bool,
     ) -> Vec<Chain> {
-        let frames = self.places.nrows();
+        let frames = self.positions.nrows();
         let mut bounds: Vec<(usize, Option<usize>, bool)> = Vec::new();
         bounds.extend((exchanges.iter().enumerate()).map(|(n, e)| (e.frame, Some(n), false)));
         let ends = self.ends(labels).into_iter().map(|t| (t, None, false));
@@ -256,28 +256,28 @@ impl Course<'_> {
     fn seen(&self, labels: &[usize], frames: &Range<usize>) -> usize {
         let is_seen = |t: &usize| {
             let mut all = labels.iter();
-            all.any(|l| point_at(self.places, *t, *l).is_finite())
+            all.any(|l| point_at(self.positions, *t, *l).is_finite())
         };
         frames.clone().filter(is_seen).count()
     }
 
-    /// The places of the labels, those of some only where it is known where they are.
+    /// The positions of the labels, those of some only where it is known where they are.
     fn undone(
         &self,
         labels: &[usize],
         states: &[Vec<usize>],
         stretches: &[(Range<usize>, Option<usize>)],
     ) -> Array2<f64> {
-        let mut out = self.places.to_owned();
+        let mut out = self.positions.to_owned();
         for (frames, state) in stretches {
             for (t, (k, label)) in (frames.clone()).flat_map(|t| {
                 let labels = labels.iter().enumerate();
                 labels.map(move |label| (t, label))
             }) {
-                let place = state.map_or(DVec3::NAN, |s| {
-                    point_at(self.places, t, labels[states[s][k]])
+                let position = state.map_or(DVec3::NAN, |s| {
+                    point_at(self.positions, t, labels[states[s][k]])
                 });
-                (0..3).for_each(|c| out[[t, 3 * label + c]] = place[c]);
+                (0..3).for_each(|c| out[[t, 3 * label + c]] = position[c]);
             }
         }
         out
@@ -313,12 +313,12 @@ impl Course<'_> {
         let step = frames.len().div_ceil(MOST_FRAMES).max(1);
         let (mut sum, mut known) = (Array2::zeros((count, count)), 0);
         for t in frames.step_by(step) {
-            let places: Vec<DVec3> = (labels.iter())
-                .map(|l| point_at(self.places, t, *l))
+            let positions: Vec<DVec3> = (labels.iter())
+                .map(|l| point_at(self.positions, t, *l))
                 .collect();
             let at = |(k, s): (usize, usize)| {
-                if places[s].is_finite() {
-                    evidence.at(labels[k], places[s], t, self.places, labels)
+                if positions[s].is_finite() {
+                    evidence.at(labels[k], positions[s], t, self.positions, labels)
                 } else {
                     Some(0.0)
                 }
@@ -327,7 +327,7 @@ impl Course<'_> {
             let Some(all) = all.collect::<Option<Vec<f64>>>() else {
                 continue;
             };
-            if places.iter().any(|place| place.is_finite()) {
+            if positions.iter().any(|position| position.is_finite()) {
                 sum.iter_mut().zip(all).for_each(|(sum, nats)| *sum += nats);
                 known += 1;
             }
@@ -439,7 +439,7 @@ fn state_after(states: &[Vec<usize>], first: usize, chain: &Chain) -> Option<usi
     states.iter().position(|s| *s == state)
 }
 
-/// Where points are after one more exchange, each number a place among the labels.
+/// Where points are after one more exchange, each number an index among the labels.
 fn after(state: &[usize], step: &[usize]) -> Vec<usize> {
     state.iter().map(|at| step[*at]).collect()
 }

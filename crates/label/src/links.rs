@@ -21,7 +21,7 @@ pub(crate) struct Link {
     pub to: usize,
 }
 
-/// The place of an end of a fragment, cm, and its velocity away from the fragment, cm a frame.
+/// The position of an end of a fragment, cm, and its velocity away from the fragment, cm a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct End {
     at: DVec3,
@@ -33,14 +33,14 @@ impl End {
     pub(crate) fn both(xyz: ArrayView2<'_, f64>, fragment: &Fragment) -> [End; 2] {
         let frames = &fragment.frames;
         let count = frames.len().min(LINE);
-        let place = |t: usize| point_at(xyz, t, fragment.track);
+        let position = |t: usize| point_at(xyz, t, fragment.track);
         let of = |frame: &dyn Fn(usize) -> usize| {
             let middle = (count - 1) as f64 / 2.0;
             let (mut at, mut slope, mut squares) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             for k in 0..count {
                 let off = middle - k as f64;
-                at += place(frame(k)) / count as f64;
-                slope += place(frame(k)) * off;
+                at += position(frame(k)) / count as f64;
+                slope += position(frame(k)) * off;
                 squares += off * off;
             }
             let velocity = if squares > 0.0 {

@@ -61,15 +61,15 @@ impl<'a> LooseTracks<'a> {
             .sum()
     }
 
-    /// The paths that are seen in a frame, each with its place.
+    /// The paths that are seen in a frame, each with its position.
     pub(super) fn seen(&self, t: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         let owners = self.owner.row(t);
         let of = move |track: usize| Some((owners[track]?, point_at(self.xyz, t, track)));
         (0..self.owner.ncols()).filter_map(of)
     }
 
-    /// The places of a path, each with its frame.
-    pub(super) fn places_of(&self, path: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+    /// The positions of a path, each with its frame.
+    pub(super) fn positions_of(&self, path: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         self.paths[path].iter().flat_map(|p| {
             let Fragment { track, frames, .. } = &self.fragments[*p];
             frames.clone().map(|t| (t, point_at(self.xyz, t, *track)))
@@ -91,7 +91,7 @@ impl<'a> LooseTracks<'a> {
     }
 
     /// Gives each path the label that most of its votes are for, at least half of them, the
-    /// strongest first; no label is in two places at once.
+    /// strongest first; no label is in two positions at once.
     pub(super) fn elect(&self, votes: &Array2<f64>) -> PathLabels {
         let labels = votes.ncols() - 1;
         let mut all: Vec<(f64, usize, usize)> = Vec::new();
@@ -120,15 +120,15 @@ impl<'a> LooseTracks<'a> {
     }
 
     /// Where each of so many labels is (frames, 3 L), cm.
-    pub(super) fn places(&self, of: &PathLabels, labels: usize) -> Array2<f64> {
-        let mut places = Array2::from_elem((self.xyz.nrows(), 3 * labels), f64::NAN);
+    pub(super) fn positions(&self, of: &PathLabels, labels: usize) -> Array2<f64> {
+        let mut positions = Array2::from_elem((self.xyz.nrows(), 3 * labels), f64::NAN);
         for (path, label) in of.iter().enumerate() {
             let Some(label) = label else { continue };
-            for (t, at) in self.places_of(path) {
-                (0..3).for_each(|c| places[[t, 3 * label + c]] = at[c]);
+            for (t, at) in self.positions_of(path) {
+                (0..3).for_each(|c| positions[[t, 3 * label + c]] = at[c]);
             }
         }
-        places
+        positions
     }
 
     /// How many frames that say something of their own a path has.

@@ -54,7 +54,7 @@ pub(crate) struct Paths<'a> {
     paths: Vec<Path>,
     path_of: Vec<usize>,
     /// Where each label is (frames, 3 L), cm.
-    places: Array2<f64>,
+    positions: Array2<f64>,
     /// The fragment that holds a label in a frame, by label and frame.
     holder: Vec<Vec<Option<usize>>>,
     evidence: Evidence,
@@ -75,7 +75,7 @@ impl<'a> Paths<'a> {
             ends,
             identities,
             paths: Vec::new(),
-            places: Array2::from_elem((frames, 3 * take.labels), f64::NAN),
+            positions: Array2::from_elem((frames, 3 * take.labels), f64::NAN),
             holder: vec![vec![None; frames]; take.labels],
             evidence: Evidence::learn(Array2::zeros((0, 0)).view()),
         }
@@ -152,7 +152,7 @@ impl<'a> Paths<'a> {
             for t in frames.clone() {
                 if let Some(before) = before {
                     self.holder[before][t] = None;
-                    (0..3).for_each(|c| self.places[[t, 3 * before + c]] = f64::NAN);
+                    (0..3).for_each(|c| self.positions[[t, 3 * before + c]] = f64::NAN);
                 }
             }
             for t in frames.clone() {
@@ -160,7 +160,7 @@ impl<'a> Paths<'a> {
                     self.holder[label][t] = Some(p);
                     let from = 3 * track;
                     (0..3).for_each(|c| {
-                        self.places[[t, 3 * label + c]] = self.take.xyz[[t, from + c]]
+                        self.positions[[t, 3 * label + c]] = self.take.xyz[[t, from + c]]
                     });
                 }
             }
@@ -172,7 +172,7 @@ impl<'a> Paths<'a> {
         let mut moved = false;
         match round {
             0 => moved = self.take_out_stretches(),
-            _ => self.evidence = Evidence::learn(self.places.view()),
+            _ => self.evidence = Evidence::learn(self.positions.view()),
         }
         let mut labeled: Vec<usize> = Vec::new();
         let mut loose: Vec<usize> = Vec::new();
@@ -223,7 +223,7 @@ impl<'a> Paths<'a> {
         let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
         let labels: Vec<Option<usize>> = away.iter().map(|p| self.paths[*p].label).collect();
         away.iter().for_each(|path| self.set(*path, None));
-        self.evidence = Evidence::learn(self.places.view());
+        self.evidence = Evidence::learn(self.positions.view());
         // What jumps with its neighbors, as where a frame was dropped, is with them still.
         let back = away.iter().zip(&labels);
         back.for_each(|(path, label)| self.set(*path, *label));
@@ -297,10 +297,10 @@ impl<'a> Paths<'a> {
                 if (n - 1) % step > 0 {
                     continue;
                 }
-                let place = point_at(self.take.xyz, t, *track);
+                let position = point_at(self.take.xyz, t, *track);
                 let nats = self
                     .evidence
-                    .at(label, place, t, self.places.view(), without);
+                    .at(label, position, t, self.positions.view(), without);
                 if let Some(nats) = nats {
                     sum += nats.min(MOST_NATS);
                     count += 1;
@@ -420,8 +420,8 @@ impl<'a> Paths<'a> {
         holders.iter().all(is)
     }
 
-    /// Whether a path is as near to the neighbors of a label as its own places are, or goes on in
-    /// them, or is long and like no other.
+    /// Whether a path is as near to the neighbors of a label as its own positions are, or goes on
+    /// in them, or is long and like no other.
     fn is_fit(&self, path: usize, label: usize, fit: Fit, continuity: f64) -> bool {
         let [median, few] = self.evidence.own[label];
         if fit.mean >= few {
@@ -482,8 +482,8 @@ impl<'a> Paths<'a> {
         self.fragments.iter().enumerate().map(of).collect()
     }
 
-    /// The distances within the take as it is labeled now, and the places of its labels.
+    /// The distances within the take as it is labeled now, and the positions of its labels.
     pub(crate) fn learned(self) -> (Evidence, Array2<f64>) {
-        (self.evidence, self.places)
+        (self.evidence, self.positions)
     }
 }

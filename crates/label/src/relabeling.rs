@@ -22,7 +22,7 @@ use std::sync::Arc;
 pub struct LabelSettings {
     /// Segments of points whose labels stay.
     pub keep: Vec<Segment>,
-    /// Whether places of a label that are no label's are taken out.
+    /// Whether positions of a label that are no label's are taken out.
     pub take_out: bool,
     /// Labeled takes to compare with.
     pub like: Arc<Templates>,

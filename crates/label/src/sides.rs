@@ -81,7 +81,7 @@ impl LabeledTake<'_> {
         fragments: &[Fragment],
     ) -> Sides {
         let course = Course {
-            places: named,
+            positions: named,
             fragments,
             rate: self.rate,
         };
@@ -170,9 +170,10 @@ impl LabeledTake<'_> {
         };
         let long: Vec<&Group> = groups.iter().filter(|g| share(g) >= LONG).collect();
         let by_mirror = || clearest(&long, &|frames| mirror.cost(labels, frames));
-        let (names, places) = (&self.names[..self.labels], self.xyz);
-        let like =
-            |frames: &[Range<usize>]| (self.like).cost(self.person, names, places, labels, frames);
+        let (names, positions) = (&self.names[..self.labels], self.xyz);
+        let like = |frames: &[Range<usize>]| {
+            (self.like).cost(self.person, names, positions, labels, frames)
+        };
         // Another person's take says nothing against most frames.
         let among = if self.like.are_same_person() {
             groups.iter().collect()

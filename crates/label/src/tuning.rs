@@ -114,7 +114,7 @@ pub(crate) mod links {
     pub(crate) const LINE: usize = 4;
     /// Longest gap, seconds.
     pub(crate) const LONGEST: f64 = 0.2;
-    /// Standard deviations: of a place, cm, of an acceleration, cm/s², and of a velocity, cm a
+    /// Standard deviations: of a position, cm, of an acceleration, cm/s², and of a velocity, cm a
     /// frame.
     pub(crate) const NOISE: f64 = 0.25;
     pub(crate) const ACCELERATION: f64 = 300.0;
@@ -126,14 +126,14 @@ pub(crate) mod links {
     pub(crate) const CHEAPER: f64 = 12.0;
 }
 
-/// What distances say of a place.
+/// What distances say of a position.
 pub(crate) mod evidence {
     /// The most rigid neighbors that count, those kept in their stead where one is not seen, and
     /// how many are seen at least.
     pub(crate) const NEIGHBORS: usize = 10;
     pub(crate) const SPARE: usize = 4;
     pub(crate) const FEWEST_SEEN: usize = 3;
-    /// Frames of a label's own places that are looked at, at most, and the share that is few.
+    /// Frames of a label's own positions that are looked at, at most, and the share that is few.
     pub(crate) const OWN_FRAMES: usize = 300;
     pub(crate) const FEW: f64 = 0.05;
     /// Seconds after which a frame says something new.
@@ -330,15 +330,15 @@ pub(crate) mod naming {
     pub(crate) const EVERY: f64 = 0.1;
     /// Share of the labels that may be no track's, before the set may be another.
     pub(crate) const MISSING: f64 = 0.1;
-    /// By how many variances of its place on the body a label reaches farther.
+    /// By how many variances of its position on the body a label reaches farther.
     pub(crate) const WIDER: f64 = 2.0;
     /// Nats a frame that a label must be worth over others, which no path has.
     pub(crate) const NEEDLESS: f64 = 2.0;
-    /// Standard deviation of a label about its place, cm, and the nats of a path by which its odds
-    /// are e times as good: frames are not independent.
+    /// Standard deviation of a label about its position, cm, and the nats of a path by which its
+    /// odds are e times as good: frames are not independent.
     pub(crate) const SD: f64 = 1.5;
     pub(crate) const SLOPE: f64 = 8.0;
-    /// Deviations from its usual place from which on a label may be another, and is none.
+    /// Deviations from its usual position from which on a label may be another, and is none.
     pub(crate) const UNUSUAL: f64 = 2.5;
     pub(crate) const ODD: f64 = 5.0;
     /// A label is almost free where those that have it have one in so many frames of a path.

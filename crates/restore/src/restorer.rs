@@ -413,7 +413,7 @@ fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
 
 /// The labeled points of a person in a table: others are neither filled nor learned from.
 struct Labeled<'t> {
-    /// Their places among the table's points.
+    /// Their indices among the table's points.
     points: Vec<usize>,
     poses: Cow<'t, Poses>,
     /// Standard deviations (frames, points), cm, where the table says them.
@@ -421,7 +421,7 @@ struct Labeled<'t> {
 }
 
 impl<'t> Labeled<'t> {
-    /// Some points of a table, at the places that they have in `poses`.
+    /// Some points of a table, at the indices that they have in `poses`.
     fn of(table: &'t Table, poses: &'t Poses, points: &[usize]) -> Labeled<'t> {
         let sd = table.sd.as_ref().map(|sd| {
             if points.len() == sd.ncols() {
