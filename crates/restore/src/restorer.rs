@@ -263,22 +263,22 @@ impl<'m> Restorer<'m> {
                     progress(frames);
                 }
             };
-            let all = Restored {
+            let restorer = PersonRestorer {
                 table,
                 method,
                 rate,
                 hidden,
                 progress: &count,
             };
-            all.restore(labeled, mapping, names, &mut out)?;
+            restorer.restore(labeled, mapping, names, &mut out)?;
         }
         out.count_people(people.len());
         Ok(out)
     }
 }
 
-/// A table to restore, and how; `hidden` columns count as missing.
-struct Restored<'a> {
+/// Restores the points of one person in a table; `hidden` columns count as missing.
+struct PersonRestorer<'a> {
     table: &'a Table,
     method: &'a dyn Method,
     rate: Option<f64>,
@@ -286,7 +286,7 @@ struct Restored<'a> {
     progress: &'a (dyn Fn(usize) + Sync),
 }
 
-impl Restored<'_> {
+impl PersonRestorer<'_> {
     /// Restores the points of one person, which the model knows by these names.
     fn restore(
         &self,
