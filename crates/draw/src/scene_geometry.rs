@@ -217,30 +217,26 @@ const ENDS: [[&str; 2]; 4] = [["_l", "_r"], ["_L", "_R"], [".l", ".r"], [".L", "
 /// Left and right by name: a point `l...` is left if there is a point `r...`, and so on.
 fn sides(points: &[String]) -> Vec<Side> {
     let known: HashSet<&str> = points.iter().map(|name| bare(name)).collect();
-    // Whether the name with the mark `own` replaced by the other side's is known.
-    let has_twin = |name: &str, own: usize| {
-        let starts = STARTS.iter().filter_map(|pair| {
-            Some(format!(
-                "{}{}",
-                pair[1 - own],
-                name.strip_prefix(pair[own])?
-            ))
-        });
-        let ends = ENDS.iter().filter_map(|pair| {
-            Some(format!(
-                "{}{}",
-                name.strip_suffix(pair[own])?,
-                pair[1 - own]
-            ))
-        });
-        starts.chain(ends).any(|twin| known.contains(&*twin))
-    };
+    let has_twin = |name: &str, own: usize| twins(name, own).any(|twin| known.contains(&*twin));
     let side = |name: &str| match (has_twin(name, 0), has_twin(name, 1)) {
         (true, false) => Side::Left,
         (false, true) => Side::Right,
         _ => Side::Middle,
     };
     points.iter().map(|name| side(bare(name))).collect()
+}
+
+/// A name with each mark of its side, left (0) or right (1), replaced by the other side's.
+fn twins(name: &str, own: usize) -> impl Iterator<Item = String> + '_ {
+    let starts = STARTS.iter().filter_map(move |pair| {
+        let rest = name.strip_prefix(pair[own])?;
+        Some(format!("{}{rest}", pair[1 - own]))
+    });
+    let ends = ENDS.iter().filter_map(move |pair| {
+        let rest = name.strip_suffix(pair[own])?;
+        Some(format!("{rest}{}", pair[1 - own]))
+    });
+    starts.chain(ends)
 }
 
 #[cfg(test)]

@@ -10,22 +10,24 @@ use std::sync::LazyLock;
 static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
     let maps: BTreeMap<String, BTreeMap<String, String>> =
         toml::from_str(include_str!("name_maps.toml")).unwrap_or_default();
-    let map = |(name, lines): (String, BTreeMap<String, String>)| {
-        let is_one_of = |names: &'static [&str]| {
-            move |line: &(String, String)| names.contains(&line.0.as_str())
-        };
-        let (trunk, lines): (_, BTreeMap<String, String>) =
-            lines.into_iter().partition(is_one_of(&TRUNK));
-        let (bones, joints) = lines.into_iter().partition(is_one_of(&BONES));
-        NameMap {
-            name,
-            joints,
-            trunk,
-            bones,
-        }
-    };
-    maps.into_iter().map(map).collect()
+    let maps = maps.into_iter();
+    maps.map(|(name, lines)| shipped_map(name, lines)).collect()
 });
+
+/// A shipped map of some lines, each a name of a model's point, of [`TRUNK`] or of [`BONES`].
+fn shipped_map(name: String, lines: BTreeMap<String, String>) -> NameMap {
+    let is_one_of =
+        |names: &'static [&str]| move |line: &(String, String)| names.contains(&line.0.as_str());
+    let (trunk, lines): (_, BTreeMap<String, String>) =
+        lines.into_iter().partition(is_one_of(&TRUNK));
+    let (bones, joints) = lines.into_iter().partition(is_one_of(&BONES));
+    NameMap {
+        name,
+        joints,
+        trunk,
+        bones,
+    }
+}
 
 /// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
 /// other positions.

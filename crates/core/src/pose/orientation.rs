@@ -188,16 +188,10 @@ impl BodyPoints {
         ];
         let figure = |t: usize| {
             let middle = |of: &[Vec<usize>; 2]| between(xyz, t, of);
-            let above = [
-                position(xyz, t, &self.head),
-                middle(&shoulders),
-                middle(&hips),
-            ];
+            let head = position(xyz, t, &self.head);
+            let mut above = [head, middle(&shoulders), middle(&hips)].into_iter();
             Figure {
-                head: above
-                    .into_iter()
-                    .find(|at| at.is_finite())
-                    .unwrap_or(DVec3::NAN),
+                head: above.find(|at| at.is_finite()).unwrap_or(DVec3::NAN),
                 hips: middle(&hips),
                 feet: middle(&feet),
                 hands: middle(&hands),

@@ -120,24 +120,9 @@ impl Poses {
     /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not
     /// below .4 of it.
     pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> crate::Result<usize> {
-        let filter = |own: Option<f64>| {
-            let rate = own
-                .or(fps)
-                .ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
-            let low_pass = LowPass::new(cutoff, rate);
-            let low_pass = low_pass.ok_or_else(|| {
-                format!(
-                    "has {rate} frames per second: the option `butterworth {cutoff}` has to be \
-                     below .4 of that"
-                )
-            })?;
-            Ok((rate, low_pass))
-        };
-        let filters = self
-            .rates()
-            .into_iter()
-            .map(filter)
-            .collect::<crate::Result<Vec<_>>>()?;
+        let rates = self.rates().into_iter();
+        let filters = rates.map(|own| low_pass_filter(cutoff, own.or(fps)));
+        let filters = filters.collect::<crate::Result<Vec<_>>>()?;
         let mut short = 0;
         for (frames, (rate, filter)) in self.takes().into_iter().zip(filters) {
             for c in 0..self.xyz.ncols() {
@@ -170,6 +155,19 @@ impl Poses {
         }
         runs
     }
+}
+
+/// The filter of a take, and the take's rate.
+fn low_pass_filter(cutoff: f64, rate: Option<f64>) -> crate::Result<(f64, LowPass)> {
+    let rate =
+        rate.ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
+    let filter = LowPass::new(cutoff, rate).ok_or_else(|| {
+        format!(
+            "has {rate} frames per second: the option `butterworth {cutoff}` has to be below .4 \
+             of that"
+        )
+    })?;
+    Ok((rate, filter))
 }
 
 #[cfg(test)]

@@ -96,17 +96,7 @@ fn facing(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) ->
         if own[2] <= 0.0 || turn >= 0 {
             return None;
         }
-        let light = face.map(|v| {
-            let mut sum = *own;
-            // A vertex of thousands of triangles must not cost the square of their number.
-            for other in around[v as usize].iter().take(64) {
-                let other = normals[*other as usize];
-                if dot(unit(*own), unit(other)) > SHARP {
-                    (0..3).for_each(|axis| sum[axis] += other[axis]);
-                }
-            }
-            lightness(unit(sum))
-        });
+        let light = face.map(|v| corner_lightness(*own, &around[v as usize], &normals));
         let light = light.iter().sum::<f64>() / 3.0;
         Some(Triangle {
             corners,
@@ -115,6 +105,20 @@ fn facing(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) ->
         })
     };
     faces.iter().zip(&normals).filter_map(triangle).collect()
+}
+
+/// The lightness at a corner of a triangle with the normal `own`: smooth over the triangles
+/// `around` the corner that make no sharp edge with it.
+fn corner_lightness(own: [f64; 3], around: &[u32], normals: &[[f64; 3]]) -> f64 {
+    let mut sum = own;
+    // A vertex of thousands of triangles must not cost the square of their number.
+    for other in around.iter().take(64) {
+        let other = normals[*other as usize];
+        if dot(unit(own), unit(other)) > SHARP {
+            (0..3).for_each(|axis| sum[axis] += other[axis]);
+        }
+    }
+    lightness(unit(sum))
 }
 
 /// The triangles at each vertex.
