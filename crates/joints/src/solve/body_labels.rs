@@ -209,7 +209,7 @@ mod tests {
     use crate::io::PointMove;
     use crate::label::naming::name_tracks;
     use crate::pose::{Poses, point_at};
-    use crate::solve::solver::tests::person;
+    use crate::solve::marker_solver::tests::person;
     use ndarray::Array2;
 
     /// The person's markers without names, in another order; pieces of some are tracks of their

@@ -4,8 +4,8 @@
 use super::body::BONES;
 use super::landmarks::{JointSet, Landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
+use super::marker_solver::too_few;
 use super::person::{Calibrated, calibrated};
-use super::solver::too_few;
 use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, FRAMES, LEAST_PEOPLE};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};

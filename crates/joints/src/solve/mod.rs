@@ -14,10 +14,10 @@ mod fitted;
 mod landmarks;
 mod learning;
 mod marker_sets;
+mod marker_solver;
 mod page;
 mod person;
 mod solved_take;
-mod solver;
 mod tuning;
 mod unseen_limbs;
 
@@ -26,8 +26,8 @@ pub use body_labels::BodyModel;
 pub use body_points::body_points;
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
-pub use solved_take::{SolvedTake, UsedMarker};
 #[doc(hidden)]
-pub use solver::doubt;
-pub use solver::{SolveSettings, solve};
+pub use marker_solver::doubt;
+pub use marker_solver::{SolveSettings, solve};
+pub use solved_take::{SolvedTake, UsedMarker};
 pub use unseen_limbs::UnseenLimb;
