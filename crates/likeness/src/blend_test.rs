@@ -99,11 +99,11 @@ impl ClipRange {
 /// How a blend compares with its clips: shares of limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlendQuality {
-    /// Of bone lengths.
+    /// The share for bone lengths.
     pub bones: f64,
-    /// Of planted feet.
+    /// The share for planted feet.
     pub feet: f64,
-    /// Of accelerations.
+    /// The share for accelerations.
     pub acceleration: f64,
 }
 

@@ -126,7 +126,7 @@ impl TrackNoise {
             return None;
         }
         let reach = (SECONDS * rate / 2.0) as usize;
-        // Of each frame: Σ w z, Σ (w z)², Σ w, Σ w².
+        // For each frame: Σ w z, Σ (w z)², Σ w, Σ w².
         let mut sums = vec![[0.0; 4]; self.powers[0].log.len()];
         for power in &self.powers {
             let w = power.weight;

@@ -361,7 +361,7 @@ impl Problem<'_> {
                 mirrored.push(p);
             }
         }
-        // Of limbs within limbs each is mirrored in turn.
+        // Each of several limbs within limbs is mirrored in turn.
         mirrored.sort_unstable();
         mirrored.dedup();
         mirrored.into_iter().map(|p| (p, depths[p])).collect()

@@ -456,7 +456,7 @@ impl PoseSolver {
                 (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);
             }
             if let Some(floor) = &goals.floor {
-                // Of NaN and the floor, NaN remains.
+                // NaN stays NaN: `max` would give the floor.
                 target[1] = if target[1] < floor[k] {
                     floor[k]
                 } else {

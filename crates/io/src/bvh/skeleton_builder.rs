@@ -27,7 +27,7 @@ pub(super) struct SkeletonBuilder {
     /// By joint: the bone that turns with it.
     turning: Vec<usize>,
     /// By position on a bone: the bone that ends there.
-    ends: HashMap<(usize, [u64; 3]), usize>,
+    bone_at: HashMap<(usize, [u64; 3]), usize>,
     /// By joint: what stands on it.
     carried: Vec<Carried>,
     /// The skeleton's value of each channel of a frame; `None` for one that does not move here.
@@ -147,7 +147,7 @@ impl SkeletonBuilder {
         }
     }
 
-    /// Of each joint the bone that ends where its bone does; bones are made where there are none.
+    /// The bone that ends where the bone of each joint does; it is made where there is none.
     pub(super) fn ends(&mut self, joints: &[Joint]) -> Vec<(String, usize)> {
         let mut ends = Vec::with_capacity(joints.len());
         for (i, joint) in joints.iter().enumerate() {
@@ -166,11 +166,11 @@ impl SkeletonBuilder {
     /// The bone that ends at a position on another, which is made where there is none.
     fn bone_to(&mut self, on: usize, offset: DVec3) -> usize {
         let key = (on, bits(offset));
-        if let Some(&bone) = self.ends.get(&key) {
+        if let Some(&bone) = self.bone_at.get(&key) {
             return bone;
         }
         let bone = self.fixed(Some(on), offset);
-        self.ends.insert(key, bone);
+        self.bone_at.insert(key, bone);
         bone
     }
 

@@ -23,7 +23,7 @@ use ndarray::{Array2, concatenate};
 pub struct NamedSkeleton {
     /// The take, with points in the middle of others that the skeleton goes by, at its end.
     pub poses: Poses,
-    /// Of each such point, the columns of the others.
+    /// The columns of the others, for each such point.
     pub middles: Vec<Vec<usize>>,
     /// The skeleton.
     pub template: BvhTemplate,
@@ -180,7 +180,7 @@ impl<'a> Builder<'a> {
         median(apart.filter(|d| d.is_finite()).collect())
     }
 
-    /// The same, else a share of the leg.
+    /// The median distance of two points, else a share of the leg, cm.
     fn long(&self, a: &BodyPoint, b: &BodyPoint, share: f64) -> f64 {
         self.length(a, b).unwrap_or(share * self.leg)
     }

@@ -175,7 +175,7 @@ impl Search<'_> {
     fn assigned(&self, points: &[DVec3], state: &FrameState, gate: f64) -> Vec<Option<usize>> {
         let markers = self.markers(state);
         let shares = self.shares(gate);
-        // Of two positions as near the one that is better known is likelier.
+        // Where two positions are as near, the one that is better known is likelier.
         let vague = |share: f64| -3.0 * share.ln() * (gate / SIGMAS).powi(2);
         let cost = |m: usize, n: usize| {
             shares[m] * markers[m].distance_squared(points[n]) + vague(shares[m])

@@ -141,7 +141,7 @@ impl Labeled {
         };
         let mut impostors: Vec<usize> = (0..apart.len()).filter(counts).collect();
         if impostors.len() > IMPOSTORS {
-            // Of equal distances the lower row is nearer, so that the result is one.
+            // Where distances are equal the lower row is nearer: only one result is possible.
             let by = |a: &usize, b: &usize| apart[*a].total_cmp(&apart[*b]).then(a.cmp(b));
             impostors.select_nth_unstable_by(IMPOSTORS, by);
             impostors.truncate(IMPOSTORS);

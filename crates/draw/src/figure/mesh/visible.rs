@@ -7,7 +7,7 @@ use ndarray::ArrayView2;
 const FINE: f64 = 0.4;
 /// Shades, from dark to light.
 pub(crate) const SHADES: usize = 14;
-/// Where light comes from: right, up, toward the viewer. Of unit length.
+/// Where light comes from: right, up, toward the viewer; a unit vector.
 const LIGHT: [f64; 3] = [-0.42, 0.58, 0.698];
 /// Triangles whose normals have a smaller cosine are shaded apart: edges of a box stay sharp.
 const SHARP: f64 = 0.5;
@@ -24,7 +24,7 @@ pub(crate) struct Layer {
 /// A triangle that faces the viewer.
 struct Triangle {
     corners: [[i32; 2]; 3],
-    /// Of each corner, larger toward the viewer.
+    /// The depth of each corner, larger toward the viewer.
     depths: [f64; 3],
     shade: usize,
 }

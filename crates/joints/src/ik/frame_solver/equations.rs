@@ -43,7 +43,7 @@ pub(crate) struct Scratch {
 pub(crate) struct FrameEquations<'a> {
     pub(crate) states: FrameStates<'a>,
     pub(super) prior: FramePrior,
-    /// Of each point, the bone whose end it is.
+    /// The bone whose end each point is.
     pub(super) joints: &'a [usize],
     /// The columns that move each joint.
     pub(super) moving: Vec<Vec<usize>>,

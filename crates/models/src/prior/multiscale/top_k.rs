@@ -35,7 +35,7 @@ mod tests {
     fn sorts_by_distance_and_fades_toward_the_first_left_out() {
         let found = nearest(&[5.0, 0.0, 80.0, 5.0, 3.0, 81.0], 4);
         let indices: Vec<usize> = found.iter().map(|f| f.0).collect();
-        // Of two equal distances, the first one.
+        // Where two distances are equal, the first one.
         assert_eq!(indices, [1, 4, 0, 3]);
         assert!(found[0].1 <= 0.0 && found[0].1 >= -1e-9);
         let found = nearest(&[2.0, 1.0, 2.0 + 1e-6], 2);

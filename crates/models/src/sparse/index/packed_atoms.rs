@@ -35,7 +35,7 @@ const MOST: usize = 16;
 pub(crate) struct Wide(pub [f32; MOST]);
 
 impl Wide {
-    /// The same number in all lanes.
+    /// One number in all lanes.
     pub(crate) const fn of(value: f32) -> Wide {
         Wide([value; MOST])
     }
