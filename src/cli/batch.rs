@@ -88,7 +88,7 @@ struct FileReport {
 
 /// The files, and those of folders whose names end in one of `extensions`, each with its result: of
 /// one file `output` itself, else below `output` under the file's name with the ending
-/// `extension`, or its own; the files of a folder keep their places within it. Results that would
+/// `extension`, or its own; the files of a folder keep their paths within it. Results that would
 /// be one are named apart as takes are ([`TakeNames`]), which is said.
 ///
 /// # Errors
@@ -218,7 +218,7 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn results_keep_their_places_and_replace_nothing() -> std::io::Result<()> {
+    fn results_keep_their_paths_and_replace_nothing() -> std::io::Result<()> {
         let folder = tempfile::tempdir()?;
         let at = |name: &str| folder.path().join(name);
         fs::create_dir_all(at("in/deep"))?;

@@ -135,7 +135,7 @@ pub fn write(
             &[features.nrows(), features.ncols()],
         ))?;
     } else {
-        // Always both, so that a feature has one place.
+        // Always both, so that a feature has one index.
         let head: Vec<&str> = ["take", "time"]
             .into_iter()
             .chain(names.iter().map(String::as_str))

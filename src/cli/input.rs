@@ -281,7 +281,7 @@ mod tests {
         ];
         let walks = files.map(&mut next);
         assert_eq!(walks, ["walk", "walk'", "walk''", "walk'''", "run"]);
-        // Of many, names do not grow.
+        // Names of many takes do not grow.
         let many: HashSet<String> = (0..20_000).map(|_| next("walk.csv")).collect();
         assert_eq!(many.len(), 20_000);
         assert!(

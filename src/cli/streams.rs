@@ -12,11 +12,11 @@ use crate::{Error, Result};
 use std::io::{self, BufWriter, IsTerminal};
 use std::path::Path;
 
-/// Does some work and then puts the files in place that it opened by [`open_output`]: all, or none
-/// where it fails. A reader of standard output that went away is no failure.
+/// Does some work and then puts the files at their paths that it opened by [`open_output`]: all, or
+/// none where it fails. A reader of standard output that went away is no failure.
 ///
 /// # Errors
-/// Those of the work; a file cannot be put in place.
+/// Those of the work; a file cannot be put at its path.
 pub fn together<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     let done = work();
     match &done {

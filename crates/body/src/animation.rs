@@ -108,8 +108,8 @@ fn shape_frames(frames: &[MarkerFrame]) -> Vec<&MarkerFrame> {
     (0..blocks).filter_map(block).collect()
 }
 
-/// The offset of each marker: the mean over the frames of where it is from its place on the body,
-/// in the frame of its part.
+/// The offset of each marker: the mean over the frames of where it is from its position on the
+/// body, in the frame of its part.
 fn learned_offsets(
     model: &MarkerModel,
     prior: &FitPrior,

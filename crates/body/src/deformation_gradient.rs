@@ -22,7 +22,7 @@ pub(crate) struct Triangle {
 }
 
 impl Triangle {
-    /// A triangle of vertices at rest, cm, and the place of its normal among the unknowns. `None`
+    /// A triangle of vertices at rest, cm, and the index of its normal among the unknowns. `None`
     /// for one without area.
     pub(crate) fn new(face: [usize; 3], rest: &[DVec3], normal_node: usize) -> Option<Triangle> {
         let [a, b, c] = face.map(|v| rest[v]);

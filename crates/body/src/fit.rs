@@ -82,7 +82,7 @@ pub struct Fit {
     pub missed: Vec<(DVec3, DVec3)>,
     /// The root mean square distance of the predicted markers from those that count, centimeters.
     pub rms: f64,
-    /// The markers that do not fit, and how far each is from its place on the body, centimeters.
+    /// The markers that do not fit, and how far each is from its position on the body, centimeters.
     pub left_out: Vec<(usize, f64)>,
     /// σ², cm² a coordinate: what markers and model miss.
     pub variance: f64,
@@ -213,7 +213,7 @@ impl<'a> FitProblem<'a> {
         problem.descend(fit.state)
     }
 
-    /// The squared distance of each marker that is seen from its place, cm².
+    /// The squared distance of each marker that is seen from its position, cm².
     fn squares(&self, now: &Evaluation) -> Array1<f64> {
         let shift = self.shift(now);
         let square = |r: ndarray::ArrayView1<'_, f64>| -> f64 {

@@ -8,6 +8,7 @@ use super::{BodyModel, Skinning, Template};
 use crate::io::glb::{Animation, Bone, Shape, SkinnedMesh};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
+use std::ops::Range;
 
 /// Corrective shapes of the skin.
 const CORRECTIONS: usize = 20;
@@ -111,7 +112,7 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> Result<Skin> {
     })
 }
 
-/// The vertices of a shape in the template's pose and place.
+/// The vertices of a shape in the template's pose and position.
 fn rest_vertices(body: &BodyModel, shape: &[f64]) -> Vec<DVec3> {
     let template = &body.template;
     let upright = vec![DMat3::IDENTITY; template.parts()];
@@ -143,18 +144,9 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
         name: format!("correction{}", k + 1),
         offsets: offsets(s),
     });
-    let person = |k: usize| {
-        let mut other = shape.to_vec();
-        other.resize(body.shape.len(), 0.0);
-        other[k] += 1.0;
-        let moved: Vec<DVec3> = (rest_vertices(body, &other).iter())
-            .zip(&template.vertices)
-            .map(|(a, b)| *a - *b)
-            .collect();
-        Shape {
-            name: format!("shape{}", k + 1),
-            offsets: offsets(&moved),
-        }
+    let person = |k: usize| Shape {
+        name: format!("shape{}", k + 1),
+        offsets: offsets(&person_offsets(body, template, shape, k)),
     };
     SkinnedMesh {
         name: "body".into(),
@@ -171,35 +163,52 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
     }
 }
 
+/// How far each vertex moves, cm, where the k-th number of a person's shape is greater by 1.
+fn person_offsets(body: &BodyModel, template: &Template, shape: &[f64], k: usize) -> Vec<DVec3> {
+    let mut other = shape.to_vec();
+    other.resize(body.shape.len(), 0.0);
+    other[k] += 1.0;
+    let moved = rest_vertices(body, &other);
+    let moved = moved.iter().zip(&template.vertices);
+    moved.map(|(a, b)| *a - *b).collect()
+}
+
 /// An animation a take.
 fn animations(take: &BodyTake, skin: &Skin, mesh: &SkinnedMesh) -> Vec<Animation> {
+    let takes = take.poses.takes().into_iter();
+    let animations = takes.map(|frames| animation(take, skin, mesh, frames));
+    animations.filter(|a| !a.times.is_empty()).collect()
+}
+
+/// The animation of some frames, those of one take.
+fn animation(take: &BodyTake, skin: &Skin, mesh: &SkinnedMesh, frames: Range<usize>) -> Animation {
     let people = mesh.shapes.len() - skin.skinning.shapes.len();
     let time = |k: usize| take.poses.time.as_ref().map_or(0.0, |t| t[k]);
-    let places = |frame: &Frame| -> Vec<DVec3> {
+    let positions = |frame: &Frame| -> Vec<DVec3> {
         (frame.motions().iter().zip(&skin.skinning.places))
-            .map(|(m, place)| m.transform_point3(*place) / 100.0)
+            .map(|(m, position)| m.transform_point3(*position) / 100.0)
             .collect()
     };
-    let animation = |range: std::ops::Range<usize>| {
-        let keys = skin.frames.iter().filter(|(k, _)| range.contains(k));
-        let start = keys.clone().next().map_or(0.0, |(k, _)| time(*k));
-        let times = keys
-            .clone()
-            .map(|(k, _)| (time(*k) - start) as f32)
-            .collect();
-        let rotations: Vec<Vec<DMat3>> = keys.clone().map(|(_, f)| f.rotations.clone()).collect();
-        let places: Vec<Vec<DVec3>> = keys.clone().map(|(_, f)| places(f)).collect();
-        let named = take.poses.take.as_ref().map(|t| t[range.start].to_string());
-        let name = named.unwrap_or_else(|| "take".into());
-        let mut animation = Animation::from_world(name, &mesh.bones, times, &rotations, &places);
-        // The shapes of people stay at 0.
-        let weights = |(_, f): &(usize, Frame)| {
-            let corrections = f.weights.iter().map(|w| *w as f32);
-            corrections.chain(vec![0.0; people]).collect()
-        };
-        animation.weights = keys.map(weights).collect();
-        animation
+    let keys = skin.frames.iter().filter(|(k, _)| frames.contains(k));
+    let start = keys.clone().next().map_or(0.0, |(k, _)| time(*k));
+    let times = keys
+        .clone()
+        .map(|(k, _)| (time(*k) - start) as f32)
+        .collect();
+    let rotations: Vec<Vec<DMat3>> = keys.clone().map(|(_, f)| f.rotations.clone()).collect();
+    let positions: Vec<Vec<DVec3>> = keys.clone().map(|(_, f)| positions(f)).collect();
+    let named = take
+        .poses
+        .take
+        .as_ref()
+        .map(|t| t[frames.start].to_string());
+    let name = named.unwrap_or_else(|| "take".into());
+    let mut animation = Animation::from_world(name, &mesh.bones, times, &rotations, &positions);
+    // The shapes of people stay at 0.
+    let weights = |(_, f): &(usize, Frame)| {
+        let corrections = f.weights.iter().map(|w| *w as f32);
+        corrections.chain(vec![0.0; people]).collect()
     };
-    let takes = take.poses.takes().into_iter().map(animation);
-    takes.filter(|a| !a.times.is_empty()).collect()
+    animation.weights = keys.map(weights).collect();
+    animation
 }

@@ -47,7 +47,7 @@ pub(crate) struct Targets {
 pub(crate) struct GradientEnergy {
     vertices: usize,
     triangles: Vec<Triangle>,
-    /// Two triangles, as places in `triangles`, and w_ab.
+    /// Two triangles, as indices in `triangles`, and w_ab.
     pairs: Vec<([usize; 2], f64)>,
     ties: Vec<Tie>,
     /// The matrices of bending and stretching: row, column, and both values.
@@ -74,19 +74,19 @@ impl GradientEnergy {
     /// The energy of a template at rest at `rest`, cm (V).
     pub(crate) fn new(template: &Template, rest: &[DVec3]) -> GradientEnergy {
         let faces = template.surface();
-        let mut place = vec![None; faces.len()];
+        let mut index = vec![None; faces.len()];
         let mut triangles = Vec::with_capacity(faces.len());
         for (k, face) in faces.iter().enumerate() {
             let own = rest.len() + triangles.len();
             if let Some(triangle) = Triangle::new(*face, rest, own) {
-                place[k] = Some(triangles.len());
+                index[k] = Some(triangles.len());
                 triangles.push(triangle);
             }
         }
         let mut pairs = Vec::with_capacity(template.neighbors.len());
         for [a, b] in &template.neighbors {
             if *a.max(b) < faces.len()
-                && let (Some(p), Some(q)) = (place[*a], place[*b])
+                && let (Some(p), Some(q)) = (index[*a], index[*b])
             {
                 let (p, q) = (p.min(q), p.max(q));
                 let weight = triangles[p].weight_beside(&triangles[q], rest);
@@ -206,7 +206,8 @@ impl GradientEnergy {
         self.vertices + self.triangles.len()
     }
 
-    /// The lower triangles of the matrices of bending and stretching, entries of one place added.
+    /// The lower triangles of the matrices of bending and stretching, entries of one row and column
+    /// added.
     fn matrices(&self) -> Vec<(usize, usize, [f64; 2])> {
         let mut entries = Vec::new();
         for ([a, b], weight) in &self.pairs {

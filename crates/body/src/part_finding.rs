@@ -69,6 +69,24 @@ fn vertex_neighbors(vertices: usize, faces: &[[usize; 3]]) -> Vec<Vec<usize>> {
     neighbors
 }
 
+/// A vertex and those at most [`RINGS`] edges away from it.
+fn neighborhood(neighbors: &[Vec<usize>], vertex: usize) -> Vec<usize> {
+    let mut near = vec![vertex];
+    let mut from = 0;
+    for _ in 0..RINGS {
+        let to = near.len();
+        for k in from..to {
+            for next in &neighbors[near[k]] {
+                if !near.contains(next) {
+                    near.push(*next);
+                }
+            }
+        }
+        from = to;
+    }
+    near
+}
+
 /// How the neighborhood of each vertex turns: nine numbers per pose.
 fn local_rotations(
     vertices: &[DVec3],
@@ -76,19 +94,7 @@ fn local_rotations(
     poses: &[Vec<DVec3>],
 ) -> Vec<Vec<f32>> {
     let of_vertex = |v: usize| {
-        let mut near = vec![v];
-        let mut from = 0;
-        for _ in 0..RINGS {
-            let to = near.len();
-            for k in from..to {
-                for next in &neighbors[near[k]] {
-                    if !near.contains(next) {
-                        near.push(*next);
-                    }
-                }
-            }
-            from = to;
-        }
+        let near = neighborhood(neighbors, v);
         let rest = near.iter().map(|u| vertices[*u]).sum::<DVec3>() / near.len() as f64;
         let of_pose = |pose: &Vec<DVec3>| {
             let mut moment = DMat3::ZERO;
@@ -96,10 +102,8 @@ fn local_rotations(
                 let (x, y) = (vertices[*u] - rest, pose[*u]);
                 moment += DMat3::from_cols(x * y.x, x * y.y, x * y.z);
             }
-            nearest_rotation(&moment)
-                .0
-                .to_cols_array()
-                .map(|v| v as f32)
+            let (rotation, ..) = nearest_rotation(&moment);
+            rotation.to_cols_array().map(|v| v as f32)
         };
         poses.iter().flat_map(of_pose).collect::<Vec<f32>>()
     };
@@ -241,7 +245,7 @@ mod tests {
     use crate::template::tests::column;
 
     #[test]
-    fn a_column_that_bends_in_one_place_has_two_parts() {
+    fn a_column_that_bends_once_has_two_parts() {
         let template = column(16);
         let bent = |by: f64| -> Vec<DVec3> {
             let turn = from_rotation_vector(DVec3::new(0.0, 0.0, by));

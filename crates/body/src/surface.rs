@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn many_points_in_one_plane_or_place_are_no_trouble() {
+    fn many_points_in_one_plane_or_position_are_no_trouble() {
         let grid = (0..20_000).map(|k| DVec3::new((k % 100) as f64, (k / 100) as f64, 0.0));
         let same = (0..500).map(|_| DVec3::new(3.25, 7.0, 0.0));
         let cloud = Surface::new(grid.chain(same).collect(), Vec::new());

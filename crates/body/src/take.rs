@@ -1,4 +1,4 @@
-//! A take as rotations and places of a body, and the meshes of it.
+//! A take as rotations and positions of a body, and the meshes of it.
 
 use super::BodyModel;
 use super::animation::Animation;
@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::sync::Arc;
 
-/// Rotations of the parts and place of the root, frame by frame.
+/// Rotations of the parts and position of the root, frame by frame.
 #[derive(Debug, Clone)]
 pub struct BodyTake {
     /// The times and the takes of the frames, without points.
@@ -50,7 +50,7 @@ impl BodyTake {
         }
     }
 
-    /// A take of rotations and places, with the times and takes of `poses`, or else `fps` frames
+    /// A take of rotations and positions, with the times and takes of `poses`, or else `fps` frames
     /// per second.
     pub fn of_rotations(
         poses: &Poses,

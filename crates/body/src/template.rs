@@ -127,7 +127,7 @@ impl Template {
         self.joints.first().map_or(0, |j| j.parts[0])
     }
 
-    /// The place of a body: the mean of the vertices of the root.
+    /// The position of a body: the mean of the vertices of the root.
     pub fn root_of(&self, vertices: &[DVec3]) -> DVec3 {
         let root = self.root();
         let own = (vertices.iter().zip(&self.vertex_parts)).filter(|(_, p)| **p == root);
@@ -288,23 +288,30 @@ fn bridges(vertices: &[DVec3], faces: &[[usize; 3]]) -> Vec<[usize; 3]> {
     let Some(largest) = (0..count).rev().max_by_key(|p| members[*p].len()) else {
         return Vec::new();
     };
-    let bridge = |p: usize| {
-        let near = |v: &usize| {
-            let distance = |u: &&usize| (vertices[**u] - vertices[*v]).length_squared();
-            let u = (members[largest].iter())
-                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-                .copied()?;
-            Some((distance(&&u), u, *v))
-        };
-        let (_, u, v) = (members[p].iter().filter_map(near)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let face = faces.iter().find(|f| f.contains(&v))?;
-        let next = face.iter().find(|w| **w != v)?;
-        Some([u, v, *next])
-    };
     (0..count)
         .filter(|p| *p != largest)
-        .filter_map(bridge)
+        .filter_map(|p| bridge(vertices, faces, &members[p], &members[largest]))
         .collect()
+}
+
+/// A triangle with an edge of one piece of the surface and the vertex of another that is nearest.
+fn bridge(
+    vertices: &[DVec3],
+    faces: &[[usize; 3]],
+    piece: &[usize],
+    other: &[usize],
+) -> Option<[usize; 3]> {
+    let near = |v: &usize| {
+        let distance = |u: &&usize| (vertices[**u] - vertices[*v]).length_squared();
+        let nearest = other
+            .iter()
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.map(|u| (distance(&u), *u, *v))
+    };
+    let (_, u, v) = (piece.iter().filter_map(near)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let face = faces.iter().find(|f| f.contains(&v))?;
+    let next = face.iter().find(|w| **w != v)?;
+    Some([u, v, *next])
 }
 
 /// The connected piece of the surface that each vertex is of, from 0.

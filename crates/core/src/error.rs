@@ -64,7 +64,7 @@ impl Place {
             part: None,
         }
     }
-    /// The same place with a column, bone or array named.
+    /// This place with a column, bone or array named.
     #[must_use]
     pub fn part(mut self, part: impl Into<String>) -> Self {
         self.part = Some(part.into());

@@ -70,16 +70,16 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     /// Where a point is (cm), unless it is missing.
     pub(crate) fn at(&self, figure: usize, frame: usize, point: usize) -> Option<[f64; 3]> {
         let xyz = self.scene.figures[figure].xyz;
-        let mut place = [0.0; 3];
+        let mut position = [0.0; 3];
         for axis in 0..3 {
             if !self.flat[figure][axis] {
-                place[axis] = xyz[[frame, 3 * point + axis]];
+                position[axis] = xyz[[frame, 3 * point + axis]];
             }
         }
-        place
+        position
             .iter()
             .all(|v| v.abs() <= MAX_COORDINATE)
-            .then_some(place)
+            .then_some(position)
     }
 
     /// The status of a point that is there.
@@ -101,12 +101,13 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
     /// The box around the reference figure in a frame: lowest and highest x, y, z.
     pub(crate) fn extent(&self, frame: usize) -> Option<[[f64; 2]; 3]> {
         let mut extent = None;
-        for place in (0..self.scene.points.len()).filter_map(|p| self.at(self.reference, frame, p))
+        for position in
+            (0..self.scene.points.len()).filter_map(|p| self.at(self.reference, frame, p))
         {
-            let known = extent.get_or_insert(place.map(|v| [v, v]));
+            let known = extent.get_or_insert(position.map(|v| [v, v]));
             for axis in 0..3 {
-                known[axis][0] = known[axis][0].min(place[axis]);
-                known[axis][1] = known[axis][1].max(place[axis]);
+                known[axis][0] = known[axis][0].min(position[axis]);
+                known[axis][1] = known[axis][1].max(position[axis]);
             }
         }
         extent
@@ -216,30 +217,26 @@ const ENDS: [[&str; 2]; 4] = [["_l", "_r"], ["_L", "_R"], [".l", ".r"], [".L", "
 /// Left and right by name: a point `l...` is left if there is a point `r...`, and so on.
 fn sides(points: &[String]) -> Vec<Side> {
     let known: HashSet<&str> = points.iter().map(|name| bare(name)).collect();
-    // Whether the name with the mark `own` replaced by the other side's is known.
-    let has_twin = |name: &str, own: usize| {
-        let starts = STARTS.iter().filter_map(|pair| {
-            Some(format!(
-                "{}{}",
-                pair[1 - own],
-                name.strip_prefix(pair[own])?
-            ))
-        });
-        let ends = ENDS.iter().filter_map(|pair| {
-            Some(format!(
-                "{}{}",
-                name.strip_suffix(pair[own])?,
-                pair[1 - own]
-            ))
-        });
-        starts.chain(ends).any(|twin| known.contains(&*twin))
-    };
+    let has_twin = |name: &str, own: usize| twins(name, own).any(|twin| known.contains(&*twin));
     let side = |name: &str| match (has_twin(name, 0), has_twin(name, 1)) {
         (true, false) => Side::Left,
         (false, true) => Side::Right,
         _ => Side::Middle,
     };
     points.iter().map(|name| side(bare(name))).collect()
+}
+
+/// A name with each mark of its side, left (0) or right (1), replaced by the other side's.
+fn twins(name: &str, own: usize) -> impl Iterator<Item = String> + '_ {
+    let starts = STARTS.iter().filter_map(move |pair| {
+        let rest = name.strip_prefix(pair[own])?;
+        Some(format!("{}{rest}", pair[1 - own]))
+    });
+    let ends = ENDS.iter().filter_map(move |pair| {
+        let rest = name.strip_suffix(pair[own])?;
+        Some(format!("{rest}{}", pair[1 - own]))
+    });
+    starts.chain(ends)
 }
 
 #[cfg(test)]

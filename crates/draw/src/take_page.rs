@@ -80,7 +80,7 @@ fn seen<'s>(figure: &'s Figure<'_>) -> Figure<'s> {
     }
 }
 
-/// The place of a take's page beside a file.
+/// The path of a take's page beside a file.
 pub fn page_beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".html");

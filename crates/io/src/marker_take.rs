@@ -290,25 +290,31 @@ pub(crate) fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec
     // By label: the next number to try. A thousand equal labels must not try a thousand numbers
     // each.
     let mut next: HashMap<String, usize> = HashMap::new();
-    let unique = |(i, label): (usize, &str)| {
+    let labels = labels.into_iter().enumerate();
+    let names = labels.map(|(i, label)| {
         let label: String = label.chars().filter(|c| !c.is_control()).collect();
         let label = match label.trim() {
             "" => format!("*{}", i + 1),
             label => label.to_string(),
         };
-        let n = next.entry(label.clone()).or_insert(1);
-        loop {
-            let name = match *n {
-                1 => label.clone(),
-                n => format!("{label}_{n}"),
-            };
-            *n += 1;
-            if taken.insert(name.clone()) {
-                return name;
-            }
+        let number = next.entry(label.clone()).or_insert(1);
+        unique_name(&label, number, &mut taken)
+    });
+    names.collect()
+}
+
+/// The first name of a label that is not taken, from a number on, which is counted up.
+fn unique_name(label: &str, number: &mut usize, taken: &mut HashSet<String>) -> String {
+    loop {
+        let name = match *number {
+            1 => label.to_string(),
+            n => format!("{label}_{n}"),
+        };
+        *number += 1;
+        if taken.insert(name.clone()) {
+            return name;
         }
-    };
-    labels.into_iter().enumerate().map(unique).collect()
+    }
 }
 
 #[cfg(test)]

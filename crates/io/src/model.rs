@@ -414,12 +414,12 @@ fn content(
 ) -> std::io::Result<Bytes> {
     let plain = entry.compression() == zip::CompressionMethod::Stored && !entry.encrypted();
     let start = entry.data_start().filter(|_| plain);
-    let place = start.and_then(|start| {
+    let range = start.and_then(|start| {
         let end = start.checked_add(entry.compressed_size())?;
         Some(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
     });
-    if let Some(place) = place.filter(|p| p.end <= archive.len()) {
-        let content = archive.slice(place);
+    if let Some(range) = range.filter(|p| p.end <= archive.len()) {
+        let content = archive.slice(range);
         return if crc32fast::hash(&content) == entry.crc32() {
             Ok(content)
         } else {
@@ -498,10 +498,10 @@ mod tests {
         let deflated = deflated.finish().unwrap().into_inner();
         assert!(deflated.len() < bytes.len());
         assert_eq!(Model::from_bytes(deflated, "m").unwrap(), packed);
-        let place = stored.by_name("poses.npy").unwrap().data_start().unwrap();
+        let start = stored.by_name("poses.npy").unwrap().data_start().unwrap();
         for at in [0, 90, 200, 300] {
             let mut damaged = bytes.clone();
-            damaged[place as usize + at] ^= 4;
+            damaged[start as usize + at] ^= 4;
             let message = Model::from_bytes(damaged, "m").unwrap_err().to_string();
             assert!(message.contains("m: poses"), "{message}");
         }

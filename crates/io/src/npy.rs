@@ -384,15 +384,15 @@ pub(crate) fn with_values(
         if value.is_nan() || *value == old[[frame, column]] {
             continue;
         }
-        let place = match (header.fortran, header.shape.len()) {
+        let index = match (header.fortran, header.shape.len()) {
             (false, _) => frame * width + column,
             (true, 3 | 4) => frame + frames * (column / 3 + points * (column % 3)),
             (true, _) => frame + frames * column,
         };
-        let place = start + size * place;
+        let at = start + size * index;
         match size {
-            8 => out[place..place + 8].copy_from_slice(&value.to_le_bytes()),
-            _ => out[place..place + 4].copy_from_slice(&(*value as f32).to_le_bytes()),
+            8 => out[at..at + 8].copy_from_slice(&value.to_le_bytes()),
+            _ => out[at..at + 4].copy_from_slice(&(*value as f32).to_le_bytes()),
         }
     }
     Ok(out)
@@ -402,9 +402,9 @@ pub(crate) fn with_values(
 pub(crate) fn push_values(out: &mut Vec<u8>, xyz: &[f64]) {
     let start = out.len();
     out.resize(start + 8 * xyz.len(), 0);
-    let (places, _) = out[start..].as_chunks_mut::<8>();
-    for (place, value) in places.iter_mut().zip(xyz) {
-        *place = value.to_le_bytes();
+    let (cells, _) = out[start..].as_chunks_mut::<8>();
+    for (cell, value) in cells.iter_mut().zip(xyz) {
+        *cell = value.to_le_bytes();
     }
 }
 

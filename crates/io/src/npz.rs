@@ -1,4 +1,4 @@
-//! Writing NumPy archives of arrays of any number of dimensions.
+//! A writer of NumPy archives: arrays of any number of dimensions. (`npz_take` reads them.)
 
 use super::npy::header_of;
 use crate::{Error, Place, Result};

@@ -30,7 +30,7 @@ impl Decimals {
         }
     }
 
-    /// A value as a number, with the digits of the `word` whose place it takes, or those that most
+    /// A value as a number, with the digits of the `word` that it replaces, or those that most
     /// have; the word itself where it says the same.
     pub(super) fn text(&self, value: f64, word: &[u8]) -> String {
         // Whole numbers only where there are no others.

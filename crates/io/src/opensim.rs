@@ -3,7 +3,7 @@
 //! positions of points: all columns are carried along.
 
 use super::input::Input;
-use super::marker_csv::points::rate_of_times;
+use super::marker_csv::point_table::rate_of_times;
 use super::marker_rows::{ends_early, is_missing};
 use super::marker_take::{CarriedColumns, MarkerTake};
 use super::motion_format::{MotionFormat, recognized};

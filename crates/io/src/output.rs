@@ -10,17 +10,17 @@ use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Complete files that are put in place together.
+/// Complete files that are put at their paths together.
 static WAITING: Mutex<Vec<CompleteOutput>> = Mutex::new(Vec::new());
 
-/// Puts all files in place that are complete and wait for each other.
+/// Puts all files at their paths that are complete and wait for each other.
 ///
 /// # Errors
-/// [`Error::Io`]: that fails for one; those before it are in place.
+/// [`Error::Io`]: that fails for one; those before it are at their paths.
 #[doc(hidden)]
 pub fn publish_waiting() -> Result<()> {
     let mut waiting = take_waiting().into_iter();
-    waiting.try_for_each(CompleteOutput::put_in_place)
+    waiting.try_for_each(CompleteOutput::move_to_path)
 }
 
 /// Drops the files that are complete and wait: nothing is left of them.
@@ -44,7 +44,7 @@ fn take_waiting() -> Vec<CompleteOutput> {
 /// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of
 /// the process (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to
 /// is written.
-#[must_use = "without `finish` the file is not put in place"]
+#[must_use = "without `finish` the file is not put at its path"]
 pub struct Output {
     /// The name that messages use.
     name: String,
@@ -203,7 +203,7 @@ impl Output {
         })
     }
 
-    /// The output, whose file is put in place by [`publish_waiting`], not as soon as it is
+    /// The output, whose file is put at its path by [`publish_waiting`], not as soon as it is
     /// complete: of several results, none appears before all are.
     #[doc(hidden)]
     pub fn waiting(self) -> Output {
@@ -320,10 +320,10 @@ impl CompleteOutput {
             waiting.push(self);
             return Ok(());
         }
-        self.put_in_place()
+        self.move_to_path()
     }
 
-    fn put_in_place(self) -> Result<()> {
+    fn move_to_path(self) -> Result<()> {
         let Some(file) = self.file else {
             return Ok(());
         };

@@ -1,4 +1,4 @@
-//! Positions that belong to another point than that in whose place they stand.
+//! Positions that belong to another point than that in whose columns they stand.
 
 use ndarray::{Array2, Ix2, SliceInfo, SliceInfoElem, s};
 use std::ops::Range;
@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Frames of a point that are another's.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PointMove {
-    /// The point in whose place they stand.
+    /// The point in whose columns they stand.
     pub from: usize,
     /// The point whose they are; `None`: no point's, so that the first is missing there.
     pub to: Option<usize>,

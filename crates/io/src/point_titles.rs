@@ -434,33 +434,33 @@ fn is_axes(row: &[String]) -> bool {
     has(0) && has(1)
 }
 
+/// A row of names with each repeated up to the next one; where `ends`, an axis that comes a second
+/// time ends it.
+fn filled(row: &[String], axes: &[String], ends: bool) -> Vec<String> {
+    let mut last = String::new();
+    let mut seen = [false; 4];
+    let mut out = Vec::with_capacity(axes.len());
+    for (c, axis) in axes.iter().enumerate() {
+        if let Some(name) = row.get(c).filter(|name| !name.is_empty()) {
+            last.clone_from(name);
+            seen = [false; 4];
+        }
+        if let Some(axis) = axis_of(axis)
+            && ends
+            && std::mem::replace(&mut seen[axis], true)
+        {
+            last.clear();
+        }
+        out.push(last.clone());
+    }
+    out
+}
+
 /// The name of each column, from the row above the axes; with that of its person, from the rows
 /// above it where they differ. A name may stand above the first of its columns alone: it ends where
 /// an axis comes a second time, and what follows has no name.
 fn names_above(rows: &[Vec<String>], axes: usize) -> Vec<String> {
-    let width = rows[axes].len();
-    let filled = |row: &Vec<String>, ends: bool| -> Vec<String> {
-        let mut last = String::new();
-        let mut seen = [false; 4];
-        let cell = |c: usize| {
-            match row.get(c).map(String::as_str) {
-                None | Some("") => {}
-                Some(name) => {
-                    last = name.to_string();
-                    seen = [false; 4];
-                }
-            }
-            if let Some(axis) = axis_of(&rows[axes][c])
-                && ends
-                && std::mem::replace(&mut seen[axis], true)
-            {
-                last.clear();
-            }
-            last.clone()
-        };
-        (0..width).map(cell).collect()
-    };
-    let mut names = filled(&rows[axes - 1], true);
+    let mut names = filled(&rows[axes - 1], &rows[axes], true);
     // The first column is an index, unless it is a point's.
     let index = usize::from(axis_of(&rows[axes][0]).is_none());
     for above in rows[..axes - 1].iter().rev() {
@@ -470,7 +470,7 @@ fn names_above(rows: &[Vec<String>], axes: usize) -> Vec<String> {
         if known.len() < 2 {
             continue;
         }
-        let persons = filled(above, false);
+        let persons = filled(above, &rows[axes], false);
         let named = names.iter_mut().zip(&persons).skip(index);
         named
             .filter(|(name, person)| !name.is_empty() && !person.is_empty())

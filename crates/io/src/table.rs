@@ -234,7 +234,7 @@ impl PosesBuilder {
 /// column.
 #[doc(hidden)]
 pub fn deviations(columns: &Columns, cells: &[Cells], centimeters: f64) -> Option<Array2<f64>> {
-    // Of columns of one name the first.
+    // The first of several columns of one name.
     let by_point: HashMap<&str, usize> = (columns.names.iter().enumerate().rev())
         .filter_map(|(n, name)| Some((name.strip_suffix(".sd")?, n)))
         .collect();

@@ -341,7 +341,7 @@ mod tests {
             (b"a\nb\x1a", &["a", "b"]),
             (b"a\nb\n\x1a\x1a\r\nc", &["a", "b"]),
         ] {
-            // Of a slow pipe.
+            // A slow pipe.
             let slow = std::io::BufReader::with_capacity(2, text);
             let mut lines = Lines::new("x", slow).any_end();
             let mut seen = Vec::new();

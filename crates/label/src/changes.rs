@@ -47,7 +47,7 @@ pub struct Change {
     /// The tracks, each of which moved to the next, the last to the first of a swap or cycle.
     pub tracks: Vec<usize>,
     pub moves: Vec<PointMove>,
-    /// How much likelier the places are as they are then, nats.
+    /// How much likelier the positions are as they are then, nats.
     pub nats: f64,
     /// What decided which side of an exchange is right.
     pub side: Option<SideBy>,
@@ -68,19 +68,19 @@ impl Change {
     }
 }
 
-/// The moves that some pieces make, track after track.
-pub(crate) fn moves(pieces: &[PointMove]) -> Vec<PointMove> {
+/// The moves that some fragments make, track after track.
+pub(crate) fn moves(fragments: &[PointMove]) -> Vec<PointMove> {
     let mut out: Vec<PointMove> = Vec::new();
     let mut last: Option<&PointMove> = None;
-    for piece in pieces {
-        let before = last.replace(piece);
-        if piece.to == Some(piece.from) {
+    for fragment in fragments {
+        let before = last.replace(fragment);
+        if fragment.to == Some(fragment.from) {
             continue;
         }
-        let goes_on = before.is_some_and(|b| (b.from, b.to) == (piece.from, piece.to));
+        let goes_on = before.is_some_and(|b| (b.from, b.to) == (fragment.from, fragment.to));
         match out.last_mut().filter(|_| goes_on) {
-            Some(open) => open.frames.end = piece.frames.end,
-            None => out.push(piece.clone()),
+            Some(open) => open.frames.end = fragment.frames.end,
+            None => out.push(fragment.clone()),
         }
     }
     out

@@ -10,8 +10,8 @@ use ndarray::ArrayView2;
 /// Labels of one side of a body and their mirror images, each as its track.
 #[derive(Clone, Copy)]
 pub(super) struct Sides<'a> {
-    /// The places of the tracks (frames, 3 L), cm.
-    pub places: ArrayView2<'a, f64>,
+    /// The positions of the tracks (frames, 3 L), cm.
+    pub positions: ArrayView2<'a, f64>,
     /// Neighbors of the labels that are asked for.
     pub neighbors: &'a [[usize; 2]],
 }
@@ -41,14 +41,14 @@ impl Sides<'_> {
 
     /// Whether the volume of four tracks is positive; `None` where that changes, or they are flat.
     fn sign(&self, four: [usize; 4]) -> Option<bool> {
-        let places = self.places;
-        let step = places.nrows().div_ceil(MOST_FRAMES).max(1);
+        let positions = self.positions;
+        let step = positions.nrows().div_ceil(MOST_FRAMES).max(1);
         let volume = |t: usize| {
-            let [a, b, c, d] = four.map(|track| point_at(places, t, track));
-            let [b, c, d] = [b, c, d].map(|place| (place - a).normalize());
+            let [a, b, c, d] = four.map(|track| point_at(positions, t, track));
+            let [b, c, d] = [b, c, d].map(|position| (position - a).normalize());
             b.cross(c).dot(d)
         };
-        let all = (0..places.nrows()).step_by(step).map(volume);
+        let all = (0..positions.nrows()).step_by(step).map(volume);
         let all: Vec<f64> = all.filter(|v| v.is_finite()).collect();
         let (count, positive) = (all.len(), all.iter().filter(|v| **v > 0.0).count());
         let is_one = positive.max(count - positive) as f64 >= ONE_SIGN * count as f64;
@@ -94,8 +94,13 @@ mod tests {
         let with_image = |label: usize| [label, label + 8];
         let neighbors = [0, 3, 4, 5, 6, 7].map(with_image);
         let is = |pair: [[usize; 2]; 2], neighbors: &[[usize; 2]]| {
-            let places = xyz.view();
-            Sides { places, neighbors }.turned(pair).signum()
+            let positions = xyz.view();
+            Sides {
+                positions,
+                neighbors,
+            }
+            .turned(pair)
+            .signum()
         };
         assert_eq!(is([1, 2].map(with_image), &neighbors), -1);
         // Exchanged on one side, and on both.

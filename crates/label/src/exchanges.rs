@@ -1,5 +1,5 @@
 //! Left and right exchanged, as markerless systems and solvers do for some frames: both points jump
-//! to each other's place, and back.
+//! to each other's position, and back.
 //!
 //! A limb is a chain of pairs, left and right. In each frame each pair is as it is named or
 //! exchanged, and the cheapest sequence of these states is found (Viterbi's algorithm):
@@ -29,7 +29,7 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// Gives the points their own places in `xyz` (frames, 3 J).
+    /// Gives the points their own positions in `xyz` (frames, 3 J).
     pub fn put_back(&self, xyz: &mut Array2<f64>) {
         let [a, b] = self.points;
         for t in self.frames.clone() {

@@ -39,7 +39,7 @@ pub struct LabelReport {
 pub struct LabelChange {
     /// What it is.
     pub kind: ChangeKind,
-    /// The track whose places it moves.
+    /// The track whose positions it moves.
     pub from: String,
     /// The label whose these are; none's where it is missing.
     pub to: Option<String>,
@@ -48,7 +48,7 @@ pub struct LabelChange {
     pub ring: Vec<String>,
     /// The first frame, from 0 over the file, and the one after the last.
     pub frames: [usize; 2],
-    /// How much likelier the places are now, by the distances to other labels, nats.
+    /// How much likelier the positions are now, by the distances to other labels, nats.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<f64>,
     /// What says which side of an exchange is right.
@@ -209,12 +209,12 @@ impl LabelReport {
 }
 
 impl LabelChange {
-    /// Whether it joins a piece of a track to a label.
-    fn is_joined(&self, piece: &UnsureTrack) -> bool {
+    /// Whether it joins a fragment of a track to a label.
+    fn is_joined(&self, fragment: &UnsureTrack) -> bool {
         self.kind == ChangeKind::Joined
-            && self.from == piece.track
-            && self.frames[0] < piece.frames[1]
-            && piece.frames[0] < self.frames[1]
+            && self.from == fragment.track
+            && self.frames[0] < fragment.frames[1]
+            && fragment.frames[0] < self.frames[1]
     }
 
     fn new(change: &Change, poses: &Poses) -> LabelChange {
@@ -222,7 +222,7 @@ impl LabelChange {
             .map(|t| poses.points[*t].clone())
             .collect();
         let taken_out = change.moves.iter().filter(|m| m.to.is_none());
-        let places = taken_out.flat_map(|m| m.frames.clone().map(|t| (t, m.from)));
+        let indices = taken_out.flat_map(|m| m.frames.clone().map(|t| (t, m.from)));
         LabelChange {
             kind: change.kind,
             what: line(change, &poses.points),
@@ -232,7 +232,7 @@ impl LabelChange {
             frames: [change.frames.start, change.frames.end],
             evidence: Some((10.0 * change.nats).round() / 10.0).filter(|nats| nats.is_finite()),
             side: change.side,
-            positions: places
+            positions: indices
                 .map(|(t, p)| point_at(poses.xyz.view(), t, p).to_array())
                 .collect(),
         }

@@ -15,9 +15,9 @@ pub(crate) struct Hand {
 }
 
 impl Hand {
-    /// Learns them from the `places` of labels (frames, 3 L; cm, NaN missing).
-    pub(crate) fn learn(places: ArrayView2<'_, f64>) -> Hand {
-        let labels = places.ncols() / 3;
+    /// Learns them from the `positions` of labels (frames, 3 L; cm, NaN missing).
+    pub(crate) fn learn(positions: ArrayView2<'_, f64>) -> Hand {
+        let labels = positions.ncols() / 3;
         if labels < 4 {
             return Hand {
                 quadruples: Vec::new(),
@@ -32,7 +32,7 @@ impl Hand {
         });
         let drawn: BTreeSet<[usize; 4]> = draws.collect();
         let signed = |four: &[usize; 4]| {
-            let [positive, all] = signs(places, four);
+            let [positive, all] = signs(positions, four);
             let share = positive as f64 / all.max(1) as f64;
             let is_one = share >= ONE_SIGN || share <= 1.0 - ONE_SIGN;
             (all >= FEWEST_FRAMES && is_one).then_some((*four, share > 0.5))
@@ -47,14 +47,14 @@ impl Hand {
     pub(crate) fn is_other(
         &self,
         labels: &[Option<usize>],
-        places: ArrayView2<'_, f64>,
+        positions: ArrayView2<'_, f64>,
     ) -> Option<bool> {
         let (mut alike, mut all, mut seen) = (0, 0, 0);
         for (four, is_positive) in &self.quadruples {
             let [Some(a), Some(b), Some(c), Some(d)] = four.map(|l| labels[l]) else {
                 continue;
             };
-            let [positive, frames] = signs(places, &[a, b, c, d]);
+            let [positive, frames] = signs(positions, &[a, b, c, d]);
             alike += if *is_positive {
                 positive
             } else {
@@ -68,13 +68,13 @@ impl Hand {
 }
 
 /// In how many frames the volume of four points is positive, and in how many they are seen.
-fn signs(places: ArrayView2<'_, f64>, four: &[usize; 4]) -> [usize; 2] {
-    let step = places.nrows().div_ceil(MOST_FRAMES).max(1);
+fn signs(positions: ArrayView2<'_, f64>, four: &[usize; 4]) -> [usize; 2] {
+    let step = positions.nrows().div_ceil(MOST_FRAMES).max(1);
     let volume = |t: usize| {
-        let [a, b, c, d] = four.map(|point| point_at(places, t, point));
+        let [a, b, c, d] = four.map(|point| point_at(positions, t, point));
         (b - a).cross(c - a).dot(d - a)
     };
-    let frames = (0..places.nrows()).step_by(step).map(volume);
+    let frames = (0..positions.nrows()).step_by(step).map(volume);
     frames
         .filter(|v| v.is_finite())
         .fold([0, 0], |[p, n], v| [p + usize::from(v > 0.0), n + 1])

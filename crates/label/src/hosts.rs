@@ -1,4 +1,4 @@
-//! Which track becomes which label: the one that has most of it. Its other pieces go elsewhere.
+//! Which track becomes which label: the one that has most of it. Its other fragments go elsewhere.
 
 use super::loose_tracks::{LooseTracks, PathLabels};
 use crate::io::PointMove;
@@ -17,9 +17,9 @@ impl Hosts {
         let count = tracks.xyz.ncols() / 3;
         let mut frames: Array2<usize> = Array2::zeros((labels, count));
         for (path, label) in of.iter().enumerate() {
-            for piece in tracks.pieces_of(path) {
+            for fragment in tracks.fragments_of(path) {
                 if let Some(label) = label {
-                    frames[[*label, piece.track]] += piece.frames.len();
+                    frames[[*label, fragment.track]] += fragment.frames.len();
                 }
             }
         }
@@ -51,8 +51,8 @@ impl Hosts {
             .collect()
     }
 
-    /// The pieces that move: labels to their tracks, and what else stands there to tracks that are
-    /// empty then, or nowhere if there is none.
+    /// The fragments that move: labels to their tracks, and what else stands there to tracks that
+    /// are empty then, or nowhere if there is none.
     pub(super) fn moves(&self, tracks: &LooseTracks<'_>, of: &PathLabels) -> Vec<PointMove> {
         let (mut moves, mut strays) = (Vec::new(), Vec::new());
         let shape = (tracks.xyz.nrows(), self.label.len());
@@ -61,8 +61,8 @@ impl Hosts {
             frames.clone().for_each(|t| is_full[[t, track]] = true);
         };
         for (path, label) in of.iter().enumerate() {
-            for piece in tracks.pieces_of(path) {
-                let (from, frames) = (piece.track, piece.frames.clone());
+            for fragment in tracks.fragments_of(path) {
+                let (from, frames) = (fragment.track, fragment.frames.clone());
                 let to = label.map_or(Some(from), |label| self.track[label]);
                 match to {
                     Some(to) if label.is_some() || self.label[from].is_none() => {
@@ -118,8 +118,8 @@ mod tests {
         let run = 0..60;
         let tracks = LooseTracks::new(xyz.view(), std::slice::from_ref(&run), 10.0);
         let of = |path: usize| {
-            let piece = tracks.pieces_of(path).next().unwrap();
-            match (piece.track, piece.frames.start) {
+            let fragment = tracks.fragments_of(path).next().unwrap();
+            match (fragment.track, fragment.frames.start) {
                 (0, 40) => None,
                 (2, _) => Some(0),
                 _ => Some(1),

@@ -1,14 +1,14 @@
-//! Which point each piece of a labeled track is, by what was exchanged when.
+//! Which point each fragment of a labeled track is, by what was exchanged when.
 //!
-//! Links between pieces of different labels count only where they close: a goes on in b and b in a,
-//! or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
+//! Links between fragments of different labels count only where they close: a goes on in b and b in
+//! a, or in a ring of up to six, at one time; or a goes on in b, which was missing, and ends there.
 //! Such an exchange lasts until another of the same labels, or until the tracks of all of them end
 //! or jump and the distances to others say that they changed places again. Where the distances
 //! leave it open, it is not known; neither is it where they say so though no track ends.
 
 use super::evidence::{Evidence, independent_frames};
+use super::fragments::Fragment;
 use super::links::Link;
-use super::pieces::Piece;
 use super::tuning::identities::*;
 use crate::pose::point_at;
 use glam::DVec3;
@@ -26,32 +26,39 @@ pub(crate) struct Exchange {
     pub to: Vec<usize>,
 }
 
-/// The exchanges among the links of pieces whose tracks are `labels` below their number. Links of
-/// different labels that are part of none are taken out.
-pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) -> Vec<Exchange> {
+/// The exchanges among the links of fragments whose tracks are `labels` below their number. Links
+/// of different labels that are part of none are taken out.
+pub(crate) fn exchanges(
+    fragments: &[Fragment],
+    links: &mut Vec<Link>,
+    labels: usize,
+) -> Vec<Exchange> {
     let is_other = |link: &Link| {
-        let [from, to] = [link.from, link.to].map(|p| pieces[p].track);
+        let [from, to] = [link.from, link.to].map(|p| fragments[p].track);
         from != to && from < labels && to < labels
     };
     let others: Vec<Link> = links.iter().copied().filter(is_other).collect();
     let mut by_track: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (n, link) in others.iter().enumerate() {
-        by_track.entry(pieces[link.from].track).or_default().push(n);
+        by_track
+            .entry(fragments[link.from].track)
+            .or_default()
+            .push(n);
     }
-    let gap = |n: usize| pieces[others[n].from].frames.end..pieces[others[n].to].frames.start;
+    let gap = |n: usize| fragments[others[n].from].frames.end..fragments[others[n].to].frames.start;
     let mut is_used = vec![false; others.len()];
     let mut found = Vec::new();
     for first in 0..others.len() {
         if is_used[first] {
             continue;
         }
-        let ring = match ring(first, &others, pieces, &by_track, &is_used) {
+        let ring = match ring(first, &others, fragments, &by_track, &is_used) {
             Some(ring) => ring,
-            None if is_handed_over(&others[first], pieces) => vec![first],
+            None if is_handed_over(&others[first], fragments) => vec![first],
             None => continue,
         };
         ring.iter().for_each(|n| is_used[*n] = true);
-        let track = |p: usize| pieces[p].track;
+        let track = |p: usize| fragments[p].track;
         let mut pairs: Vec<(usize, usize)> = ring
             .iter()
             .map(|n| (track(others[*n].from), track(others[*n].to)))
@@ -77,8 +84,8 @@ pub(crate) fn exchanges(pieces: &[Piece], links: &mut Vec<Link>, labels: usize) 
 
 /// Whether a track ends where another begins, and one goes on in the other: these changed places
 /// while the second point was missing.
-fn is_handed_over(link: &Link, pieces: &[Piece]) -> bool {
-    let (from, to) = (&pieces[link.from], &pieces[link.to]);
+fn is_handed_over(link: &Link, fragments: &[Fragment]) -> bool {
+    let (from, to) = (&fragments[link.from], &fragments[link.to]);
     from.frames.end == to.frames.start && !from.jumps[1] && !to.jumps[0]
 }
 
@@ -86,19 +93,19 @@ fn is_handed_over(link: &Link, pieces: &[Piece]) -> bool {
 fn ring(
     first: usize,
     others: &[Link],
-    pieces: &[Piece],
+    fragments: &[Fragment],
     by_track: &BTreeMap<usize, Vec<usize>>,
     is_used: &[bool],
 ) -> Option<Vec<usize>> {
-    let gap = |n: usize| pieces[others[n].from].frames.end..pieces[others[n].to].frames.start;
-    let (of_first, home) = (gap(first), pieces[others[first].from].track);
+    let gap = |n: usize| fragments[others[n].from].frames.end..fragments[others[n].to].frames.start;
+    let (of_first, home) = (gap(first), fragments[others[first].from].track);
     let is_at_once = |n: usize| {
         let own = gap(n);
         own.start <= of_first.end && of_first.start <= own.end
     };
     let mut ring = vec![first];
     while ring.len() <= LONGEST_RING {
-        let track = pieces[others[*ring.last()?].to].track;
+        let track = fragments[others[*ring.last()?].to].track;
         if track == home {
             return Some(ring);
         }
@@ -112,13 +119,13 @@ fn ring(
 /// All that is known of a set of labels that change places.
 pub(crate) struct Course<'a> {
     /// The tracks as they are named (frames, 3 L), cm.
-    pub places: ArrayView2<'a, f64>,
-    pub pieces: &'a [Piece],
+    pub positions: ArrayView2<'a, f64>,
+    pub fragments: &'a [Fragment],
     /// Frames a second.
     pub rate: f64,
 }
 
-/// Where each of some points is throughout a take. A state says in which track, by its place among
+/// Where each of some points is throughout a take. A state says in which track, by its index among
 /// the labels; the points are those of the tracks in one stretch, whose state is the first.
 pub(crate) struct Followed {
     pub states: Vec<Vec<usize>>,
@@ -141,10 +148,10 @@ impl Course<'_> {
     /// first, then of all that is known.
     pub(crate) fn follow(&self, exchanges: &[&Exchange]) -> Followed {
         let labels = &exchanges[0].labels;
-        let place = |label: &usize| labels.iter().position(|l| l == label).unwrap_or(0);
+        let index = |label: &usize| labels.iter().position(|l| l == label).unwrap_or(0);
         let steps: Vec<Vec<usize>> = exchanges
             .iter()
-            .map(|e| e.to.iter().map(place).collect())
+            .map(|e| e.to.iter().map(index).collect())
             .collect();
         let states = closure(labels.len(), &steps);
         let all = steps
@@ -152,7 +159,7 @@ impl Course<'_> {
             .fold(states[0].clone(), |state, step| after(&state, step));
         let is_closed = all == states[0];
         let chains = self.chains(labels, exchanges, &steps, !is_closed);
-        // The longest between places where a track ends.
+        // The longest between positions where a track ends.
         let first = longest(&chains, |frames| self.seen(labels, frames));
         let mut known = vec![None; chains.len()];
         let mut state = Some(0);
@@ -162,8 +169,8 @@ impl Course<'_> {
         }
         if first.len() < chains.len() {
             for _ in 0..ROUNDS {
-                let places = self.undone(labels, &states, &stretches(&chains, &known, &states));
-                let evidence = Evidence::of(places.view(), labels);
+                let positions = self.undone(labels, &states, &stretches(&chains, &known, &states));
+                let evidence = Evidence::of(positions.view(), labels);
                 let gains: Vec<Vec<f64>> = (chains.iter())
                     .map(|chain| self.gains(&evidence, labels, &states, chain))
                     .collect();
@@ -184,7 +191,7 @@ impl Course<'_> {
         steps: &[Vec<usize>],
         everywhere: bool,
     ) -> Vec<Chain> {
-        let frames = self.places.nrows();
+        let frames = self.positions.nrows();
         let mut bounds: Vec<(usize, Option<usize>, bool)> = Vec::new();
         bounds.extend((exchanges.iter().enumerate()).map(|(n, e)| (e.frame, Some(n), false)));
         let ends = self.ends(labels).into_iter().map(|t| (t, None, false));
@@ -225,7 +232,7 @@ impl Course<'_> {
     /// jump.
     fn ends(&self, labels: &[usize]) -> Vec<usize> {
         let of = |label: usize| -> Vec<[usize; 2]> {
-            let own: Vec<&Piece> = self.pieces.iter().filter(|p| p.track == label).collect();
+            let own: Vec<&Fragment> = self.fragments.iter().filter(|p| p.track == label).collect();
             let ends = own.windows(2).map(|w| [w[0].frames.end, w[1].frames.start]);
             ends.collect()
         };
@@ -249,28 +256,28 @@ impl Course<'_> {
     fn seen(&self, labels: &[usize], frames: &Range<usize>) -> usize {
         let is_seen = |t: &usize| {
             let mut all = labels.iter();
-            all.any(|l| point_at(self.places, *t, *l).is_finite())
+            all.any(|l| point_at(self.positions, *t, *l).is_finite())
         };
         frames.clone().filter(is_seen).count()
     }
 
-    /// The places of the labels, those of some only where it is known where they are.
+    /// The positions of the labels, those of some only where it is known where they are.
     fn undone(
         &self,
         labels: &[usize],
         states: &[Vec<usize>],
         stretches: &[(Range<usize>, Option<usize>)],
     ) -> Array2<f64> {
-        let mut out = self.places.to_owned();
+        let mut out = self.positions.to_owned();
         for (frames, state) in stretches {
             for (t, (k, label)) in (frames.clone()).flat_map(|t| {
                 let labels = labels.iter().enumerate();
                 labels.map(move |label| (t, label))
             }) {
-                let place = state.map_or(DVec3::NAN, |s| {
-                    point_at(self.places, t, labels[states[s][k]])
+                let position = state.map_or(DVec3::NAN, |s| {
+                    point_at(self.positions, t, labels[states[s][k]])
                 });
-                (0..3).for_each(|c| out[[t, 3 * label + c]] = place[c]);
+                (0..3).for_each(|c| out[[t, 3 * label + c]] = position[c]);
             }
         }
         out
@@ -306,12 +313,12 @@ impl Course<'_> {
         let step = frames.len().div_ceil(MOST_FRAMES).max(1);
         let (mut sum, mut known) = (Array2::zeros((count, count)), 0);
         for t in frames.step_by(step) {
-            let places: Vec<DVec3> = (labels.iter())
-                .map(|l| point_at(self.places, t, *l))
+            let positions: Vec<DVec3> = (labels.iter())
+                .map(|l| point_at(self.positions, t, *l))
                 .collect();
             let at = |(k, s): (usize, usize)| {
-                if places[s].is_finite() {
-                    evidence.at(labels[k], places[s], t, self.places, labels)
+                if positions[s].is_finite() {
+                    evidence.at(labels[k], positions[s], t, self.positions, labels)
                 } else {
                     Some(0.0)
                 }
@@ -320,7 +327,7 @@ impl Course<'_> {
             let Some(all) = all.collect::<Option<Vec<f64>>>() else {
                 continue;
             };
-            if places.iter().any(|place| place.is_finite()) {
+            if positions.iter().any(|position| position.is_finite()) {
                 sum.iter_mut().zip(all).for_each(|(sum, nats)| *sum += nats);
                 known += 1;
             }
@@ -432,7 +439,7 @@ fn state_after(states: &[Vec<usize>], first: usize, chain: &Chain) -> Option<usi
     states.iter().position(|s| *s == state)
 }
 
-/// Where points are after one more exchange, each number a place among the labels.
+/// Where points are after one more exchange, each number an index among the labels.
 fn after(state: &[usize], step: &[usize]) -> Vec<usize> {
     state.iter().map(|at| step[*at]).collect()
 }

@@ -18,12 +18,11 @@ use posing_io as io;
 #[doc(hidden)]
 pub mod changes;
 mod chirality;
-#[doc(hidden)]
-pub mod distances;
 mod evidence;
 #[doc(hidden)]
 pub mod exchanges;
 mod file;
+pub(crate) mod fragments;
 mod handedness;
 mod hosts;
 mod identities;
@@ -31,6 +30,8 @@ mod label_model;
 mod labeled_take;
 mod links;
 mod loose_tracks;
+#[doc(hidden)]
+pub mod marker_distances;
 mod mirror;
 mod named_tracks;
 #[doc(hidden)]
@@ -40,13 +41,12 @@ pub mod out_and_back;
 mod paths;
 #[doc(hidden)]
 pub mod people;
-pub(crate) mod pieces;
+mod person_template;
 #[doc(hidden)]
 pub mod relabeling;
 pub(crate) mod repair;
 #[doc(hidden)]
 pub mod sides;
-mod template;
 #[doc(hidden)]
 pub mod templates;
 mod tuning;
@@ -57,7 +57,7 @@ mod whole_take;
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
 pub use label_model::{FittedLabels, LabelModel, NamedFrame};
-pub use named_tracks::{FoundLabel, MovedPiece, NamedTracks, UnsureTrack};
+pub use named_tracks::{FoundLabel, MovedFragment, NamedTracks, UnsureTrack};
 pub use people::points_of_person;
 pub use relabeling::LabelSettings;
 pub use sides::SideBy;

@@ -1,8 +1,8 @@
 //! Tracks without labels, cut to paths each of which is one marker, and the label of each path.
 
 use super::evidence::independent_frames;
+use super::fragments::{Fragment, fragments};
 use super::links::{Links, chains};
-use super::pieces::{Piece, pieces};
 use super::tuning::naming::LOOKED_AT;
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;
@@ -17,8 +17,8 @@ pub(super) struct LooseTracks<'a> {
     pub xyz: ArrayView2<'a, f64>,
     /// Frames a second.
     pub rate: f64,
-    pub pieces: Vec<Piece>,
-    /// The pieces of each path.
+    pub fragments: Vec<Fragment>,
+    /// The fragments of each path.
     pub paths: Vec<Vec<usize>>,
     /// The path that a track is in a frame (frames, N).
     owner: Array2<Option<usize>>,
@@ -28,26 +28,26 @@ pub(super) struct LooseTracks<'a> {
 pub(super) type PathLabels = Vec<Option<usize>>;
 
 impl<'a> LooseTracks<'a> {
-    /// Cuts tracks to pieces and links these; `runs` are ranges of consecutive frames.
+    /// Cuts tracks to fragments and links these; `runs` are ranges of consecutive frames.
     pub(super) fn new(
         xyz: ArrayView2<'a, f64>,
         runs: &[Range<usize>],
         rate: f64,
     ) -> LooseTracks<'a> {
-        let pieces = pieces(xyz, runs, rate);
-        let links = Links::new(xyz, &pieces, 0, rate).links;
-        let paths = chains(pieces.len(), links.into_iter());
+        let fragments = fragments(xyz, runs, rate);
+        let links = Links::new(xyz, &fragments, 0, rate).links;
+        let paths = chains(fragments.len(), links.into_iter());
         let mut owner = Array2::from_elem((xyz.nrows(), xyz.ncols() / 3), None);
         for (path, of) in paths.iter().enumerate() {
             for &p in of {
-                let Piece { track, frames, .. } = &pieces[p];
+                let Fragment { track, frames, .. } = &fragments[p];
                 frames.clone().for_each(|t| owner[[t, *track]] = Some(path));
             }
         }
         LooseTracks {
             xyz,
             rate,
-            pieces,
+            fragments,
             paths,
             owner,
         }
@@ -57,21 +57,21 @@ impl<'a> LooseTracks<'a> {
     pub(super) fn frames(&self, path: usize) -> usize {
         self.paths[path]
             .iter()
-            .map(|p| self.pieces[*p].frames.len())
+            .map(|p| self.fragments[*p].frames.len())
             .sum()
     }
 
-    /// The paths that are seen in a frame, each with its place.
+    /// The paths that are seen in a frame, each with its position.
     pub(super) fn seen(&self, t: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         let owners = self.owner.row(t);
         let of = move |track: usize| Some((owners[track]?, point_at(self.xyz, t, track)));
         (0..self.owner.ncols()).filter_map(of)
     }
 
-    /// The places of a path, each with its frame.
-    pub(super) fn places_of(&self, path: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+    /// The positions of a path, each with its frame.
+    pub(super) fn positions_of(&self, path: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         self.paths[path].iter().flat_map(|p| {
-            let Piece { track, frames, .. } = &self.pieces[*p];
+            let Fragment { track, frames, .. } = &self.fragments[*p];
             frames.clone().map(|t| (t, point_at(self.xyz, t, *track)))
         })
     }
@@ -91,7 +91,7 @@ impl<'a> LooseTracks<'a> {
     }
 
     /// Gives each path the label that most of its votes are for, at least half of them, the
-    /// strongest first; no label is in two places at once.
+    /// strongest first; no label is in two positions at once.
     pub(super) fn elect(&self, votes: &Array2<f64>) -> PathLabels {
         let labels = votes.ncols() - 1;
         let mut all: Vec<(f64, usize, usize)> = Vec::new();
@@ -109,7 +109,7 @@ impl<'a> LooseTracks<'a> {
             let frames = || {
                 self.paths[path]
                     .iter()
-                    .flat_map(|p| self.pieces[*p].frames.clone())
+                    .flat_map(|p| self.fragments[*p].frames.clone())
             };
             if frames().all(|t| !is_held[[label, t]]) {
                 frames().for_each(|t| is_held[[label, t]] = true);
@@ -120,15 +120,15 @@ impl<'a> LooseTracks<'a> {
     }
 
     /// Where each of so many labels is (frames, 3 L), cm.
-    pub(super) fn places(&self, of: &PathLabels, labels: usize) -> Array2<f64> {
-        let mut places = Array2::from_elem((self.xyz.nrows(), 3 * labels), f64::NAN);
+    pub(super) fn positions(&self, of: &PathLabels, labels: usize) -> Array2<f64> {
+        let mut positions = Array2::from_elem((self.xyz.nrows(), 3 * labels), f64::NAN);
         for (path, label) in of.iter().enumerate() {
             let Some(label) = label else { continue };
-            for (t, at) in self.places_of(path) {
-                (0..3).for_each(|c| places[[t, 3 * label + c]] = at[c]);
+            for (t, at) in self.positions_of(path) {
+                (0..3).for_each(|c| positions[[t, 3 * label + c]] = at[c]);
             }
         }
-        places
+        positions
     }
 
     /// How many frames that say something of their own a path has.
@@ -167,19 +167,19 @@ impl<'a> LooseTracks<'a> {
         all.filter(|other| *other != path).collect()
     }
 
-    /// The pieces of a path.
-    pub(super) fn pieces_of(&self, path: usize) -> impl Iterator<Item = &Piece> + '_ {
-        self.paths[path].iter().map(|p| &self.pieces[*p])
+    /// The fragments of a path.
+    pub(super) fn fragments_of(&self, path: usize) -> impl Iterator<Item = &Fragment> + '_ {
+        self.paths[path].iter().map(|p| &self.fragments[*p])
     }
 
-    /// The tracks of a path, piece by piece.
+    /// The tracks of a path, fragment by fragment.
     pub(super) fn tracks_of(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
-        self.pieces_of(path).map(|piece| piece.track)
+        self.fragments_of(path).map(|fragment| fragment.track)
     }
 
     fn frames_of(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
         self.paths[path]
             .iter()
-            .flat_map(|p| self.pieces[*p].frames.clone())
+            .flat_map(|p| self.fragments[*p].frames.clone())
     }
 }

@@ -2,10 +2,10 @@
 //! other, so that the names are right on the side of a long exchange where they fit them.
 
 use super::chirality::Sides;
-use super::distances::{Distance, Distances};
+use super::marker_distances::{Distance, Distances};
 use super::tuning::chirality::{self, RIGID, RIGID_SHARE, STILL_NEAR};
 use super::tuning::mirror::*;
-use super::tuning::template::STANDING;
+use super::tuning::person_template::STANDING;
 use super::tuning::whole_take::{CLEAR, NEAR};
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;
@@ -17,7 +17,7 @@ use std::ops::Range;
 /// The labels of a take and their mirror images.
 pub(crate) struct Mirror<'a> {
     /// (frames, 3 L), cm, as they are named.
-    places: ArrayView2<'a, f64>,
+    positions: ArrayView2<'a, f64>,
     /// The mirror image of each label, itself in the middle of the body; `None` of one whose image
     /// is not there.
     images: Vec<Option<usize>>,
@@ -26,11 +26,11 @@ pub(crate) struct Mirror<'a> {
 }
 
 impl<'a> Mirror<'a> {
-    pub(crate) fn new(names: &[String], places: ArrayView2<'a, f64>) -> Mirror<'a> {
+    pub(crate) fn new(names: &[String], positions: ArrayView2<'a, f64>) -> Mirror<'a> {
         Mirror {
             images: (0..names.len()).map(|l| image(names, l)).collect(),
             are_numbered: are_numbered(names),
-            places,
+            positions,
         }
     }
 
@@ -47,15 +47,16 @@ impl<'a> Mirror<'a> {
                 let of_other = self.images[*other];
                 is_usable(other) && of_other.is_some_and(|o| is_usable(&o) && o != *label)
             });
-            let known = others
-                .filter_map(|other| Some((other, Distance::measure(self.places, [image, other])?)));
+            let known = others.filter_map(|other| {
+                Some((other, Distance::measure(self.positions, [image, other])?))
+            });
             let mut known: Vec<(usize, Distance)> = known.collect();
             known.retain(|(_, distance)| distance.spread <= LOOSEST);
             known.sort_by(|a, b| a.1.looseness().total_cmp(&b.1.looseness()));
             known.truncate(NEIGHBORS);
             let terms = known.iter().filter_map(|(other, distance)| {
                 let here = [*label, self.images[*other]?];
-                let own = Distance::within(self.places, here, frames)?;
+                let own = Distance::within(self.positions, here, frames)?;
                 Some(cost_of(&own, distance, UNEVEN))
             });
             terms.collect::<Vec<f64>>()
@@ -113,7 +114,7 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         }
     }
 
-    /// What the exchange of two labels gains, where the label `l` is at the places of the track
+    /// What the exchange of two labels gains, where the label `l` is at the positions of the track
     /// `tracks[l]`, χ²: by which way round they lie, and where that is not known by distances.
     fn gain(&self, tracks: &[usize], pair: [usize; 2]) -> f64 {
         let apart = self.distances.between(tracks[pair[0]], tracks[pair[1]]);
@@ -166,7 +167,7 @@ impl<'m, 'a> WholeMirror<'m, 'a> {
         let nearest = known.into_iter().take(chirality::NEIGHBORS);
         let neighbors: Vec<[usize; 2]> = nearest.map(|(_, both)| both.map(|l| tracks[l])).collect();
         let sides = Sides {
-            places: self.mirror.places,
+            positions: self.mirror.positions,
             neighbors: &neighbors,
         };
         sides.turned([a, b].map(|both| both.map(|l| tracks[l])))

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 /// The names of tracks, each of which had none.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct NamedTracks {
-    /// Pieces of tracks that are another's.
+    /// Fragments of tracks that are another's.
     #[serde(skip)]
     #[doc(hidden)]
     pub moves: Vec<PointMove>,
@@ -22,9 +22,9 @@ pub struct NamedTracks {
     pub labels: Vec<FoundLabel>,
     /// The labels that are no track's.
     pub missing: Vec<String>,
-    /// Pieces of tracks that moved to the columns of others.
-    pub moved: Vec<MovedPiece>,
-    /// Pieces of tracks that may be a label and are not sure.
+    /// Fragments of tracks that moved to the columns of others.
+    pub moved: Vec<MovedFragment>,
+    /// Fragments of tracks that may be a label and are not sure.
     pub unsure: Vec<UnsureTrack>,
     /// Tracks that are seen in most of the take and have no label.
     pub others: Vec<String>,
@@ -32,9 +32,9 @@ pub struct NamedTracks {
     pub alike: Vec<String>,
 }
 
-/// A piece of a track in the column of another.
+/// A fragment of a track in the column of another.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct MovedPiece {
+pub struct MovedFragment {
     /// The track, by the name that it had.
     pub track: String,
     /// The first frame, from 0, and the one after the last.
@@ -58,7 +58,7 @@ pub struct FoundLabel {
     pub frames: usize,
 }
 
-/// A piece of a track that may be a label.
+/// A fragment of a track that may be a label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UnsureTrack {
     /// The track in whose column it is in the result, by its name.
@@ -75,7 +75,7 @@ impl NamedTracks {
         names: Vec<(usize, String)>,
         points: &[String],
     ) -> NamedTracks {
-        let moved = moves.iter().map(|m| MovedPiece {
+        let moved = moves.iter().map(|m| MovedFragment {
             track: points[m.from].clone(),
             frames: [m.frames.start, m.frames.end],
             to: m.to.map(|to| points[to].clone()),
@@ -120,9 +120,9 @@ impl NamedTracks {
                 self.alike.join(", ")
             ));
         }
-        let of_piece = |piece: &UnsureTrack| {
-            let [start, end] = piece.frames;
-            let UnsureTrack { track, label, .. } = piece;
+        let of_fragment = |fragment: &UnsureTrack| {
+            let [start, end] = fragment.frames;
+            let UnsureTrack { track, label, .. } = fragment;
             let last = end - 1;
             format!(
                 "{track} in frames {start} to {last} may be {label}: not sure, so it has no label"
@@ -143,7 +143,7 @@ impl NamedTracks {
                 "{lost} pieces of tracks are no label's, and no column was free for them: taken out"
             ));
         }
-        lines.extend(self.unsure.iter().map(of_piece));
+        lines.extend(self.unsure.iter().map(of_fragment));
         lines
     }
 
@@ -187,12 +187,13 @@ impl NamedTracks {
             .filter(|(path, _)| sure[*path].is_none())
         {
             let Some(label) = label else { continue };
-            for piece in tracks.pieces_of(path) {
-                let is_it = |m: &&PointMove| (m.from, &m.frames) == (piece.track, &piece.frames);
+            for fragment in tracks.fragments_of(path) {
+                let is_it =
+                    |m: &&PointMove| (m.from, &m.frames) == (fragment.track, &fragment.frames);
                 let moved = self.moves.iter().find(is_it).and_then(|m| m.to);
                 self.unsure.push(UnsureTrack {
-                    track: points[moved.unwrap_or(piece.track)].clone(),
-                    frames: [piece.frames.start, piece.frames.end],
+                    track: points[moved.unwrap_or(fragment.track)].clone(),
+                    frames: [fragment.frames.start, fragment.frames.end],
                     label: labels[*label].clone(),
                 });
             }

@@ -1,6 +1,6 @@
 //! Labels from nothing: the tracks of a take named as the markers of a set.
 //!
-//! 1. Tracks are cut to pieces, and these linked to paths, each of which is one marker
+//! 1. Tracks are cut to fragments, and these linked to paths, each of which is one marker
 //!    (`loose_tracks`).
 //! 2. A model of the labels names the points of some frames, each by itself, and these vote for the
 //!    labels of the paths.
@@ -156,7 +156,7 @@ impl Naming<'_> {
         loop {
             let known = self
                 .tracks
-                .places(&labels, self.labels)
+                .positions(&labels, self.labels)
                 .select(Axis(0), &self.frames);
             let fit = self.model.fit(known.view())?;
             let mut costs = self.costs(&fit);
@@ -182,7 +182,7 @@ impl Naming<'_> {
     }
 
     /// Improves a run: one that has fitted itself to wrong names sees no better ones, so long paths
-    /// without a label are given one near them that is not in its usual place.
+    /// without a label are given one near them that is not in its usual position.
     fn improved(&self, mut best: Run) -> Result<Run> {
         let long = self.tracks.xyz.nrows() as f64 * LONG;
         let is_left =
@@ -202,7 +202,7 @@ impl Naming<'_> {
         Ok(best)
     }
 
-    /// The label nearest to a path that nobody has or that is not in its usual place.
+    /// The label nearest to a path that nobody has or that is not in its usual position.
     fn unusual_near(&self, run: &Run, path: usize) -> Option<usize> {
         let is_near = |l: &usize| {
             run.nats[[path, *l]] > nats(FARTHEST * FARTHEST)
@@ -270,14 +270,14 @@ impl Naming<'_> {
         let tracks = self.tracks;
         let wider = |sd: &f64| REJECTED / (REJECTED + WIDER * sd * sd);
         let wider: Vec<f64> = fit.sd.iter().map(wider).collect();
-        // A place that may be anywhere is less likely to be this one.
+        // A position that may be anywhere is less likely to be this one.
         let anywhere: Vec<f64> = wider.iter().map(|w| -3.0 * SD * SD * w.ln()).collect();
         let row_of = |t: usize| self.frames.binary_search(&t).ok();
         let rows = map_chunks(tracks.paths.len(), 4, |range| {
             let row = |path: usize| {
                 let (mut sums, mut count) = (vec![0.0; self.labels], 0.0);
                 let known = tracks
-                    .places_of(path)
+                    .positions_of(path)
                     .filter_map(|(t, at)| Some((row_of(t)?, at)));
                 for (n, at) in known {
                     count += 1.0;

@@ -6,12 +6,12 @@
 //! and where its distances to the points that are steadiest beside it would be likelier on the
 //! straight way across.
 //!
-//! Found without the cuts of `pieces`, which part from their track what stays away for
-//! five frames and longer: with these as jumps, 12 of 16 such stretches of markers were found in
-//! place of all, and twice as many true positions rejected.
+//! Found without the cuts of `fragments`, which part from their track what stays away for
+//! five frames and longer: with these as jumps, 12 of 16 such stretches of markers were found
+//! instead of all, and twice as many true positions rejected.
 
-use super::distances::{Distance, log_likelihood};
-use super::pieces::seen_ranges;
+use super::fragments::seen_ranges;
+use super::marker_distances::{Distance, log_likelihood};
 use super::tuning::out_and_back::*;
 use crate::numeric::parallel;
 use crate::numeric::statistics::{median_of, quantile};
@@ -117,7 +117,7 @@ impl Track<'_> {
         frames.clone().map(off).fold(0.0, f64::max)
     }
 
-    /// The place in frame `t` on the line between the frames beside a stretch.
+    /// The position in frame `t` on the line between the frames beside a stretch.
     fn on_line(&self, frames: &Range<usize>, t: usize) -> DVec3 {
         let share = (t + 1 - frames.start) as f64 / (frames.len() + 1) as f64;
         (self.at(frames.start - 1)).lerp(self.at(frames.end), share)
@@ -134,10 +134,10 @@ impl Track<'_> {
             let step = stretch.frames.len().div_ceil(MOST_FRAMES);
             let frames = stretch.frames.clone().step_by(step);
             let both = frames.flat_map(|t| {
-                let places = [self.at(t), self.on_line(&stretch.frames, t)];
+                let positions = [self.at(t), self.on_line(&stretch.frames, t)];
                 steadiest.iter().map(move |(other, distance)| {
                     let other = point_at(self.xyz, t, *other);
-                    places.map(|at| log_likelihood(at.distance(other), distance))
+                    positions.map(|at| log_likelihood(at.distance(other), distance))
                 })
             });
             let known = both.filter(|[own, _]| own.is_finite());

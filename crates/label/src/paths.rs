@@ -1,11 +1,11 @@
-//! Pieces that are linked, and the label of each: in some rounds, every path moves to the label
+//! Fragments that are linked, and the label of each: in some rounds, every path moves to the label
 //! that fits it far better: one that nobody holds then, one that shorter paths hold, one that
 //! another path gives for its own, or none.
 
 use super::evidence::{Evidence, independent_frames};
+use super::fragments::Fragment;
 use super::labeled_take::LabeledTake;
 use super::links::{End, Link, chains, link_cost};
-use super::pieces::Piece;
 use super::tuning::out_and_back;
 use super::tuning::repair::*;
 use crate::io::PointMove;
@@ -14,10 +14,10 @@ use glam::DVec3;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
-/// Pieces that are linked.
+/// Fragments that are linked.
 #[derive(Debug, Clone)]
 struct Path {
-    pieces: Vec<usize>,
+    fragments: Vec<usize>,
     /// How many frames it has.
     frames: usize,
     /// How many of them bear which name.
@@ -48,14 +48,14 @@ enum Move {
 /// Which path holds which label when.
 pub(crate) struct Paths<'a> {
     take: LabeledTake<'a>,
-    pieces: Vec<Piece>,
+    fragments: Vec<Fragment>,
     ends: Vec<[End; 2]>,
     identities: Vec<Option<usize>>,
     paths: Vec<Path>,
     path_of: Vec<usize>,
     /// Where each label is (frames, 3 L), cm.
-    places: Array2<f64>,
-    /// The piece that holds a label in a frame, by label and frame.
+    positions: Array2<f64>,
+    /// The fragment that holds a label in a frame, by label and frame.
     holder: Vec<Vec<Option<usize>>>,
     evidence: Evidence,
 }
@@ -63,42 +63,42 @@ pub(crate) struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub(crate) fn new(
         take: LabeledTake<'a>,
-        pieces: Vec<Piece>,
+        fragments: Vec<Fragment>,
         ends: Vec<[End; 2]>,
         identities: Vec<Option<usize>>,
     ) -> Paths<'a> {
         let frames = take.xyz.nrows();
         Paths {
             take,
-            path_of: vec![0; pieces.len()],
-            pieces,
+            path_of: vec![0; fragments.len()],
+            fragments,
             ends,
             identities,
             paths: Vec::new(),
-            places: Array2::from_elem((frames, 3 * take.labels), f64::NAN),
+            positions: Array2::from_elem((frames, 3 * take.labels), f64::NAN),
             holder: vec![vec![None; frames]; take.labels],
             evidence: Evidence::learn(Array2::zeros((0, 0)).view()),
         }
     }
 
-    /// Makes paths of the linked pieces, each with the name that most of its frames have.
+    /// Makes paths of the linked fragments, each with the name that most of its frames have.
     pub(crate) fn join(&mut self, links: &[Link]) {
         // Where nothing says which side of an exchange is right, what was linked stays apart.
         let is_one = |link: &&Link| {
             let [from, to] = [link.from, link.to].map(|p| self.identities[p]);
             from == to || from.is_none() || to.is_none()
         };
-        for chain in chains(self.pieces.len(), links.iter().filter(is_one).copied()) {
+        for chain in chains(self.fragments.len(), links.iter().filter(is_one).copied()) {
             let mut named = BTreeMap::new();
             for p in &chain {
                 self.path_of[*p] = self.paths.len();
                 if let Some(label) = self.identities[*p] {
-                    *named.entry(label).or_insert(0) += self.pieces[*p].frames.len();
+                    *named.entry(label).or_insert(0) += self.fragments[*p].frames.len();
                 }
             }
-            let frames = chain.iter().map(|p| self.pieces[*p].frames.len()).sum();
+            let frames = chain.iter().map(|p| self.fragments[*p].frames.len()).sum();
             self.paths.push(Path {
-                pieces: chain,
+                fragments: chain,
                 frames,
                 named,
                 label: None,
@@ -131,7 +131,7 @@ impl<'a> Paths<'a> {
     /// Whether no path but some holds a label in the frames of another.
     fn is_free(&self, path: usize, label: usize, but: &[usize]) -> bool {
         let is_open = |t: usize| {
-            let holder = self.holder[label][t].map(|piece| self.path_of[piece]);
+            let holder = self.holder[label][t].map(|fragment| self.path_of[fragment]);
             holder.is_none_or(|h| h == path || but.contains(&h))
         };
         self.frames(path).all(is_open)
@@ -139,20 +139,20 @@ impl<'a> Paths<'a> {
 
     fn frames(&self, path: usize) -> impl Iterator<Item = usize> + '_ {
         self.paths[path]
-            .pieces
+            .fragments
             .iter()
-            .flat_map(|p| self.pieces[*p].frames.clone())
+            .flat_map(|p| self.fragments[*p].frames.clone())
     }
 
     /// Gives a path a label, or none.
     fn set(&mut self, path: usize, label: Option<usize>) {
         let before = std::mem::replace(&mut self.paths[path].label, label);
-        for &p in &self.paths[path].pieces {
-            let Piece { track, frames, .. } = &self.pieces[p];
+        for &p in &self.paths[path].fragments {
+            let Fragment { track, frames, .. } = &self.fragments[p];
             for t in frames.clone() {
                 if let Some(before) = before {
                     self.holder[before][t] = None;
-                    (0..3).for_each(|c| self.places[[t, 3 * before + c]] = f64::NAN);
+                    (0..3).for_each(|c| self.positions[[t, 3 * before + c]] = f64::NAN);
                 }
             }
             for t in frames.clone() {
@@ -160,7 +160,7 @@ impl<'a> Paths<'a> {
                     self.holder[label][t] = Some(p);
                     let from = 3 * track;
                     (0..3).for_each(|c| {
-                        self.places[[t, 3 * label + c]] = self.take.xyz[[t, from + c]]
+                        self.positions[[t, 3 * label + c]] = self.take.xyz[[t, from + c]]
                     });
                 }
             }
@@ -172,7 +172,7 @@ impl<'a> Paths<'a> {
         let mut moved = false;
         match round {
             0 => moved = self.take_out_stretches(),
-            _ => self.evidence = Evidence::learn(self.places.view()),
+            _ => self.evidence = Evidence::learn(self.positions.view()),
         }
         let mut labeled: Vec<usize> = Vec::new();
         let mut loose: Vec<usize> = Vec::new();
@@ -223,7 +223,7 @@ impl<'a> Paths<'a> {
         let away: Vec<usize> = (0..self.paths.len()).filter(|p| self.is_away(*p)).collect();
         let labels: Vec<Option<usize>> = away.iter().map(|p| self.paths[*p].label).collect();
         away.iter().for_each(|path| self.set(*path, None));
-        self.evidence = Evidence::learn(self.places.view());
+        self.evidence = Evidence::learn(self.positions.view());
         // What jumps with its neighbors, as where a frame was dropped, is with them still.
         let back = away.iter().zip(&labels);
         back.for_each(|(path, label)| self.set(*path, *label));
@@ -243,17 +243,19 @@ impl<'a> Paths<'a> {
     /// Whether a path jumps off its track and back.
     fn is_away(&self, path: usize) -> bool {
         let Path {
-            pieces,
+            fragments,
             frames,
             label,
             ..
         } = &self.paths[path];
-        let [piece] = pieces[..] else { return false };
-        let Piece {
+        let [fragment] = fragments[..] else {
+            return false;
+        };
+        let Fragment {
             track,
             frames: range,
             jumps,
-        } = &self.pieces[piece];
+        } = &self.fragments[fragment];
         if label.is_none()
             || *jumps != [true; 2]
             || *frames as f64 > out_and_back::LONGEST * self.take.rate
@@ -274,7 +276,9 @@ impl<'a> Paths<'a> {
             step(t).distance(usual) >= out_and_back::LEAST
         };
         // A false cut beside it parts no path.
-        let mut beside = [piece - 1, piece + 1].map(|p| self.path_of[p]).to_vec();
+        let mut beside = [fragment - 1, fragment + 1]
+            .map(|p| self.path_of[p])
+            .to_vec();
         beside.dedup();
         let beside: usize = beside.iter().map(|p| self.paths[*p].frames).sum();
         is_far(range.start) && is_far(range.end) && 2 * frames <= beside
@@ -286,17 +290,17 @@ impl<'a> Paths<'a> {
         let of = &self.paths[path];
         let step = of.frames.div_ceil(MOST_FRAMES).max(1);
         let (mut sum, mut count, mut n) = (0.0, 0, 0);
-        for &p in &of.pieces {
-            let Piece { track, frames, .. } = &self.pieces[p];
+        for &p in &of.fragments {
+            let Fragment { track, frames, .. } = &self.fragments[p];
             for t in frames.clone() {
                 n += 1;
                 if (n - 1) % step > 0 {
                     continue;
                 }
-                let place = point_at(self.take.xyz, t, *track);
+                let position = point_at(self.take.xyz, t, *track);
                 let nats = self
                     .evidence
-                    .at(label, place, t, self.places.view(), without);
+                    .at(label, position, t, self.positions.view(), without);
                 if let Some(nats) = nats {
                     sum += nats.min(MOST_NATS);
                     count += 1;
@@ -321,15 +325,15 @@ impl<'a> Paths<'a> {
     /// How well the ends of a path go on in what holds a label beside it: -30 to 12.
     fn continuity(&self, path: usize, label: usize) -> f64 {
         let longest = (super::tuning::links::LONGEST * self.take.rate) as usize;
-        let pieces = &self.paths[path].pieces;
-        let (Some(&first), Some(&last)) = (pieces.first(), pieces.last()) else {
+        let fragments = &self.paths[path].fragments;
+        let (Some(&first), Some(&last)) = (fragments.first(), fragments.last()) else {
             return 0.0;
         };
         let at = |t: usize| self.holder[label].get(t).copied().flatten();
         let is_other = |p: &usize| self.path_of[*p] != path;
         let (start, end) = (
-            self.pieces[first].frames.start,
-            self.pieces[last].frames.end,
+            self.fragments[first].frames.start,
+            self.fragments[last].frames.end,
         );
         let before = (start.saturating_sub(longest + 1)..start)
             .rev()
@@ -341,8 +345,8 @@ impl<'a> Paths<'a> {
             (LINKED - cost / 2.0).clamp(-UNLINKED, LINKED)
         };
         let gap = |end: usize, start: usize| start.saturating_sub(end);
-        let before = before.map(|p| linked([p, first], gap(self.pieces[p].frames.end, start)));
-        let after = after.map(|p| linked([last, p], gap(end, self.pieces[p].frames.start)));
+        let before = before.map(|p| linked([p, first], gap(self.fragments[p].frames.end, start)));
+        let after = after.map(|p| linked([last, p], gap(end, self.fragments[p].frames.start)));
         before.unwrap_or(0.0) + after.unwrap_or(0.0)
     }
 
@@ -382,13 +386,13 @@ impl<'a> Paths<'a> {
                 moves.extend(self.exchanging(path, own));
             }
             let first = self.paths[path]
-                .pieces
+                .fragments
                 .first()
-                .map(|p| self.pieces[*p].jumps[0]);
+                .map(|p| self.fragments[*p].jumps[0]);
             let last = self.paths[path]
-                .pieces
+                .fragments
                 .last()
-                .map(|p| self.pieces[*p].jumps[1]);
+                .map(|p| self.fragments[*p].jumps[1]);
             let jumps = first == Some(true) || last == Some(true);
             if fit.score < if jumps { POOR } else { POOREST } {
                 moves.push((-old, Move::Out));
@@ -416,8 +420,8 @@ impl<'a> Paths<'a> {
         holders.iter().all(is)
     }
 
-    /// Whether a path is as near to the neighbors of a label as its own places are, or goes on in
-    /// them, or is long and like no other.
+    /// Whether a path is as near to the neighbors of a label as its own positions are, or goes on
+    /// in them, or is long and like no other.
     fn is_fit(&self, path: usize, label: usize, fit: Fit, continuity: f64) -> bool {
         let [median, few] = self.evidence.own[label];
         if fit.mean >= few {
@@ -447,7 +451,7 @@ impl<'a> Paths<'a> {
             .frames(path)
             .step_by(FRAME_STEP)
             .flat_map(|t| self.holder.iter().filter_map(move |of| of[t]))
-            .map(|piece| self.path_of[piece])
+            .map(|fragment| self.path_of[fragment])
             .filter(|other| *other != path && !self.paths[*other].stands)
             .collect();
         others.sort_unstable();
@@ -468,18 +472,18 @@ impl<'a> Paths<'a> {
             .max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// The pieces, each with the label that it is.
+    /// The fragments, each with the label that it is.
     pub(crate) fn assigned(&self) -> Vec<PointMove> {
-        let of = |(p, piece): (usize, &Piece)| PointMove {
-            from: piece.track,
-            frames: piece.frames.clone(),
+        let of = |(p, fragment): (usize, &Fragment)| PointMove {
+            from: fragment.track,
+            frames: fragment.frames.clone(),
             to: self.paths[self.path_of[p]].label,
         };
-        self.pieces.iter().enumerate().map(of).collect()
+        self.fragments.iter().enumerate().map(of).collect()
     }
 
-    /// The distances within the take as it is labeled now, and the places of its labels.
+    /// The distances within the take as it is labeled now, and the positions of its labels.
     pub(crate) fn learned(self) -> (Evidence, Array2<f64>) {
-        (self.evidence, self.places)
+        (self.evidence, self.positions)
     }
 }

@@ -4,7 +4,7 @@
 //! Names part people as `Ann:LFHD` and `Ben:LFHD` do, `Ann_LFHD` and `Ben_LFHD`, or `LFHD` and
 //! `LFHD_2`, which is how readers tell repeated names apart.
 
-use super::distances::Distances;
+use super::marker_distances::Distances;
 use super::mirror::image;
 use super::tuning::people::*;
 use super::unlabeled::{is_computed, labeled, own_name};

@@ -22,7 +22,7 @@ use std::sync::Arc;
 pub struct LabelSettings {
     /// Segments of points whose labels stay.
     pub keep: Vec<Segment>,
-    /// Whether places of a label that are no label's are taken out.
+    /// Whether positions of a label that are no label's are taken out.
     pub take_out: bool,
     /// Labeled takes to compare with.
     pub like: Arc<Templates>,
@@ -200,8 +200,8 @@ impl Relabeling {
         }
     }
 
-    /// Adds what is wrong with some labels; the pieces of `loose` tracks that are joined to them,
-    /// in measured frames of the take.
+    /// Adds what is wrong with some labels; the fragments of `loose` tracks that are joined to
+    /// them, in measured frames of the take.
     fn add_person(
         &mut self,
         take: &Part<'_>,
@@ -234,25 +234,25 @@ impl Relabeling {
             return Vec::new();
         };
         let mut taken = Vec::new();
-        for change in changes(moves(&found.pieces), labels.len()) {
+        for change in changes(moves(&found.fragments), labels.len()) {
             let nats = found.nats(&change, &xyz, take.rate);
             let side = found.side(&change);
-            // A gap between two pieces stays where it is: another may be there.
-            let pieces = change.moves.iter().flat_map(|step| {
+            // A gap between two fragments stays where it is: another may be there.
+            let fragments = change.moves.iter().flat_map(|step| {
                 let is_of = |p: &&PointMove| {
                     (p.from, p.to) == (step.from, step.to)
                         && step.frames.start <= p.frames.start
                         && p.frames.end <= step.frames.end
                 };
-                found.pieces.iter().filter(is_of)
+                found.fragments.iter().filter(is_of)
             });
-            let pieces: Vec<&PointMove> = pieces.collect();
-            let joined = pieces.iter().filter(|m| m.from >= labels.len());
+            let fragments: Vec<&PointMove> = fragments.collect();
+            let joined = fragments.iter().filter(|m| m.from >= labels.len());
             taken.extend(joined.map(|m| PointMove {
                 from: order[m.from],
                 ..(*m).clone()
             }));
-            let moved = pieces.iter().map(|m| PointMove {
+            let moved = fragments.iter().map(|m| PointMove {
                 from: order[m.from],
                 to: m.to.map(|to| order[to]),
                 frames: take.frames_of(&m.frames),

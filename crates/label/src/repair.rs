@@ -1,21 +1,21 @@
-//! Labels put right: exchanged ones back, pieces without a label joined, stretches away from a
+//! Labels put right: exchanged ones back, fragments without a label joined, stretches away from a
 //! point taken out.
 //!
-//! 1. Tracks are cut into pieces and these linked; exchanges between labels follow ([`pieces`],
-//!    [`super::links`], [`super::identities`]), and which side of each is right
+//! 1. Tracks are cut into fragments and these linked; exchanges between labels follow
+//!    ([`fragments`], [`super::links`], [`super::identities`]), and which side of each is right
 //!    ([`super::sides`]). That alone puts exchanges back.
-//! 2. Pieces that are linked are a path. Each path, the best known ones aside, may move to a label
-//!    that fits it far better, or to none ([`super::paths`]).
+//! 2. Fragments that are linked are a path. Each path, the best known ones aside, may move to a
+//!    label that fits it far better, or to none ([`super::paths`]).
 //!
 //! No position changes. What is not sure stays as it was and is told.
 
 use super::changes::{Change, ChangeKind};
 use super::evidence::{Evidence, independent_frames};
+use super::fragments::{Fragment, fragments};
 use super::identities::exchanges;
 use super::labeled_take::LabeledTake;
 use super::links::Links;
 use super::paths::Paths;
-use super::pieces::{Piece, pieces};
 use super::sides::{Exchanged, SideBy, Sides, Unsure};
 use super::tuning::repair::{FEWEST_FRAMES, MOST_FRAMES, MOST_WEIGHT, ROUNDS};
 use crate::io::PointMove;
@@ -25,45 +25,49 @@ use ndarray::Array2;
 
 /// What becomes of the tracks of a take.
 pub(crate) struct Repair {
-    /// Every piece, track after track, and the label that it is: its own where it stays.
-    pub pieces: Vec<PointMove>,
+    /// Every fragment, track after track, and the label that it is: its own where it stays.
+    pub fragments: Vec<PointMove>,
     /// What decided which side of an exchange is right, by its labels.
     pub decided: Vec<(Vec<usize>, SideBy)>,
     pub unsure: Vec<Unsure>,
     /// The distances within the take as it is labeled then.
     pub evidence: Evidence,
     /// Where each label is then (frames, 3 L), cm.
-    pub places: Array2<f64>,
+    pub positions: Array2<f64>,
 }
 
-/// Puts the labels of a take right; `None` where most pieces are too short to say anything, or so
-/// few frames a second were measured that no path leads from one to the next.
+/// Puts the labels of a take right; `None` where most fragments are too short to say anything, or
+/// so few frames a second were measured that no path leads from one to the next.
 pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     if take.rate < LEAST_RATE {
         return None;
     }
-    let pieces = pieces(take.xyz, take.runs, take.rate);
-    let short = pieces.iter().filter(|p| p.frames.len() < FEWEST_FRAMES);
-    if 2 * short.count() > pieces.len() {
+    let fragments = fragments(take.xyz, take.runs, take.rate);
+    let short = fragments.iter().filter(|p| p.frames.len() < FEWEST_FRAMES);
+    if 2 * short.count() > fragments.len() {
         return None;
     }
-    let Links { mut links, ends } = Links::new(take.xyz, &pieces, take.labels, take.rate);
-    let found = exchanges(&pieces, &mut links, take.labels);
+    let Links { mut links, ends } = Links::new(take.xyz, &fragments, take.labels, take.rate);
+    let found = exchanges(&fragments, &mut links, take.labels);
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
     let sides = if found.is_empty() {
         Sides::default()
     } else {
-        take.sides(&found, named, &pieces)
+        take.sides(&found, named, &fragments)
     };
-    let identity = |piece: &Piece| {
-        if piece.track < take.labels {
-            Some(point_in(piece.track, piece.frames.start, &sides.exchanged))
+    let identity = |fragment: &Fragment| {
+        if fragment.track < take.labels {
+            Some(point_in(
+                fragment.track,
+                fragment.frames.start,
+                &sides.exchanged,
+            ))
         } else {
             None
         }
     };
-    let identities: Vec<Option<usize>> = pieces.iter().map(identity).collect();
-    let mut paths = Paths::new(take, pieces, ends, identities);
+    let identities: Vec<Option<usize>> = fragments.iter().map(identity).collect();
+    let mut paths = Paths::new(take, fragments, ends, identities);
     paths.join(&links);
     let unsure: Vec<usize> = sides.unsure.iter().flat_map(|u| u.labels.clone()).collect();
     paths.keep(&unsure);
@@ -72,31 +76,31 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
             break;
         }
     }
-    let pieces = paths.assigned();
-    let (evidence, places) = paths.learned();
+    let fragments = paths.assigned();
+    let (evidence, positions) = paths.learned();
     Some(Repair {
-        pieces,
+        fragments,
         decided: sides.decided,
         unsure: sides.unsure,
         evidence,
-        places,
+        positions,
     })
 }
 
 impl Repair {
-    /// How much likelier the places that a change moves are as they are then than as they were, by
-    /// the distances to other labels, nats. `xyz` are those of the tracks (frames, 3 N).
+    /// How much likelier the positions that a change moves are as they are then than as they were,
+    /// by the distances to other labels, nats. `xyz` are those of the tracks (frames, 3 N).
     pub(crate) fn nats(&self, change: &Change, xyz: &Array2<f64>, rate: f64) -> f64 {
         let of = |step: &PointMove| {
             let every = step.frames.len().div_ceil(MOST_FRAMES).max(1);
             let at = |label: usize, t: usize| {
-                let place = point_at(xyz.view(), t, step.from);
-                let places = self.places.view();
+                let position = point_at(xyz.view(), t, step.from);
+                let positions = self.positions.view();
                 self.evidence
-                    .at(label, place, t, places, &change.tracks)
+                    .at(label, position, t, positions, &change.tracks)
                     .unwrap_or(0.0)
             };
-            let labels = self.places.ncols() / 3;
+            let labels = self.positions.ncols() / 3;
             let own = Some(step.from).filter(|from| *from < labels);
             let gain =
                 |t: usize| step.to.map_or(0.0, |to| at(to, t)) - own.map_or(0.0, |l| at(l, t));
@@ -121,7 +125,7 @@ impl Repair {
     }
 }
 
-/// The point whose places a track has from a frame on.
+/// The point whose positions a track has from a frame on.
 fn point_in(track: usize, frame: usize, stretches: &[Exchanged]) -> usize {
     let mut point = track;
     // The last exchange that began comes off first.
@@ -160,7 +164,7 @@ mod tests {
                 let lower = upper * DMat3::from_rotation_x(0.5 + 0.4 * (4.0 * time - s).sin());
                 let shoulder = trunk + DVec3::new(18.0 * s, 140.0, 0.0);
                 let elbow = shoulder + upper * DVec3::new(2.0 * s, -28.0, 0.0);
-                let places = [
+                let positions = [
                     shoulder,
                     shoulder + upper * DVec3::new(5.0 * s, -14.0, 2.0),
                     elbow,
@@ -168,8 +172,8 @@ mod tests {
                     elbow + lower * DVec3::new(3.0 * s, -24.0, 2.5),
                     elbow + lower * DVec3::new(-3.0 * s, -24.0, -2.5),
                 ];
-                for (k, place) in places.into_iter().enumerate() {
-                    set(&mut xyz, t, 6 * side + k, place);
+                for (k, position) in positions.into_iter().enumerate() {
+                    set(&mut xyz, t, 6 * side + k, position);
                 }
             }
             for (k, off) in [[0.0, 135.0, 9.0], [0.0, 118.0, 11.0], [0.0, 146.0, -8.0]]
@@ -185,8 +189,8 @@ mod tests {
         xyz
     }
 
-    fn set(xyz: &mut Array2<f64>, t: usize, point: usize, place: DVec3) {
-        (0..3).for_each(|c| xyz[[t, 3 * point + c]] = place[c]);
+    fn set(xyz: &mut Array2<f64>, t: usize, point: usize, position: DVec3) {
+        (0..3).for_each(|c| xyz[[t, 3 * point + c]] = position[c]);
     }
 
     fn swap(xyz: &mut Array2<f64>, frames: Range<usize>, [a, b]: [usize; 2]) {
@@ -211,7 +215,10 @@ mod tests {
             like: &Templates::default(),
         })
         .unwrap();
-        (changes(moves(&repair.pieces), NAMES.len()), repair.unsure)
+        (
+            changes(moves(&repair.fragments), NAMES.len()),
+            repair.unsure,
+        )
     }
 
     fn of(change: &Change) -> (ChangeKind, Range<usize>, Vec<usize>) {
@@ -232,8 +239,8 @@ mod tests {
         swap(&mut xyz, 400..450, [1, 2]);
         swap(&mut xyz, 400..450, [2, 3]);
         for t in 300..330 {
-            let place = point_at(xyz.view(), t, 8) + DVec3::new(9.0, 12.0, 5.0);
-            set(&mut xyz, t, 8, place);
+            let position = point_at(xyz.view(), t, 8) + DVec3::new(9.0, 12.0, 5.0);
+            set(&mut xyz, t, 8, position);
         }
         let (changes, unsure) = found(&xyz);
         let all: Vec<_> = changes.iter().map(of).collect();
@@ -251,12 +258,12 @@ mod tests {
         let mut xyz = Array2::from_elem((FRAMES, 51), f64::NAN);
         xyz.slice_mut(ndarray::s![.., ..45]).assign(&truth);
         for t in 240..420 {
-            let place = point_at(truth.view(), t, 4);
+            let position = point_at(truth.view(), t, 4);
             set(&mut xyz, t, 4, DVec3::NAN);
             if (246..415).contains(&t) {
-                set(&mut xyz, t, 15, place);
+                set(&mut xyz, t, 15, position);
             }
-            set(&mut xyz, t, 16, place + DVec3::new(12.0, 7.0, 9.0));
+            set(&mut xyz, t, 16, position + DVec3::new(12.0, 7.0, 9.0));
         }
         let (changes, unsure) = found(&xyz);
         let all: Vec<_> = changes.iter().map(of).collect();
@@ -274,7 +281,8 @@ mod tests {
             let all: Vec<_> = changes.iter().map(of).collect();
             assert_eq!(all, [(ChangeKind::Swap, frames, vec![2, 4])]);
         }
-        // Mirror images of each other say nothing; not even where another piece is like the rest.
+        // Mirror images of each other say nothing; not even where another fragment is like the
+        // rest.
         let mut xyz = body();
         swap(&mut xyz, 300..700, [4, 10]);
         let (changes, unsure) = found(&xyz);
@@ -316,7 +324,7 @@ mod tests {
 
     #[test]
     fn an_exchange_whose_end_nobody_sees_moves_nothing() {
-        // From one frame to the next it ends while the labels are at one place.
+        // From one frame to the next it ends while the labels are at one position.
         let mut xyz = body();
         for (t, k) in (560..640).flat_map(|t| [0, 1].map(|k| (t, k))) {
             let share = (1.0 - (t as f64 - 600.0).abs() / 40.0).clamp(0.0, 1.0);

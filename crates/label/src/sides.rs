@@ -1,10 +1,10 @@
 //! Which side of an exchange is right: the longer one, of long exchanges the one that fits the
 //! body's mirror image.
 
+use super::fragments::Fragment;
 use super::identities::{Course, Exchange, Followed};
 use super::labeled_take::LabeledTake;
 use super::mirror::Mirror;
-use super::pieces::Piece;
 use super::tuning::sides::*;
 use crate::pose::point_at;
 use ndarray::ArrayView2;
@@ -78,11 +78,11 @@ impl LabeledTake<'_> {
         &self,
         found: &[Exchange],
         named: ArrayView2<'_, f64>,
-        pieces: &[Piece],
+        fragments: &[Fragment],
     ) -> Sides {
         let course = Course {
-            places: named,
-            pieces,
+            positions: named,
+            fragments,
             rate: self.rate,
         };
         let mirror = Mirror::new(&self.names[..self.labels], named);
@@ -170,9 +170,10 @@ impl LabeledTake<'_> {
         };
         let long: Vec<&Group> = groups.iter().filter(|g| share(g) >= LONG).collect();
         let by_mirror = || clearest(&long, &|frames| mirror.cost(labels, frames));
-        let (names, places) = (&self.names[..self.labels], self.xyz);
-        let like =
-            |frames: &[Range<usize>]| (self.like).cost(self.person, names, places, labels, frames);
+        let (names, positions) = (&self.names[..self.labels], self.xyz);
+        let like = |frames: &[Range<usize>]| {
+            (self.like).cost(self.person, names, positions, labels, frames)
+        };
         // Another person's take says nothing against most frames.
         let among = if self.like.are_same_person() {
             groups.iter().collect()

@@ -1,10 +1,10 @@
 //! Labels that are wrong in every frame of a take: by labeled takes, or by the body's mirror image.
 
-use super::distances::Distances;
+use super::marker_distances::Distances;
 use super::mirror::Mirror;
 use super::people::{Person, people_of_markers};
-use super::template::{Labels, Template};
-use super::tuning::template::FEWEST_LABELS;
+use super::person_template::{Labels, Template};
+use super::tuning::person_template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
 use super::whole_take::groups;
 use crate::io::MotionFile;
@@ -37,7 +37,7 @@ struct Labeled {
     /// Their names without what tells the person.
     names: Vec<String>,
     /// (frames, 3 L), cm.
-    places: Array2<f64>,
+    positions: Array2<f64>,
 }
 
 /// Labels that are wrong in every frame of a take.
@@ -87,10 +87,10 @@ impl Templates {
             let poses = &*Zeros::emptied(poses);
             for take in poses.takes() {
                 for labeled in labeled_people(poses, &take) {
-                    let (names, places) = (&labeled.names, labeled.places.view());
+                    let (names, positions) = (&labeled.names, labeled.positions.view());
                     out.all.push(Named {
                         take: file.table.name.clone(),
-                        template: Template::learn(names, places, are_same_person),
+                        template: Template::learn(names, positions, are_same_person),
                         person: labeled.person.name,
                     });
                 }
@@ -139,15 +139,15 @@ impl Templates {
     ) -> (Vec<WholeTake>, Vec<String>) {
         let (mut found, mut notes) = (Vec::new(), Vec::new());
         for person in labeled_people(poses, take) {
-            let mirror = Mirror::new(&person.names, person.places.view());
-            let distances = Distances::measure(person.places.view());
+            let mirror = Mirror::new(&person.names, person.positions.view());
+            let distances = Distances::measure(person.positions.view());
             if self.is_empty() {
                 found.extend(person.by_mirror(&mirror, &distances));
                 continue;
             }
             let labels = Labels {
                 names: &person.names,
-                places: person.places.view(),
+                positions: person.positions.view(),
                 distances: &distances,
             };
             let (own, said) = self.compare(&person.person, labels, &mirror);
@@ -172,11 +172,11 @@ impl Templates {
         &self,
         person: &str,
         names: &[String],
-        places: ArrayView2<'_, f64>,
+        positions: ArrayView2<'_, f64>,
         labels: &[usize],
         frames: &[Range<usize>],
     ) -> Option<f64> {
-        let of = |t: &&Named| t.template.cost(names, places, labels, frames);
+        let of = |t: &&Named| t.template.cost(names, positions, labels, frames);
         let costs: Vec<f64> = self.of(person).iter().filter_map(of).collect();
         (!costs.is_empty()).then(|| costs.iter().sum::<f64>() / costs.len() as f64)
     }
@@ -290,7 +290,7 @@ fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
         let own = |p: &usize| person.own_name(&names[*p]).to_string();
         Labeled {
             names: person.points.iter().map(own).collect(),
-            places: xyz.select(Axis(1), &columns),
+            positions: xyz.select(Axis(1), &columns),
             person,
         }
     };
@@ -359,21 +359,21 @@ mod tests {
             let time = from + t as f64 / 60.0;
             let trunk = DVec3::new(10.0 * time, 3.0 * (5.0 * time).sin(), 0.0);
             let middle = [[0.0, 135.0, 9.0], [0.0, 118.0, 11.0], [0.0, 146.0, -8.0]];
-            let mut places: Vec<DVec3> = Vec::new();
+            let mut positions: Vec<DVec3> = Vec::new();
             for s in [1.0, -1.0] {
                 let upper = DMat3::from_rotation_x(0.6 * (3.0 * time + s).sin());
                 let lower = upper * DMat3::from_rotation_x(0.5 + 0.4 * (4.0 * time - s).sin());
                 let shoulder = trunk + DVec3::new(18.0 * s, 140.0, 0.0);
                 let elbow = shoulder + upper * DVec3::new(2.0 * s, -28.0, 0.0);
                 let of_lower = [[3.0, -12.0, 3.0], [3.0, -24.0, 2.5], [-3.0, -24.0, -2.5]];
-                places.extend([shoulder, shoulder + upper * DVec3::new(5.0 * s, -14.0, 2.0)]);
-                places.push(elbow);
+                positions.extend([shoulder, shoulder + upper * DVec3::new(5.0 * s, -14.0, 2.0)]);
+                positions.push(elbow);
                 let all = of_lower.map(|[x, y, z]| elbow + lower * DVec3::new(x * s, y, z));
-                places.extend(all);
+                positions.extend(all);
             }
-            places.extend(middle.map(|off| trunk + DVec3::from_array(off)));
-            for (k, place) in places.into_iter().enumerate() {
-                (0..3).for_each(|c| xyz[[t, 3 * k + c]] = size * place[c]);
+            positions.extend(middle.map(|off| trunk + DVec3::from_array(off)));
+            for (k, position) in positions.into_iter().enumerate() {
+                (0..3).for_each(|c| xyz[[t, 3 * k + c]] = size * position[c]);
             }
         }
         Poses {
@@ -527,7 +527,7 @@ mod tests {
     }
 
     #[test]
-    fn takes_without_places_say_nothing() {
+    fn takes_without_positions_say_nothing() {
         let mut poses = person(1.0, 0.0);
         poses.xyz.fill(f64::NAN);
         let like = templates(&[person(1.0, 0.0)], true);

@@ -25,7 +25,7 @@ pub(crate) mod exchanges {
 }
 
 /// How likely a distance is.
-pub(crate) mod distances {
+pub(crate) mod marker_distances {
     /// Frames that a distance is measured in, at most about.
     pub(crate) const MOST_FRAMES: usize = 1500;
     /// Frames in which one of all pairs is known, at least.
@@ -86,8 +86,8 @@ pub(crate) mod people {
     pub(crate) const STEADY: f64 = 4.0;
 }
 
-/// Pieces of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
-pub(crate) mod pieces {
+/// Fragments of tracks. No cut of 235 swaps in 14 takes is missed, the prototype's measurement.
+pub(crate) mod fragments {
     /// Least miss of both sides' fits, cm, and least step.
     pub(crate) const LEAST: f64 = 1.0;
     pub(crate) const LEAST_STEP: f64 = 0.6;
@@ -107,14 +107,14 @@ pub(crate) mod pieces {
     pub(crate) const END_STEPS: usize = 8;
 }
 
-/// Links between pieces. Across 730 of 730 jumps of swaps in 7 takes they are right, the
+/// Links between fragments. Across 730 of 730 jumps of swaps in 7 takes they are right, the
 /// prototype's measurement.
 pub(crate) mod links {
     /// Frames through which a line tells an end.
     pub(crate) const LINE: usize = 4;
     /// Longest gap, seconds.
     pub(crate) const LONGEST: f64 = 0.2;
-    /// Standard deviations: of a place, cm, of an acceleration, cm/s², and of a velocity, cm a
+    /// Standard deviations: of a position, cm, of an acceleration, cm/s², and of a velocity, cm a
     /// frame.
     pub(crate) const NOISE: f64 = 0.25;
     pub(crate) const ACCELERATION: f64 = 300.0;
@@ -126,14 +126,14 @@ pub(crate) mod links {
     pub(crate) const CHEAPER: f64 = 12.0;
 }
 
-/// What distances say of a place.
+/// What distances say of a position.
 pub(crate) mod evidence {
     /// The most rigid neighbors that count, those kept in their stead where one is not seen, and
     /// how many are seen at least.
     pub(crate) const NEIGHBORS: usize = 10;
     pub(crate) const SPARE: usize = 4;
     pub(crate) const FEWEST_SEEN: usize = 3;
-    /// Frames of a label's own places that are looked at, at most, and the share that is few.
+    /// Frames of a label's own positions that are looked at, at most, and the share that is few.
     pub(crate) const OWN_FRAMES: usize = 300;
     pub(crate) const FEW: f64 = 0.05;
     /// Seconds after which a frame says something new.
@@ -209,7 +209,7 @@ pub(crate) mod sides {
 
 /// Labels put right.
 pub(crate) mod repair {
-    /// Where most pieces have fewer frames, labels are not checked.
+    /// Where most fragments have fewer frames, labels are not checked.
     pub(crate) const FEWEST_FRAMES: usize = 5;
     /// Rounds over the paths, at most.
     pub(crate) const ROUNDS: usize = 3;
@@ -262,7 +262,7 @@ pub(crate) mod whole_take {
 /// beside them, 2 in the takes as they are. On people that the choice did not see (three of Plug-in
 /// Gait, four of clinics, beside each other and those) 158 of 173, 6 others beside them, none in
 /// the takes as they are. Within a person (85_02, arnold, three others) all of 269, none beside.
-pub(crate) mod template {
+pub(crate) mod person_template {
     /// Fewer labels say nothing of each other.
     pub(crate) const FEWEST_LABELS: usize = 4;
     /// How unlike the same distance is: standard deviations, cm, and share of it; in the same
@@ -330,15 +330,15 @@ pub(crate) mod naming {
     pub(crate) const EVERY: f64 = 0.1;
     /// Share of the labels that may be no track's, before the set may be another.
     pub(crate) const MISSING: f64 = 0.1;
-    /// By how many variances of its place on the body a label reaches farther.
+    /// By how many variances of its position on the body a label reaches farther.
     pub(crate) const WIDER: f64 = 2.0;
     /// Nats a frame that a label must be worth over others, which no path has.
     pub(crate) const NEEDLESS: f64 = 2.0;
-    /// Standard deviation of a label about its place, cm, and the nats of a path by which its odds
-    /// are e times as good: frames are not independent.
+    /// Standard deviation of a label about its position, cm, and the nats of a path by which its
+    /// odds are e times as good: frames are not independent.
     pub(crate) const SD: f64 = 1.5;
     pub(crate) const SLOPE: f64 = 8.0;
-    /// Deviations from its usual place from which on a label may be another, and is none.
+    /// Deviations from its usual position from which on a label may be another, and is none.
     pub(crate) const UNUSUAL: f64 = 2.5;
     pub(crate) const ODD: f64 = 5.0;
     /// A label is almost free where those that have it have one in so many frames of a path.

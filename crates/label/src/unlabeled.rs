@@ -38,7 +38,7 @@ pub fn is_computed(name: &str, all: &[String]) -> bool {
         || own_name(name).starts_with("Cent") && name.contains("OfMass")
 }
 
-/// The names of `points` that are labels, as places among them.
+/// The names of `points` that are labels, as indices among them.
 pub fn labeled(points: &[String]) -> Vec<usize> {
     let all = 0..points.len();
     all.filter(|p| !is_unlabeled(&points[*p])).collect()

@@ -5,7 +5,7 @@ use crate::numeric::parallel;
 
 /// The pairs of labels that are exchanged, the clearest first: one exchange is made after the
 /// other, while one gains enough. `gain` is that of exchanging two labels, where the label `l` is
-/// at the places of the track `tracks[l]`.
+/// at the positions of the track `tracks[l]`.
 pub(super) fn exchanged(
     labels: usize,
     gain: impl Fn(&[usize], [usize; 2]) -> f64 + Sync,

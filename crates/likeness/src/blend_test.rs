@@ -13,7 +13,7 @@
 //! - Acceleration: the largest of each joint, over the largest of that joint in either clip.
 //!
 //! What is not seen, such as accelerations at the ends of a clip, counts as within its limit.
-//! People may judge otherwise: this is a rule in their place.
+//! People may judge otherwise: this is a rule instead of them.
 
 use super::clip::Clip;
 use super::joint_map::{PARENTS, joint};
@@ -99,11 +99,11 @@ impl ClipRange {
 /// How a blend compares with its clips: shares of limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlendQuality {
-    /// Of bone lengths.
+    /// The share for bone lengths.
     pub bones: f64,
-    /// Of planted feet.
+    /// The share for planted feet.
     pub feet: f64,
-    /// Of accelerations.
+    /// The share for accelerations.
     pub acceleration: f64,
 }
 

@@ -20,7 +20,7 @@ pub struct BodyFramePoses {
     pub joints: Array3<f64>,
     /// The hip's height above the ground y = 0, body heights, a frame.
     pub hip_height: Vec<f64>,
-    /// The hip's place on the ground (x, z), body heights, a frame.
+    /// The hip's position on the ground (x, z), body heights, a frame.
     pub place: Vec<[f64; 2]>,
     /// The yaw that was removed, radians, a frame: the turn about y that carries the body's x to
     /// that of the world.
@@ -34,7 +34,7 @@ pub struct BodyFramePoses {
 }
 
 impl BodyFramePoses {
-    /// Places a take, whose rate is given.
+    /// Poses of a take, whose rate is given.
     ///
     /// ```
     /// use posing_io::{Amc, Asf};
@@ -137,7 +137,7 @@ mod tests {
     use crate::testdata::{own_names, standing, take_of};
 
     #[test]
-    fn place_and_yaw_are_removed_and_lengths_are_heights() {
+    fn position_and_yaw_are_removed_and_lengths_are_heights() {
         let turn = glam::DQuat::from_rotation_y(0.7);
         let moved = standing().map(|p| turn * p + DVec3::new(30.0, 0.0, -50.0));
         let poses =

@@ -110,10 +110,10 @@ pub(crate) mod tests {
         let pose = |t: usize| {
             let s = t as f64 / rate - late;
             let turn = DQuat::from_rotation_y(0.5 * s);
-            let place = DVec3::new(60.0 * s, 0.0, 20.0 * s.sin());
+            let position = DVec3::new(60.0 * s, 0.0, 20.0 * s.sin());
             let mut pose = standing();
             pose[joint::LHAND] += DVec3::new(0.0, 10.0 * (2.0 * s).sin(), 0.0);
-            pose.map(|p| turn * p + place)
+            pose.map(|p| turn * p + position)
         };
         let poses = take_of(&(0..frames).map(pose).collect::<Vec<_>>());
         let time = (0..frames).map(|t| t as f64 / rate).collect();

@@ -8,7 +8,7 @@
 //!
 //! i and j are the frames of the transition, k counts frames from them, h is half the cross-fade.
 //! The turn about the vertical carries the yaw of b at j to that of a at i; the hips are their
-//! places on the ground, so heights stay. Averages of positions shorten bones where the poses
+//! positions on the ground, so heights stay. Averages of positions shorten bones where the poses
 //! differ: [`super::blend_test`] measures it. That makes it a test of how alike the poses are;
 //! `Blender` joins clips that are to be looked at.
 

@@ -494,7 +494,7 @@ mod tests {
     #[test]
     fn what_does_not_determine_a_feature_is_finite() {
         // Arms, legs and trunk are straight; and a body all of whose joints but two are in one
-        // place.
+        // position.
         let mut folded = standing();
         for j in [joint::LKNEE, joint::LFOOT] {
             folded[j] = folded[joint::LHIP];

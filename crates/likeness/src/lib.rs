@@ -6,7 +6,7 @@
 //! Metric from Geometric Pose Descriptor. IEEE TVCG 17 (11), 2011.
 //!
 //! `joint_map` finds sixteen joints among the points of any skeleton, `body_frame` removes
-//! place, heading and size, and `gpd` describes the pose; `features` and [`scaling`] say what
+//! position, heading and size, and `gpd` describes the pose; `features` and [`scaling`] say what
 //! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
 //! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
 //! and [`pose_metric`] is what was learned. [`nearest`] searches with it; `baselines` are the

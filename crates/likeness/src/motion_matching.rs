@@ -58,13 +58,13 @@ pub(super) fn describe_frame(poses: &BodyFramePoses, t: usize, out: &mut Vec<f32
     let turn = DVec2::from_angle(poses.yaw[t]);
     // The world's ground (x, z) as the body sees it.
     let local = |v: DVec2| DVec2::new(turn.x * v.x - turn.y * v.y, turn.y * v.x + turn.x * v.y);
-    let place = |t: usize| DVec2::from_array(poses.place[t]);
-    let moved = local(place(after) - place(before)) / seconds;
+    let position = |t: usize| DVec2::from_array(poses.place[t]);
+    let moved = local(position(after) - position(before)) / seconds;
     let rise = (poses.hip_height[after] - poses.hip_height[before]) / seconds;
     push(DVec3::new(moved.x, rise, moved.y));
     let ahead = AHEAD.map(|s| (t + (s * rate).round() as usize).min(run.end - 1));
     for at in ahead {
-        let to = local(place(at) - place(t));
+        let to = local(position(at) - position(t));
         out.extend([to.x as f32, to.y as f32]);
     }
     for at in ahead {

@@ -13,8 +13,8 @@
 //! Chen et al. leave open: how rotations are compared (here by 2 sin(θ/2), see `features`;
 //! fitted to the joints, without the twist about a bone), the units (body heights and seconds, λ =
 //! 1), and the pool of `rgf-boost` (the geometric pose descriptor, each feature of variance 1). The
-//! hip's place is compared by its height alone, as place is removed. Distances are the roots of
-//! (40) to (43), which order poses alike.
+//! hip's position is compared by its height alone, as the position on the ground is removed.
+//! Distances are the roots of (40) to (43), which order poses alike.
 
 use super::learners::PublishedLearner;
 use super::learners::weights::joint_of;

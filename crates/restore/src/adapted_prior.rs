@@ -7,7 +7,7 @@ use super::rigid::{OwnLength, RigidModel};
 use super::take::PointMapping;
 use super::tuning::adapted_prior::*;
 use super::upright::UprightPoses;
-use crate::label::distances::Distance;
+use crate::label::marker_distances::Distance;
 use crate::numeric::parallel;
 use crate::pose::{Observation, Similarity};
 use crate::prior::Prior;

@@ -1,4 +1,4 @@
-//! The paths of a take smoothed as strongly as they bear, place by place.
+//! The paths of a take smoothed as strongly as they bear, value by value.
 //!
 //! Kalman smoothers of many strengths (`kalman_smoother`) run side by side. Stein's unbiased
 //! estimate says what each costs, at each frame t and over the point's three coordinates y:
@@ -92,7 +92,7 @@ pub(crate) fn path_of(xyz: ArrayView2<'_, f64>, point: usize) -> [Vec<f64>; 3] {
     [0, 1, 2].map(|axis| xyz.column(3 * point + axis).to_vec())
 }
 
-/// Puts the three coordinates of a point in place in `xyz` (frames, 3 J).
+/// Writes the three coordinates of a point into `xyz` (frames, 3 J).
 pub(crate) fn put_path(xyz: &mut Array2<f64>, point: usize, path: &[Vec<f64>; 3]) {
     for (axis, values) in path.iter().enumerate() {
         let mut column = xyz.column_mut(3 * point + axis);
@@ -164,7 +164,7 @@ impl OneStrength {
     }
 }
 
-/// Smooths a run, and puts it in place from frame `first` on.
+/// Smooths a run, and writes it from frame `first` on.
 fn smooth_run(
     series: [&[f64]; 3],
     noise: PathNoise,
@@ -219,7 +219,7 @@ fn risk(series: [&[f64]; 3], smooth: &OneStrength, r: f64) -> Vec<Option<f64>> {
     (0..series[0].len()).map(of).collect()
 }
 
-/// The mean of the values around each place, weighted by exp(−|distance| / width), and how many
+/// The mean of the values around each frame, weighted by exp(−|distance| / width), and how many
 /// values that is worth.
 fn averages(values: &[Option<f64>], width: f64) -> Vec<(f64, f64)> {
     let keep = (-1.0 / width).exp();

@@ -7,7 +7,7 @@
 
 use super::take::TakeResult;
 use super::tuning::bone_lengths::*;
-use crate::label::distances::Distance;
+use crate::label::marker_distances::Distance;
 use crate::pose::{Status, point_at};
 use glam::DVec3;
 

@@ -18,7 +18,7 @@ use super::noise_estimation;
 use super::take::{PointMapping, Take};
 use super::tuning::adaptive_smoothing::{LEAST_VARIANCE, MOTION_VARIANCE};
 use super::tuning::capture_noise::*;
-use crate::label::distances::Distance;
+use crate::label::marker_distances::Distance;
 use crate::numeric::statistics::{less_local_mean, mean_of_finite, median};
 use ndarray::ArrayView2;
 use std::ops::Range;

@@ -128,8 +128,8 @@ impl Method for Denoise {
     }
 }
 
-/// Gives exchanged points of `xyz` (frames, 3 J) their own places. Beside the frames, the points of
-/// each that were measured in another's place alone, and are now missing.
+/// Gives exchanged points of `xyz` (frames, 3 J) their own positions. Beside the frames, the points
+/// of each that were measured as another alone, and are now missing.
 fn put_back(xyz: ArrayView2<'_, f64>, exchanged: &[Exchange]) -> (Array2<f64>, Vec<Vec<usize>>) {
     let mut mended = xyz.to_owned();
     exchanged.iter().for_each(|e| e.put_back(&mut mended));
@@ -144,7 +144,7 @@ fn put_back(xyz: ArrayView2<'_, f64>, exchanged: &[Exchange]) -> (Array2<f64>, V
     (mended, emptied)
 }
 
-/// Puts smoothed points, drawn to what the model expects by as much as they are noisy, in place.
+/// Writes smoothed points, drawn to what the model expects by as much as they are noisy.
 fn put_denoised(
     out: &mut TakeResult,
     captured: ArrayView2<'_, f64>,

@@ -60,7 +60,7 @@ impl DenoisedFrame {
         DenoisedFrame::of(&estimator, found, Vec::new(), noise)
     }
 
-    /// Puts it in place as frame t; with `fill` its missing points too.
+    /// Writes it as frame t; with `fill` its missing points too.
     pub(crate) fn put(&self, out: &mut TakeResult, t: usize, fill: bool) {
         out.too_little += usize::from(self.found.is_none());
         out.noise += self.noise / out.xyz.nrows() as f64;

@@ -8,7 +8,7 @@ use std::ops::Range;
 pub(crate) struct Knots {
     /// The frames, in their order.
     pub frames: Vec<usize>,
-    /// For each frame of the take the knots on either side of it, as places in `frames`, and how
+    /// For each frame of the take the knots on either side of it, as indices in `frames`, and how
     /// far it is from the first to the second; `None` outside of all runs.
     beside: Vec<Option<([usize; 2], f64)>>,
 }

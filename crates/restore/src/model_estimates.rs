@@ -130,7 +130,7 @@ impl KnotEstimates {
         }
     }
 
-    /// Puts the estimate of a frame in place.
+    /// Writes the estimate of a frame.
     fn put(&self, adapted: &AdaptedPrior<'_>, t: usize, out: &mut ModelEstimates) {
         let is_any_seen = self.seen.row(t).iter().any(|v| v.is_finite());
         let nearest = (self.knots)

@@ -166,7 +166,7 @@ impl<'t> Restoration<'t> {
         self.counts.noise /= people.max(1) as f64;
     }
 
-    /// Puts restored frames of some of the table's `points` in place, from frame `first` on. Where
+    /// Adds restored frames of some of the table's `points`, from frame `first` on. Where
     /// no value was found the table's stays.
     pub(super) fn add(&mut self, first: usize, restored: &TakeResult, points: &[usize]) {
         let count = restored.xyz.nrows();

@@ -263,22 +263,22 @@ impl<'m> Restorer<'m> {
                     progress(frames);
                 }
             };
-            let all = Restored {
+            let restorer = PersonRestorer {
                 table,
                 method,
                 rate,
                 hidden,
                 progress: &count,
             };
-            all.restore(labeled, mapping, names, &mut out)?;
+            restorer.restore(labeled, mapping, names, &mut out)?;
         }
         out.count_people(people.len());
         Ok(out)
     }
 }
 
-/// A table to restore, and how; `hidden` columns count as missing.
-struct Restored<'a> {
+/// Restores the points of one person in a table; `hidden` columns count as missing.
+struct PersonRestorer<'a> {
     table: &'a Table,
     method: &'a dyn Method,
     rate: Option<f64>,
@@ -286,7 +286,7 @@ struct Restored<'a> {
     progress: &'a (dyn Fn(usize) + Sync),
 }
 
-impl Restored<'_> {
+impl PersonRestorer<'_> {
     /// Restores the points of one person, which the model knows by these names.
     fn restore(
         &self,
@@ -413,7 +413,7 @@ fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
 
 /// The labeled points of a person in a table: others are neither filled nor learned from.
 struct Labeled<'t> {
-    /// Their places among the table's points.
+    /// Their indices among the table's points.
     points: Vec<usize>,
     poses: Cow<'t, Poses>,
     /// Standard deviations (frames, points), cm, where the table says them.
@@ -421,7 +421,7 @@ struct Labeled<'t> {
 }
 
 impl<'t> Labeled<'t> {
-    /// Some points of a table, at the places that they have in `poses`.
+    /// Some points of a table, at the indices that they have in `poses`.
     fn of(table: &'t Table, poses: &'t Poses, points: &[usize]) -> Labeled<'t> {
         let sd = table.sd.as_ref().map(|sd| {
             if points.len() == sd.ncols() {

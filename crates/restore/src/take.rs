@@ -81,7 +81,7 @@ pub trait Method {
 }
 
 /// Restores each frame of a table (frames, 3 J; cm, NaN missing) by itself, in the model's order of
-/// points: `restore` is given a frame (1, 3 J), and `put` puts what it found in place.
+/// points: `restore` is given a frame (1, 3 J), and `put` writes what it found.
 pub(crate) fn restore_each_frame<F: Send>(
     mapping: &PointMapping<'_>,
     table: ArrayView2<'_, f64>,

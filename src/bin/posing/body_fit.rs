@@ -186,20 +186,21 @@ fn report(fits: &[Fitted], source: &str, names: &[String]) -> Result<usize> {
 /// How the fits are, for JSON: of each frame the distance of the markers (RMS, cm), and those that
 /// do not fit with theirs.
 fn told(fits: &[Fitted], names: &[String]) -> Value {
-    let frame = |(t, fit): (usize, &Fitted)| {
-        let fit = fit.as_ref().map(|(fit, _)| fit);
-        let left_out = fit.map_or(&[][..], |fit| &fit.left_out);
-        let left_out = left_out
-            .iter()
-            .map(|(m, far)| (names[*m].clone(), json!(far)));
-        json!({
-            "row": t + 1,
-            "rms": fit.map(|fit| fit.rms),
-            "left_out": left_out.collect::<serde_json::Map<_, _>>(),
-            "is_mirrored": fit.is_some_and(|fit| fit.is_mirrored),
-        })
-    };
-    json!({ "frames": fits.iter().enumerate().map(frame).collect::<Vec<_>>() })
+    let fits = fits.iter().map(|fit| fit.as_ref().map(|(fit, _)| fit));
+    let frames = fits.enumerate().map(|(t, fit)| told_frame(t, fit, names));
+    json!({ "frames": frames.collect::<Vec<_>>() })
+}
+
+/// How the fit of a frame is, for JSON.
+fn told_frame(frame: usize, fit: Option<&Fit>, names: &[String]) -> Value {
+    let left_out = fit.map_or(&[][..], |fit| &fit.left_out).iter();
+    let left_out = left_out.map(|(m, far)| (names[*m].clone(), json!(far)));
+    json!({
+        "row": frame + 1,
+        "rms": fit.map(|fit| fit.rms),
+        "left_out": left_out.collect::<serde_json::Map<_, _>>(),
+        "is_mirrored": fit.is_some_and(|fit| fit.is_mirrored),
+    })
 }
 
 fn write(args: &Args, body: &BodyModel, fits: &[Fitted]) -> Result<()> {

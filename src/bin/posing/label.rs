@@ -119,7 +119,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     } else {
         args.json.prepare(args.output.as_deref())?;
     }
-    // A dry run has places for results as well, and writes none.
+    // A dry run has paths for results as well, and writes none.
     let output = args.output.as_deref().or(Some(Path::new("-")));
     let jobs = batch(&args.inputs, output, &EXTENSIONS, None)?;
     let results = jobs.iter().filter(|_| !args.dry_run);

@@ -1,7 +1,7 @@
 //! Linear blend skinning with corrective shapes, fitted to sample meshes: the form of a body that
 //! animation software plays.
 //!
-//! Vertex v of a mesh, from its place x_v in the template, is
+//! Vertex v of a mesh, from its position x_v in the template, is
 //!
 //! ```text
 //! y_v = Σ_b w_vb (R_b (x_v + Σ_k c_k s_vk) + t_b)
@@ -63,7 +63,7 @@ pub struct Skinning {
     pub vertices: Vec<DVec3>,
     /// The bone that each bone hangs on; one bone has none.
     pub parents: Vec<Option<usize>>,
-    /// The place about which each bone turns in the rest pose, centimeters: the joint with its
+    /// The position about which each bone turns in the rest pose, centimeters: the joint with its
     /// parent; of the root, the middle of its part.
     pub places: Vec<DVec3>,
     /// The bones that each vertex follows (V).
@@ -117,7 +117,7 @@ impl Skinning {
             skinning.solver = Solver::new(&skinning.weights, tree.len())?;
         }
         let joints = joints::fit_joints(template, &tree, samples, &skinning.weights)?;
-        skinning.places = tree.places(template, &joints);
+        skinning.places = tree.positions(template, &joints);
         skinning.shapes = shapes::fit(&skinning, samples, shapes)?;
         Ok(skinning)
     }

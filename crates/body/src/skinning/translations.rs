@@ -11,7 +11,7 @@ use crate::Result;
 use crate::numeric::linalg::Cholesky;
 use ndarray::{Array2, ArrayView2};
 
-/// What is added to the diagonal, so that a bone that no vertex follows stays in place.
+/// What is added to the diagonal, so that a bone that no vertex follows stays where it is.
 const RIDGE: f64 = 1e-9;
 
 /// Solves for translations.

@@ -72,7 +72,7 @@ impl Tree {
     }
 
     /// The motion of each bone by forward kinematics: both bones of a joint carry its rest position
-    /// `at` to one place. The root turns about the origin.
+    /// `at` to one position. The root turns about the origin.
     pub(crate) fn forward(&self, rotations: &[DMat3], at: &[DVec3]) -> Vec<DAffine3> {
         let mut shifts = vec![DVec3::ZERO; self.len()];
         for ([parent, child], at) in self.joints.iter().zip(at) {
@@ -83,17 +83,17 @@ impl Tree {
             .collect()
     }
 
-    /// The place about which each bone turns: `at` of the joint with its parent, and for the root
-    /// the middle of its part.
-    pub(crate) fn places(&self, template: &Template, at: &[DVec3]) -> Vec<DVec3> {
+    /// The position about which each bone turns: `at` of the joint with its parent, and for the
+    /// root the middle of its part.
+    pub(crate) fn positions(&self, template: &Template, at: &[DVec3]) -> Vec<DVec3> {
         let of_root = (template.vertices.iter().zip(&template.vertex_parts))
             .filter(|(_, part)| **part == self.root);
         let (sum, count) = of_root.fold((DVec3::ZERO, 0.0), |(s, n), (v, _)| (s + *v, n + 1.0));
-        let mut places = vec![sum / f64::max(count, 1.0); self.len()];
+        let mut positions = vec![sum / f64::max(count, 1.0); self.len()];
         for ([_, child], at) in self.joints.iter().zip(at) {
-            places[*child] = *at;
+            positions[*child] = *at;
         }
-        places
+        positions
     }
 }
 
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn both_bones_of_a_joint_carry_it_to_one_place() {
+    fn both_bones_of_a_joint_carry_it_to_one_position() {
         let tree = tree();
         let spread = |k: usize| DVec3::new(k as f64, 1.0 - k as f64, (2 * k) as f64);
         let rotations: Vec<DMat3> = (0..5)
@@ -140,8 +140,8 @@ mod tests {
         let motions = tree.forward(&rotations, &at);
         assert_eq!(motions[2].translation, DVec3::ZERO);
         for ([parent, child], at) in tree.joints.iter().zip(&at) {
-            let places = [parent, child].map(|b| motions[*b].transform_point3(*at));
-            assert!((places[0] - places[1]).length() <= 1e-12);
+            let positions = [parent, child].map(|b| motions[*b].transform_point3(*at));
+            assert!((positions[0] - positions[1]).length() <= 1e-12);
         }
     }
 }

@@ -119,7 +119,7 @@ pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
         let range = ranges(zeros.iter().copied())[0].clone();
         out.push(take.finding(FindingKind::Zeros, &[p], Some(range), what));
     }
-    // A root that is at the origin all the time, and joints at its place, are there on purpose.
+    // A root that is at the origin all the time, and joints at its position, are there on purpose.
     if always.len() >= MANY_AT_ORIGIN && !take.are_joints {
         let what = format!(
             "{}, {} and {} more are exactly 0, 0, 0 in every frame: {EMPTIED}",

@@ -4,7 +4,7 @@
 //! ways. Each check says what it found, where, and the limit that it is over.
 
 mod body;
-mod distances;
+mod bone_lengths;
 mod file;
 mod gaps;
 mod held_rotations;
@@ -107,7 +107,7 @@ pub enum FindingKind {
     Hand,
     /// A point leaves its path for some frames.
     Jump,
-    /// A point has the very same place, or a joint the very same rotation, for many frames while
+    /// A point has the very same position, or a joint the very same rotation, for many frames while
     /// others move: a value that was held.
     Held,
     /// Frames repeat the one before: they were doubled by a resampling, or held by an animator.
@@ -268,7 +268,7 @@ fn motion_findings(take: &Take<'_>, apart: &[PointApart], limits: &Limits) -> Ve
     findings.extend(motion::held(&kept, apart));
     if !take.are_joints {
         findings.extend(motion::swaps(&kept));
-        findings.extend(distances::findings(&kept, limits));
+        findings.extend(bone_lengths::findings(&kept, limits));
     }
     for frames in findings.iter_mut().filter_map(|f| f.frames.as_mut()) {
         let shown = repeated.frames(&(frames[0]..frames[1]));
@@ -316,7 +316,7 @@ fn times(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
 }
 
 impl Take<'_> {
-    /// The place of a point in a frame; `None` where a coordinate is missing.
+    /// The position of a point in a frame; `None` where a coordinate is missing.
     fn at(&self, frame: usize, point: usize) -> Option<glam::DVec3> {
         Some(point_at(self.xyz, frame, point)).filter(|at| at.is_finite())
     }

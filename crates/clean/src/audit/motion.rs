@@ -159,11 +159,11 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
     pairs.into_iter().map(finding).collect()
 }
 
-/// The pairs of `far` that may change places after frame `t`. Where a goes to b's place and b to
+/// The pairs of `far` that may change places after frame `t`. Where a goes to b's position and b to
 /// a's, what both miss is less than their own steps / [`SWAPPED`], and so than 2 / 3 of a's step.
 fn may_swap(take: &Take<'_>, t: usize, far: &[usize]) -> Vec<(usize, usize)> {
-    let places = |p: usize| Some((take.at(t, p)?, take.at(t + 1, p)?));
-    let steps: Vec<(DVec3, DVec3)> = far.iter().filter_map(|&p| places(p)).collect();
+    let positions = |p: usize| Some((take.at(t, p)?, take.at(t + 1, p)?));
+    let steps: Vec<(DVec3, DVec3)> = far.iter().filter_map(|&p| positions(p)).collect();
     let square = |(now, next): &(DVec3, DVec3)| {
         let miss = 2.0 / 3.0 * (*next - *now).length();
         miss * miss * (1.0 + 1e-9)
@@ -200,12 +200,12 @@ fn times(count: usize) -> String {
 }
 
 fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {
-    let places = || {
+    let positions = || {
         let now = (take.at(t, a)?, take.at(t, b)?);
         let next = (take.at(t + 1, a)?, take.at(t + 1, b)?);
         Some((now, next))
     };
-    let Some(((a0, b0), (a1, b1))) = places() else {
+    let Some(((a0, b0), (a1, b1))) = positions() else {
         return false;
     };
     let own = (a1 - a0).length() + (b1 - b0).length();
@@ -213,8 +213,8 @@ fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {
     SWAPPED * crossed < own
 }
 
-/// Points with the very same place for many frames while others move; those that stand apart are no
-/// value that was held.
+/// Points with the very same position for many frames while others move; those that stand apart are
+/// no value that was held.
 pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let Some(rate) = take.rate else {
         return Vec::new();

@@ -40,11 +40,11 @@ fn near_in(take: &Take<'_>, frame: usize) -> Vec<(usize, usize)> {
     let seen: Vec<(usize, [f64; 3])> = (0..take.points.len())
         .filter_map(|p| Some((p, take.at(frame, p)?.to_array())))
         .collect();
-    let places: Vec<[f64; 3]> = seen.iter().map(|s| s.1).collect();
-    if places.is_empty() {
+    let positions: Vec<[f64; 3]> = seen.iter().map(|s| s.1).collect();
+    if positions.is_empty() {
         return Vec::new();
     }
-    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&places);
+    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&positions);
     let mut out = Vec::new();
     for (point, at) in &seen {
         let near = tree.nearest_n::<SquaredEuclidean>(at, NEAREST);

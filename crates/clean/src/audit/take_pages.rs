@@ -26,7 +26,7 @@ impl TakePages {
     }
 
     /// Writes the page of a file, the `number`th; its address from the page of the audit. `None`
-    /// where it cannot be played, or where another file stands in its place.
+    /// where it cannot be played, or where another file stands at its path.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.

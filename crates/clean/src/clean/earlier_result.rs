@@ -1,4 +1,4 @@
-//! What an earlier run left in the place of a result: the result itself, and its record, by which
+//! What an earlier run left at the path of a result: the result itself, and its record, by which
 //! it is known. What may be replaced, what need not be made again, and what a run says there before
 //! it has a result.
 
@@ -9,9 +9,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// What an earlier run left in the place of a result.
+/// What an earlier run left at the path of a result.
 pub(super) struct EarlierResult<'a> {
-    /// The place.
+    /// The path.
     pub output: &'a Path,
     record: Option<EarlierRecord>,
 }
@@ -87,7 +87,7 @@ impl<'a> EarlierResult<'a> {
         earlier.summary.clone().filter(|_| is_same)
     }
 
-    /// Fails where something stands in the place of the result or of its record that is not what a
+    /// Fails where something stands at the path of the result or of its record that is not what a
     /// run of `clean` left there; with `again`, a result that was changed since may be made again.
     ///
     /// # Errors
@@ -119,7 +119,7 @@ impl<'a> EarlierResult<'a> {
         Err(Error::data(Place::file(path.display().to_string()), what))
     }
 
-    /// Whether it is open who made the file in the place of the result: a run that was stopped, or
+    /// Whether it is open who made the file at the path of the result: a run that was stopped, or
     /// somebody since.
     pub(super) fn is_in_doubt(&self) -> bool {
         let is_changed = |earlier: &EarlierRecord| {

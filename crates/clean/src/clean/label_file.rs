@@ -35,11 +35,11 @@ struct Record<'a> {
 /// them, to `output`, with the record `OUTPUT.json`, and, where something changed or is not sure,
 /// the page `OUTPUT.html`. `input` is where the file came from; the page calls options
 /// as `names` says. Returns a line to be told: another
-/// file stands in the place of the page.
+/// file stands at the path of the page.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails. [`Error::Data`]: the file holds rotations, or something that is no
-/// record stands in the place of that.
+/// record stands at the path of that.
 pub fn write_labeled(
     input: &Path,
     output: &Path,

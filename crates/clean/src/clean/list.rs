@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// The place of the list beside a page.
+/// The path of the list beside a page.
 pub(crate) fn list_path(page: &Path) -> PathBuf {
     page.with_extension("json")
 }
@@ -28,7 +28,7 @@ pub(crate) fn entries(rows: &[Row], folder: &Path) -> Vec<Value> {
 }
 
 fn listed(row: &Row, folder: &Path) -> Value {
-    let place = |path: Option<PathBuf>| path.map(|path| relative(folder, &path));
+    let address = |path: Option<PathBuf>| path.map(|path| relative(folder, &path));
     let mut out = json!({
         "command": "clean",
         "file": row.name,
@@ -37,9 +37,9 @@ fn listed(row: &Row, folder: &Path) -> Value {
         "findings": [],
         "new_findings": row.new,
         "error": null,
-        "result": place(row.result()),
-        "record": place(row.record()),
-        "page": place(row.page()),
+        "result": address(row.result()),
+        "record": address(row.record()),
+        "page": address(row.page()),
     });
     match (&row.outcome, row.outcome.summary()) {
         (FileOutcome::Failed { error, old_result }, _) => {

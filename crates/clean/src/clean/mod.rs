@@ -170,11 +170,11 @@ fn clean_all(
     let work = || {
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);
-            let (Some(job), Some(place)) = (jobs.get(at), fates.get(at)) else {
+            let (Some(job), Some(fate)) = (jobs.get(at), fates.get(at)) else {
                 break;
             };
             let outcome = FileOutcome::of(settings, job);
-            *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(outcome);
+            *fate.lock().unwrap_or_else(|e| e.into_inner()) = Some(outcome);
             progress(1 + finished.fetch_add(1, Ordering::Relaxed), jobs.len());
         }
     };

@@ -18,7 +18,7 @@ pub(super) struct Run<'a> {
     pub read: ReadOptions,
     /// What the result is made from.
     pub made_from: MadeFrom,
-    /// What stands in the place of the result.
+    /// What stands at the path of the result.
     pub earlier: EarlierResult<'a>,
 }
 
@@ -84,7 +84,7 @@ impl<'a> Opened<'a> {
     /// Reads the capture.
     ///
     /// # Errors
-    /// A file of somebody else stands in a place that is to be written; those of reading.
+    /// A file of somebody else stands at a path that is to be written; those of reading.
     pub(super) fn read(self) -> Result<(Run<'a>, Unpacked, MotionFile)> {
         let Opened { run, bytes, format } = self;
         run.earlier.may_be_replaced(run.settings.again)?;

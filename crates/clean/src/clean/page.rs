@@ -10,7 +10,7 @@ use ndarray::Array2;
 use std::path::Path;
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands
-/// in its place.
+/// at its path.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.
@@ -21,7 +21,7 @@ pub(crate) fn write_page(restored: &Restored<'_>, summary: &Summary) -> Result<O
 }
 
 /// Writes the page of a result, or removes its old one. Returns a line to be told: another file
-/// stands in its place.
+/// stands at its path.
 ///
 /// # Errors
 /// [`crate::Error::Io`]: writing fails.

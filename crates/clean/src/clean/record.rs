@@ -253,7 +253,7 @@ pub(crate) fn make_folder_of(path: &Path) -> Result<()> {
     }
 }
 
-/// The place of the record of a result.
+/// The path of the record of a result.
 pub(crate) fn record_path(output: &Path) -> PathBuf {
     let mut name = output.as_os_str().to_owned();
     name.push(".json");

@@ -51,7 +51,7 @@ pub struct CleanReport {
     pub left_out: usize,
     /// Whether what the last run reported is not reported again.
     pub only_new: bool,
-    /// The place of the page of all.
+    /// The path of the page of all.
     pub page: Option<PathBuf>,
     /// Whether one file was cleaned by itself.
     pub is_one: bool,

@@ -20,7 +20,7 @@ pub(crate) struct CleanedFile {
     pub cleaned: CleanedRotations,
     joints: Vec<String>,
     rate: f64,
-    /// Gaps of places filled less surely than this are findings: the error over gaps like them
+    /// Gaps of positions filled less surely than this are findings: the error over gaps like them
     /// (rms, cm).
     max_sd: f64,
 }

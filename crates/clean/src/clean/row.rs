@@ -20,7 +20,7 @@ pub struct Row {
     pub new: Vec<String>,
     /// Whether it failed, and not in the same way in the last run.
     pub is_new_failure: bool,
-    /// The place of its result; a folder that cannot be read has none.
+    /// The path of its result; a folder that cannot be read has none.
     output: Option<PathBuf>,
 }
 

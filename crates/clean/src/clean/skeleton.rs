@@ -44,7 +44,7 @@ impl SkeletonSettings {
         earlier.solved()["none"].is_string() || is_own(earlier)
     }
 
-    /// Fails where a file of somebody else stands in the place of the skeleton.
+    /// Fails where a file of somebody else stands at the path of the skeleton.
     pub(super) fn check(&self, earlier: &EarlierResult<'_>) -> Result<()> {
         let path = skeleton_path(earlier.output);
         if !path.exists() || is_own(earlier) {

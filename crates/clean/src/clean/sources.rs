@@ -104,8 +104,8 @@ pub(crate) struct Jobs {
     pub left_out: usize,
 }
 
-/// The files and those of folders, with the places of their results: `output` itself of one file,
-/// else below `output`, where the files of a folder keep their places within it.
+/// The files and those of folders, with the paths of their results: `output` itself of one file,
+/// else below `output`, where the files of a folder keep their paths within it.
 ///
 /// # Errors
 /// [`Error::Usage`]: a result would have a format that it cannot have.
@@ -287,7 +287,7 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn files_of_folders_keep_their_places() -> std::io::Result<()> {
+    fn files_of_folders_keep_their_paths() -> std::io::Result<()> {
         let folder = tempfile::tempdir()?;
         let at = |name: &str| folder.path().join(name);
         fs::create_dir_all(at("in/deep"))?;

@@ -23,7 +23,7 @@ pub(super) struct Written<'t> {
 }
 
 impl<'t> Restored<'t> {
-    /// Writes the result in its place; whatever stops that, it is known who made what stands there.
+    /// Writes the result to its path; whatever stops that, it is known who made what stands there.
     ///
     /// # Errors
     /// [`Error::Data`]: somebody may have changed what stands there, or the format does not hold
@@ -48,7 +48,7 @@ impl<'t> Restored<'t> {
         }
     }
 
-    /// Fails where the file in the place of the result is not what is to be written there.
+    /// Fails where the file at the path of the result is not what is to be written there.
     fn check_same(&self) -> Result<()> {
         let output = &self.take.run.job.output;
         // Its name ends as that of the result, which says how it is packed.

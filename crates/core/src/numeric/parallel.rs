@@ -154,7 +154,7 @@ pub fn ordered_pipeline<T: Send, R: Send>(
     rayon::in_place_scope(|scope| {
         let mut end = None;
         let mut given = 0;
-        // Of those on their way what became of them, the first of them first.
+        // The results of the jobs that are under way, in the order of the jobs.
         let mut finished = VecDeque::new();
         loop {
             while end.is_none() && finished.len() < ahead.max(1) {

@@ -106,7 +106,7 @@ pub struct LogSum {
 }
 
 impl Default for LogSum {
-    /// Of nothing.
+    /// The sum of nothing.
     fn default() -> LogSum {
         LogSum {
             top: f64::NEG_INFINITY,
@@ -130,7 +130,7 @@ impl LogSum {
         }
     }
 
-    /// Of those counted so far: −∞ of none.
+    /// The logarithm of the sum so far; −∞ of nothing.
     pub fn log(&self) -> f64 {
         self.top + self.sum.ln()
     }

@@ -15,7 +15,7 @@ pub struct SparseCholesky {
 
 impl SparseCholesky {
     /// Factors the matrix of `entries` (row, column, value) of its lower triangle; entries of one
-    /// place are added. `None` when it is not positive definite, or an entry lies outside.
+    /// row and column are added. `None` when it is not positive definite, or an entry lies outside.
     pub fn new(n: usize, entries: &[(usize, usize, f64)]) -> Option<SparseCholesky> {
         let inside = |k: usize| u32::try_from(k).ok().filter(|_| k < n);
         let triplets: Option<Vec<Triplet<u32, u32, f64>>> = (entries.iter())

@@ -57,7 +57,7 @@ const HIGHEST: f64 = 6.0;
 const NO_POWER: f64 = 1e-14;
 const RESTING: f64 = 0.3;
 
-/// A track: places, cm, or unit quaternions of one sign doubled, whose steps are those of the
+/// A track: positions, cm, or unit quaternions of one sign doubled, whose steps are those of the
 /// rotation, radians.
 pub struct Track {
     /// (frames, 4): NaN where missing, and between runs; unused coordinates are 0.
@@ -126,7 +126,7 @@ impl TrackNoise {
             return None;
         }
         let reach = (SECONDS * rate / 2.0) as usize;
-        // Of each frame: Σ w z, Σ (w z)², Σ w, Σ w².
+        // For each frame: Σ w z, Σ (w z)², Σ w, Σ w².
         let mut sums = vec![[0.0; 4]; self.powers[0].log.len()];
         for power in &self.powers {
             let w = power.weight;

@@ -37,7 +37,7 @@ pub enum BonePoints {
 
 impl BonePoints {
     /// Tells from names and lengths, for CMU's names: starts, if there are points NAME_end, or if
-    /// points whose bones start together are at one place. Of other names nothing is known, and
+    /// points whose bones start together are at one position. Nothing is known of other names, and
     /// they count as ends. `xyz`: (frames, 3 J), NaN missing.
     #[doc(hidden)]
     pub fn of(names: &[String], xyz: ArrayView2<'_, f64>) -> BonePoints {
@@ -60,9 +60,9 @@ impl BonePoints {
 }
 
 /// For each point of a table of starts, the bone at whose end it stands: that above its own, or for
-/// NAME_end the bone NAME. The root stands for itself. Of several points at one place the first has
-/// the name; the others, and what CMU does not know, are named as nothing is, so that they match no
-/// joint.
+/// NAME_end the bone NAME. The root stands for itself. The first of several points at one
+/// position has the name; the others, and what CMU does not know, are named as nothing is, so that
+/// they match no joint.
 pub fn bone_ends_of_starts(names: &[String]) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(names.len());
     for name in names {
@@ -92,8 +92,8 @@ fn is_bone(name: &str) -> bool {
     CMU.contains(&name) || parent(name).is_some()
 }
 
-/// Whether bones with one parent start at one place, in the median of the frames and of the pairs.
-/// `false` without such pairs.
+/// Whether bones with one parent start at one position, in the median of the frames and of the
+/// pairs. `false` without such pairs.
 fn siblings_are_together(names: &[String], xyz: ArrayView2<'_, f64>) -> bool {
     let parents: Vec<_> = names.iter().map(|n| parent(n)).collect();
     let mut pairs = Vec::new();
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_are_told_by_names_and_by_places() {
+    fn starts_are_told_by_names_and_by_positions() {
         let four = names(&["root", "lhipjoint", "rhipjoint", "lfemur"]);
         let apart = Array2::from_shape_vec(
             (1, 12),

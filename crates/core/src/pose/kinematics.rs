@@ -257,10 +257,11 @@ pub enum DofMotion {
 }
 
 impl DofMotion {
-    /// The derivative of the place of what is at `place` by the value: a column of the Jacobian.
-    pub fn derivative(&self, place: DVec3) -> DVec3 {
+    /// The derivative by the value of the position of a point that is at `position`: a column of
+    /// the Jacobian.
+    pub fn derivative(&self, position: DVec3) -> DVec3 {
         match *self {
-            DofMotion::Turn { axis, about } => axis.cross(place - about),
+            DofMotion::Turn { axis, about } => axis.cross(position - about),
             DofMotion::Slide(along) => along,
         }
     }

@@ -24,6 +24,7 @@ pub mod poses;
 mod ranges;
 #[doc(hidden)]
 pub mod repeated_frames;
+pub(crate) mod resampling;
 pub mod rotation;
 mod segment;
 pub mod similarity;
@@ -33,7 +34,6 @@ pub(crate) mod status;
 #[doc(hidden)]
 pub mod stray;
 pub(crate) mod transform;
-pub(crate) mod trimming;
 #[doc(hidden)]
 pub mod two_bone;
 pub mod units;

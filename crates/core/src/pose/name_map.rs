@@ -10,25 +10,27 @@ use std::sync::LazyLock;
 static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
     let maps: BTreeMap<String, BTreeMap<String, String>> =
         toml::from_str(include_str!("name_maps.toml")).unwrap_or_default();
-    let map = |(name, lines): (String, BTreeMap<String, String>)| {
-        let is_one_of = |names: &'static [&str]| {
-            move |line: &(String, String)| names.contains(&line.0.as_str())
-        };
-        let (trunk, lines): (_, BTreeMap<String, String>) =
-            lines.into_iter().partition(is_one_of(&TRUNK));
-        let (bones, joints) = lines.into_iter().partition(is_one_of(&BONES));
-        NameMap {
-            name,
-            joints,
-            trunk,
-            bones,
-        }
-    };
-    maps.into_iter().map(map).collect()
+    let maps = maps.into_iter();
+    maps.map(|(name, lines)| shipped_map(name, lines)).collect()
 });
 
+/// A shipped map of some lines, each a name of a model's point, of [`TRUNK`] or of [`BONES`].
+fn shipped_map(name: String, lines: BTreeMap<String, String>) -> NameMap {
+    let is_one_of =
+        |names: &'static [&str]| move |line: &(String, String)| names.contains(&line.0.as_str());
+    let (trunk, lines): (_, BTreeMap<String, String>) =
+        lines.into_iter().partition(is_one_of(&TRUNK));
+    let (bones, joints) = lines.into_iter().partition(is_one_of(&BONES));
+    NameMap {
+        name,
+        joints,
+        trunk,
+        bones,
+    }
+}
+
 /// What shipped maps name besides the model's points: joints of the pose descriptor that CMU has at
-/// other places.
+/// other positions.
 pub(crate) const TRUNK: [&str; 3] = ["Chest", "Neck", "Head"];
 
 /// What shipped maps name for skeletons: the joints of the spine from the root on, the collar
@@ -146,13 +148,13 @@ impl NameMap {
         let middle = |names: &str| -> Option<Vec<usize>> {
             names.split('+').map(|name| finder.find(name)).collect()
         };
-        let place = |names: &str| names.split('|').find_map(middle);
+        let columns = |names: &str| names.split('|').find_map(middle);
         let listed = self.bones.get(name).or_else(|| self.trunk.get(name));
         let listed = listed.map_or("", String::as_str);
         listed
             .split(", ")
             .filter(|n| !n.is_empty())
-            .filter_map(place)
+            .filter_map(columns)
             .collect()
     }
 

@@ -188,12 +188,10 @@ impl BodyPoints {
         ];
         let figure = |t: usize| {
             let middle = |of: &[Vec<usize>; 2]| between(xyz, t, of);
-            let above = [place(xyz, t, &self.head), middle(&shoulders), middle(&hips)];
+            let head = position(xyz, t, &self.head);
+            let mut above = [head, middle(&shoulders), middle(&hips)].into_iter();
             Figure {
-                head: above
-                    .into_iter()
-                    .find(|at| at.is_finite())
-                    .unwrap_or(DVec3::NAN),
+                head: above.find(|at| at.is_finite()).unwrap_or(DVec3::NAN),
                 hips: middle(&hips),
                 feet: middle(&feet),
                 hands: middle(&hands),
@@ -222,7 +220,7 @@ impl BodyPoints {
             }
         };
         for t in frames(xyz) {
-            let at = |of: &[usize]| place(xyz, t, of);
+            let at = |of: &[usize]| position(xyz, t, of);
             let across = |of: [&Vec<usize>; 2]| at(of[0]) - at(of[1]);
             let [left, right] = &self.sides;
             let pelvis = across([&left.hip, &right.hip]);
@@ -270,7 +268,7 @@ fn frames(xyz: ArrayView2<'_, f64>) -> impl Iterator<Item = usize> {
 }
 
 /// The middle of those points that are seen.
-fn place(xyz: ArrayView2<'_, f64>, frame: usize, points: &[usize]) -> DVec3 {
+fn position(xyz: ArrayView2<'_, f64>, frame: usize, points: &[usize]) -> DVec3 {
     let seen = points.iter().map(|&p| point_at(xyz, frame, p));
     let seen = seen.filter(|at| at.is_finite());
     let (sum, count) = seen.fold((DVec3::ZERO, 0.0), |(sum, n), at| (sum + at, n + 1.0));
@@ -286,7 +284,7 @@ fn heights(xyz: ArrayView2<'_, f64>, frame: usize) -> [f64; 2] {
 
 /// The middle of two sides.
 fn between(xyz: ArrayView2<'_, f64>, frame: usize, sides: &[Vec<usize>; 2]) -> DVec3 {
-    (place(xyz, frame, &sides[0]) + place(xyz, frame, &sides[1])) / 2.0
+    (position(xyz, frame, &sides[0]) + position(xyz, frame, &sides[1])) / 2.0
 }
 
 #[cfg(test)]
@@ -295,7 +293,7 @@ mod tests {
     use crate::pose::joints::CMU_REST;
     use ndarray::Array2;
 
-    /// CMU's rest pose, arms down, knees bent, that walks along z; each place carried by `turn`.
+    /// CMU's rest pose, arms down, knees bent, that walks along z; each position carried by `turn`.
     fn walk(turn: impl Fn([f64; 3]) -> [f64; 3], hands: f64) -> Array2<f64> {
         let mut xyz = Array2::zeros((60, 69));
         for t in 0..60 {
@@ -337,7 +335,7 @@ mod tests {
         // On the hands: they are beyond the head.
         let hands = walk(|[x, y, z]| [x, 180.0 - y, -z], 190.0);
         assert_eq!(told(&hands), (Some((UpAxis::MinusY, false)), false));
-        // On the back along x, in place.
+        // On the back along x, not moving.
         let lies = walk(|[x, y, z]| [y, 20.0 + (z % 3.0), x], 80.0);
         let still = lies.slice(ndarray::s![..1, ..]).to_owned();
         assert!(!told(&still).0.unwrap().1);

@@ -18,8 +18,8 @@ const CMU_PELVIS: [(&str, [f64; 3], f64); 4] = [
     ("lowerback", [0.1, 11.8, -0.1], 1e-3),
 ];
 
-/// A pose within this angle of the model's frame, its root at the origin, is in place already.
-const IN_PLACE: f64 = 0.26;
+/// A pose within this angle of the model's frame, its root at the origin, is aligned already.
+const ALIGNED: f64 = 0.26;
 
 /// The points that place a pose.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,9 +35,9 @@ impl Anchor {
     pub fn pelvis(names: &[String]) -> Option<Anchor> {
         let find = |name: &str| names.iter().position(|n| n == name);
         let mut points = Vec::new();
-        for (name, place, weight) in CMU_PELVIS {
+        for (name, position, weight) in CMU_PELVIS {
             match find(name) {
-                Some(i) => points.push((i, DVec3::from_array(place), weight)),
+                Some(i) => points.push((i, DVec3::from_array(position), weight)),
                 None if weight == 1.0 => return None,
                 None => {}
             }
@@ -80,34 +80,34 @@ impl Anchor {
     /// The placement of a pose of 3 J numbers: what carries the model's space to where the pose
     /// stands.
     ///
-    /// `None` when the points that the pose shows do not determine it. A pose in place already gets
+    /// `None` when the points that the pose shows do not determine it. An aligned pose gets
     /// the identity.
     #[doc(hidden)]
     pub fn place(&self, pose: &[f64]) -> Option<Similarity> {
         let fitted = self.fit(pose)?;
         let is_at_origin = self.root.is_some() && fitted.shift.length() <= 1e-6;
-        let is_in_place =
-            is_at_origin && angle_between(&fitted.rotation, &DMat3::IDENTITY) <= IN_PLACE;
-        Some(if is_in_place {
+        let is_aligned =
+            is_at_origin && angle_between(&fitted.rotation, &DMat3::IDENTITY) <= ALIGNED;
+        Some(if is_aligned {
             Similarity::IDENTITY
         } else {
             fitted
         })
     }
 
-    /// Places a pose like [`Anchor::place`], but fits one that is in place too: frames of a take
+    /// Places a pose like [`Anchor::place`], but fits an aligned one too: frames of a take
     /// that turns through there stay continuous.
     #[doc(hidden)]
     pub fn fit(&self, pose: &[f64]) -> Option<Similarity> {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
         let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());
         let Some(root) = self.root.map(at).filter(|r| r.is_finite()) else {
-            let pairs = seen().map(|&(i, place, weight)| (place, at(i), weight));
+            let pairs = seen().map(|&(i, position, weight)| (position, at(i), weight));
             let fit = fit_similarity(pairs, TransformKind::Rigid)?;
             return fit.determined.then_some(fit.similarity);
         };
-        // The root's own place is exact; the turn is about it.
-        let pairs = seen().map(|&(i, place, weight)| (place, at(i) - root, weight));
+        // The root's own position is exact; the turn is about it.
+        let pairs = seen().map(|&(i, position, weight)| (position, at(i) - root, weight));
         let turn = fit_similarity(pairs, TransformKind::Rotation)?;
         turn.determined.then_some(Similarity {
             shift: root,
@@ -125,9 +125,9 @@ mod tests {
     fn pose() -> Vec<f64> {
         let names = cmu_names();
         let mut pose: Vec<f64> = (0..69).map(|i| (i as f64 * 0.7).sin() * 30.0).collect();
-        for (name, place, _) in CMU_PELVIS {
+        for (name, position, _) in CMU_PELVIS {
             let i = names.iter().position(|n| n == name).unwrap();
-            pose[3 * i..3 * i + 3].copy_from_slice(&place);
+            pose[3 * i..3 * i + 3].copy_from_slice(&position);
         }
         pose
     }
@@ -155,11 +155,11 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_in_place_stays_as_it_is() {
+    fn an_aligned_pose_stays_as_it_is() {
         let anchor = Anchor::pelvis(&cmu_names()).unwrap();
         assert_eq!(anchor.place(&pose()), Some(Similarity::IDENTITY));
         assert!(Anchor::pelvis(&["root".to_string()]).is_none());
-        // A small turn counts as in place, but is fitted where frames are compared.
+        // A pose with a small turn counts as aligned, but is fitted where frames are compared.
         let turn = from_rotation_vector(DVec3::Y * 0.1);
         let turned: Vec<f64> = (pose().chunks_exact(3))
             .flat_map(|p| (turn * DVec3::from_slice(p)).to_array())

@@ -1,12 +1,12 @@
 //! Poses: frames of named points, with their takes and times.
 
-use crate::{Error, Result};
+use crate::Error;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView1, ArrayView2, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
-/// The place of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
+/// The position of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
 #[doc(hidden)]
 pub fn point_at(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|axis| xyz[[frame, 3 * point + axis]]))
@@ -48,6 +48,48 @@ impl Poses {
         }
     }
 
+    /// The poses of some frames, in the order given.
+    #[must_use]
+    pub fn with_frames(&self, frames: &[usize]) -> Poses {
+        let time = self.time.as_ref();
+        let take = self.take.as_ref();
+        Poses {
+            points: self.points.clone(),
+            xyz: self.xyz.select(Axis(0), frames),
+            time: time.map(|time| frames.iter().map(|&t| time[t]).collect()),
+            take: take.map(|take| frames.iter().map(|&t| take[t].clone()).collect()),
+        }
+    }
+
+    /// The poses of some points, in the order given.
+    ///
+    /// ```
+    /// use posing_core::pose::Poses;
+    ///
+    /// let points = ["hip", "knee"].map(String::from).to_vec();
+    /// let xyz = ndarray::array![[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]];
+    /// let poses = Poses { points, xyz, ..Poses::default() };
+    /// let names = ["knee".to_string()];
+    /// assert_eq!(poses.with_points(&names)?.xyz, ndarray::array![[4.0, 5.0, 6.0]]);
+    /// # Ok::<(), String>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The name of a point that there is not.
+    pub fn with_points<'n>(&self, names: &'n [String]) -> Result<Poses, &'n str> {
+        let find = |name: &'n String| {
+            let at = self.points.iter().position(|p| p == name);
+            at.ok_or(name.as_str())
+        };
+        let at = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let columns: Vec<usize> = at.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        Ok(Poses {
+            points: names.to_vec(),
+            xyz: self.xyz.select(Axis(1), &columns),
+            ..self.clone()
+        })
+    }
+
     /// The number of frames.
     pub fn frames(&self) -> usize {
         self.xyz.nrows()
@@ -75,11 +117,11 @@ impl Poses {
     ///
     /// # Errors
     /// [`Error::Unfit`]: no point has such a name.
-    pub fn angle(&self, points: [&str; 3]) -> Result<Vec<f64>> {
+    pub fn angle(&self, points: [&str; 3]) -> crate::Result<Vec<f64>> {
         let mut at = [0; 3];
-        for (place, name) in at.iter_mut().zip(points) {
+        for (index, name) in at.iter_mut().zip(points) {
             let own = self.points.iter().position(|p| p == name);
-            *place = own.ok_or_else(|| Error::unfit(format!("has no point {name}")))?;
+            *index = own.ok_or_else(|| Error::unfit(format!("has no point {name}")))?;
         }
         let angle = |frame: usize| {
             let [first, middle, last] = at.map(|point| point_at(self.xyz.view(), frame, point));
@@ -318,6 +360,16 @@ mod tests {
             time: Some(time.to_vec()),
             take: take.map(|t| t.iter().map(|&s| Arc::from(s)).collect()),
         }
+    }
+
+    #[test]
+    fn chooses_points_by_name() {
+        let poses = poses(&[0.0], None);
+        assert_eq!(
+            poses.with_points(&["a".to_string()]).unwrap().xyz,
+            poses.xyz
+        );
+        assert_eq!(poses.with_points(&["b".to_string()]).unwrap_err(), "b");
     }
 
     #[test]

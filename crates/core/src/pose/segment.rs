@@ -31,7 +31,7 @@ impl Segment {
         let expected = "expected NAME:FROM-TO in seconds, such as LFHD:1.2-1.9";
         let (point, times) = text.rsplit_once(':').ok_or(expected)?;
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-        // A hyphen may also be a sign: every place to part the times is tried.
+        // A hyphen may also be a sign: each is tried as the one between the times.
         let parted = times
             .match_indices('-')
             .find_map(|(at, _)| Some([number(&times[..at])?, number(&times[at + 1..])?]));

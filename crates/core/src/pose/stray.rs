@@ -35,17 +35,17 @@ pub struct PointApart {
 /// all, and much farther than all others are; none where fewer than seven others stand together.
 /// The middle of a frame is the median of each coordinate.
 pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
-    let places = places(xyz);
-    let mut far: Vec<(f64, usize)> = (places.iter().enumerate())
-        .filter_map(|(p, place)| Some((place.as_ref()?.1, p)))
+    let positions = positions(xyz);
+    let mut far: Vec<(f64, usize)> = (positions.iter().enumerate())
+        .filter_map(|(p, position)| Some((position.as_ref()?.1, p)))
         .collect();
     far.sort_by(|a, b| a.0.total_cmp(&b.0));
     let most = (far.len() / POINTS_TO_ONE).max(1);
-    let place = |p: usize| places[p].map_or(DVec3::NAN, |(place, _)| place);
+    let position = |p: usize| positions[p].map_or(DVec3::NAN, |(position, _)| position);
     let is_gap = |k: &usize| far[*k].0 > reach.max(FARTHER * far[k - 1].0);
     // Those of one direction, no farther from each other than a body reaches.
     let are_few = |k: &usize| {
-        let is_near = |p: usize, q: usize| place(p).distance(place(q)) <= reach;
+        let is_near = |p: usize, q: usize| position(p).distance(position(q)) <= reach;
         let near = |p: usize| far[*k..].iter().filter(|(_, q)| is_near(p, *q)).count();
         let count = far.len() - k;
         count <= most || count <= MOST_STRAY && far[*k..].iter().all(|&(_, p)| near(p) <= most)
@@ -56,7 +56,7 @@ pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
         return Vec::new();
     };
     let apart = &far[first..];
-    let is_with = |p: usize, q: usize| TOGETHER.contains(&place(p).distance(place(q)));
+    let is_with = |p: usize, q: usize| TOGETHER.contains(&position(p).distance(position(q)));
     let mut out: Vec<PointApart> = apart
         .iter()
         .map(|&(distance, point)| PointApart {
@@ -72,7 +72,7 @@ pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
 
 /// Where each point is from the middle of its frame, in the median of each coordinate, and how far,
 /// in the median; `None` for points that are hardly seen.
-fn places(xyz: ArrayView2<'_, f64>) -> Vec<Option<(DVec3, f64)>> {
+fn positions(xyz: ArrayView2<'_, f64>) -> Vec<Option<(DVec3, f64)>> {
     let points = xyz.ncols() / 3;
     let step = xyz.nrows().div_ceil(FRAMES).max(1);
     let mut offsets: Vec<Vec<DVec3>> = vec![Vec::new(); points];
@@ -90,16 +90,16 @@ fn places(xyz: ArrayView2<'_, f64>) -> Vec<Option<(DVec3, f64)>> {
     }
     let fewest = (SEEN * frames as f64).max(1.0);
     let of = |offsets: Vec<DVec3>| {
-        let place = middle(offsets.iter().copied())?;
+        let position = middle(offsets.iter().copied())?;
         let distance = median(offsets.iter().map(|o| o.length()).collect())?;
-        (offsets.len() as f64 >= fewest).then_some((place, distance))
+        (offsets.len() as f64 >= fewest).then_some((position, distance))
     };
     offsets.into_iter().map(of).collect()
 }
 
 /// The median of each coordinate; `None` if there are none.
-fn middle(places: impl Iterator<Item = DVec3> + Clone) -> Option<DVec3> {
-    let axis = |c: usize| median(places.clone().map(|at| at[c]).collect());
+fn middle(positions: impl Iterator<Item = DVec3> + Clone) -> Option<DVec3> {
+    let axis = |c: usize| median(positions.clone().map(|at| at[c]).collect());
     Some(DVec3::new(axis(0)?, axis(1)?, axis(2)?))
 }
 

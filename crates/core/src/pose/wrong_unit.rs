@@ -122,7 +122,7 @@ fn own(length: f64, unit: LengthUnit, range: &RangeInclusive<f64>) -> Option<Len
 }
 
 /// Where a point is; NaN also at the origin, which stands for missing in many files.
-fn place(xyz: &Array2<f64>, frame: usize, point: usize) -> DVec3 {
+fn position(xyz: &Array2<f64>, frame: usize, point: usize) -> DVec3 {
     let at = point_at(xyz.view(), frame, point);
     if at == DVec3::ZERO { DVec3::NAN } else { at }
 }
@@ -133,7 +133,7 @@ fn reach(points: &[String], xyz: &Array2<f64>) -> Option<f64> {
     let middle = |t: usize, of: &[usize]| {
         let seen = of
             .iter()
-            .map(|&p| place(xyz, t, p))
+            .map(|&p| position(xyz, t, p))
             .filter(|at| at.is_finite());
         let (sum, count) = seen.fold((DVec3::ZERO, 0.0), |(sum, n), at| (sum + at, n + 1.0));
         sum / count
@@ -150,7 +150,7 @@ fn extent(xyz: &Array2<f64>) -> Option<f64> {
     let of_frame = |t: usize| {
         let seen = points
             .iter()
-            .map(|&p| place(xyz, t, p))
+            .map(|&p| position(xyz, t, p))
             .filter(|at| at.is_finite());
         let seen: Vec<DVec3> = seen.collect();
         let axis = |c: usize| {
@@ -166,7 +166,7 @@ fn extent(xyz: &Array2<f64>) -> Option<f64> {
 fn next(xyz: &Array2<f64>) -> Option<(f64, f64)> {
     let count = xyz.ncols() / 3;
     let between = |p: usize, q: usize| {
-        let all = (0..xyz.nrows()).map(|t| place(xyz, t, p).distance(place(xyz, t, q)));
+        let all = (0..xyz.nrows()).map(|t| position(xyz, t, p).distance(position(xyz, t, q)));
         let all: Vec<f64> = all.filter(|d| d.is_finite()).collect();
         let (low, high) = range(all.iter().copied());
         Some((median(all)?, (high - low) / (high + low)))

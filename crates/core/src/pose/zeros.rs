@@ -10,7 +10,7 @@ use std::borrow::Cow;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Zeros {
     /// Frames and points, in order.
-    places: Vec<(usize, usize)>,
+    indices: Vec<(usize, usize)>,
 }
 
 impl Zeros {
@@ -18,26 +18,26 @@ impl Zeros {
     pub fn of(xyz: ArrayView2<'_, f64>) -> Zeros {
         let is_zero = |t: usize, p: usize| (0..3).all(|c| xyz[[t, 3 * p + c]] == 0.0);
         let is_seen = |t: usize, p: usize| (0..3).all(|c| xyz[[t, 3 * p + c]].is_finite());
-        let mut places = Vec::new();
+        let mut indices = Vec::new();
         for p in 0..xyz.ncols() / 3 {
             let own: Vec<usize> = (0..xyz.nrows()).filter(|t| is_zero(*t, p)).collect();
             let moves = || (0..xyz.nrows()).any(|t| is_seen(t, p) && !is_zero(t, p));
             if !own.is_empty() && moves() {
-                places.extend(own.into_iter().map(|t| (t, p)));
+                indices.extend(own.into_iter().map(|t| (t, p)));
             }
         }
-        places.sort_unstable();
-        Zeros { places }
+        indices.sort_unstable();
+        Zeros { indices }
     }
 
     /// Whether the position of a point in a frame is one.
     pub fn contains(&self, frame: usize, point: usize) -> bool {
-        self.places.binary_search(&(frame, point)).is_ok()
+        self.indices.binary_search(&(frame, point)).is_ok()
     }
 
     /// Sets their three coordinates.
     pub fn set(&self, xyz: &mut Array2<f64>, value: f64) {
-        for (t, p) in &self.places {
+        for (t, p) in &self.indices {
             (0..3).for_each(|c| xyz[[*t, 3 * p + c]] = value);
         }
     }
@@ -46,7 +46,7 @@ impl Zeros {
     pub fn emptied(poses: &Poses) -> Cow<'_, Poses> {
         let zeros = Zeros::of(poses.xyz.view());
         let mut poses = Cow::Borrowed(poses);
-        if !zeros.places.is_empty() {
+        if !zeros.indices.is_empty() {
             zeros.set(&mut poses.to_mut().xyz, f64::NAN);
         }
         poses
@@ -66,7 +66,7 @@ mod tests {
             [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, gap, gap, gap],
         ];
         let zeros = Zeros::of(xyz.view());
-        assert_eq!(zeros.places, [(0, 1)]);
+        assert_eq!(zeros.indices, [(0, 1)]);
         assert!(zeros.contains(0, 1) && !zeros.contains(0, 0) && !zeros.contains(1, 1));
         let poses = Poses {
             xyz,

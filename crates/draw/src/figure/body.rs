@@ -23,7 +23,7 @@ impl Picture<'_, '_> {
             (window.right - window.left) * scale,
             (window.high - window.low) * scale,
         );
-        let place = |view: [f64; 3]| {
+        let on_paper = |view: [f64; 3]| {
             [
                 at[0] + (view[0] - window.left) * scale,
                 at[1] + (window.high - view[1]) * scale,
@@ -43,12 +43,12 @@ impl Picture<'_, '_> {
              <rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/></clipPath>\n\
              <g clip-path=\"url(#c{id})\">\n"
         ));
-        out.push_str(&self.grid(panel, &place));
+        out.push_str(&self.grid(panel, &on_paper));
         for (i, frame) in panel.frames.iter().enumerate() {
             let faint = 0.3 + 0.7 * (i + 1) as f64 / panel.frames.len() as f64;
             for figure in &panel.figures {
                 out.push_str(&format!("<g opacity=\"{}\">\n", n(faint)));
-                out.push_str(&self.body(*figure, *frame, panel, &place, scale));
+                out.push_str(&self.body(*figure, *frame, panel, &on_paper, scale));
                 out.push_str("</g>\n");
             }
         }
@@ -57,7 +57,7 @@ impl Picture<'_, '_> {
     }
 
     /// The ground: lines every half meter of the world, around all the panel's frames.
-    fn grid(&self, panel: &Panel, place: &dyn Fn([f64; 3]) -> [f64; 2]) -> String {
+    fn grid(&self, panel: &Panel, on_paper: &dyn Fn([f64; 3]) -> [f64; 2]) -> String {
         let mut area = [[panel.middle[0]; 2], [panel.middle[1]; 2]];
         for middle in panel.frames.iter().filter_map(|t| self.geometry.middle(*t)) {
             for axis in 0..2 {
@@ -66,7 +66,7 @@ impl Picture<'_, '_> {
             }
         }
         let [x, z] = area.map(|[low, high]| grid_lines(low - REACH, high + REACH));
-        let at = |x, z| place(self.project([x, self.geometry.ground, z], panel.middle));
+        let at = |x, z| on_paper(self.project([x, self.geometry.ground, z], panel.middle));
         let mut path = String::new();
         let mut line = |a: [f64; 2], b: [f64; 2]| {
             path.push_str(&format!("M{} {}L{} {}", n(a[0]), n(a[1]), n(b[0]), n(b[1])));
@@ -86,13 +86,13 @@ impl Picture<'_, '_> {
         figure: usize,
         frame: usize,
         panel: &Panel,
-        place: &dyn Fn([f64; 3]) -> [f64; 2],
+        on_paper: &dyn Fn([f64; 3]) -> [f64; 2],
         scale: f64,
     ) -> String {
         let count = self.scene.points.len();
         let view = |p| {
-            let place = self.geometry.at(figure, frame, p)?;
-            Some(self.project(place, panel.middle))
+            let position = self.geometry.at(figure, frame, p)?;
+            Some(self.project(position, panel.middle))
         };
         let seen: Vec<Option<[f64; 3]>> = (0..count).map(view).collect();
         let overlaid = panel.figures.len() > 1;
@@ -113,7 +113,7 @@ impl Picture<'_, '_> {
             let color = self.color(figure, self.geometry.bone_side(*bone));
             parts.push((
                 (a[2] + b[2]) / 2.0,
-                stick(place(a), place(b), color, thick, ends, !overlaid),
+                stick(on_paper(a), on_paper(b), color, thick, ends, !overlaid),
             ));
         }
         for (p, view) in seen.iter().enumerate() {
@@ -128,7 +128,7 @@ impl Picture<'_, '_> {
             // Joints lie on their bones, so they come just after them.
             parts.push((
                 view[2] + 0.03 * self.geometry.size,
-                dot(place(*view), radius, color, status),
+                dot(on_paper(*view), radius, color, status),
             ));
         }
         parts.sort_by(|a, b| a.0.total_cmp(&b.0));

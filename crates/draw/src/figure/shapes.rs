@@ -20,7 +20,7 @@ pub(crate) const INFERRED: &str = "#8a3ffc";
 pub(crate) const REJECTED: &str = "#cf1039";
 pub(crate) const UNKNOWN: &str = "#8b949f";
 
-/// A place on the paper (px).
+/// A position on the paper (px).
 pub(crate) type At = [f64; 2];
 
 /// A bone, dashed if an end was inferred; with a white edge, so that the nearer of two that cross

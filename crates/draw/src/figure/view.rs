@@ -7,7 +7,7 @@ const ROOM: f64 = 14.0;
 /// The head's radius, as a share of the figure's size.
 pub(crate) const HEAD: f64 = 0.039;
 
-/// Frames of figures drawn in one place.
+/// Frames of figures drawn at one position.
 pub(crate) struct Panel {
     pub row: usize,
     pub column: usize,
@@ -83,8 +83,8 @@ impl Picture<'_, '_> {
         let (mut across, mut up) = (Vec::new(), Vec::new());
         for panel in panels {
             for (f, t, p) in self.every_point(panel) {
-                if let Some(place) = self.geometry.at(f, t, p) {
-                    let [right, high, _] = self.project(place, panel.middle);
+                if let Some(position) = self.geometry.at(f, t, p) {
+                    let [right, high, _] = self.project(position, panel.middle);
                     across.push(right);
                     up.push(high);
                 }

@@ -89,9 +89,9 @@ fn embedded_figure(
     let mut bytes = Vec::with_capacity(kept.len() * points.len() * 12);
     for frame in kept {
         for point in points.clone() {
-            let place = geometry.at(figure, *frame, point);
-            let place = place.unwrap_or([f64::NAN; 3]).map(|v| v as f32);
-            bytes.extend(place.into_iter().flat_map(f32::to_le_bytes));
+            let position = geometry.at(figure, *frame, point);
+            let position = position.unwrap_or([f64::NAN; 3]).map(|v| v as f32);
+            bytes.extend(position.into_iter().flat_map(f32::to_le_bytes));
         }
     }
     let code = |status| Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
@@ -117,11 +117,11 @@ fn embedded_figure(
     })
 }
 
-/// Run lengths of how each point was filled: 0 where it was not, else 1 more than the place in
+/// Run lengths of how each point was filled: 0 where it was not, else 1 more than the index in
 /// [`FillMethod::ALL`].
 fn methods(method: ArrayView2<'_, Option<FillMethod>>, kept: &[usize]) -> Vec<Vec<usize>> {
-    let place = |method| FillMethod::ALL.iter().position(|m| *m == method);
-    let code = |method: Option<FillMethod>| method.and_then(place).map_or(0, |at| at + 1);
+    let index = |method| FillMethod::ALL.iter().position(|m| *m == method);
+    let code = |method: Option<FillMethod>| method.and_then(index).map_or(0, |at| at + 1);
     let of_point = |p| run_lengths(kept.iter().map(|t| code(method[[*t, p]])));
     (0..method.ncols()).map(of_point).collect()
 }

@@ -1,9 +1,9 @@
 //! The motion between key poses.
 //!
-//! Each bone's rotation relative to its parent, and the root's place, run through the keys as
+//! Each bone's rotation relative to its parent, and the root's position, run through the keys as
 //! monotone cubics (PCHIP) in time. P2 then finds the skeleton's values for the joints so placed,
-//! near those between the keys' own; a joint that is pinned at one place at both keys stays there,
-//! and none goes below the floor. The frames at the keys are the keys.
+//! near those between the keys' own; a joint that is pinned at one position in both keys stays
+//! there, and none goes below the floor. The frames at the keys are the keys.
 //!
 //! At the share s of the way between two keys a joint has the standard deviation
 //!
@@ -12,7 +12,7 @@
 //! ```
 //!
 //! with u = .45, as measured on people's takes (`cargo bench --bench editing -- betweens`). The
-//! prior's posterior of the joints with this deviation was tried in their place: takes of people
+//! prior's posterior of the joints with this deviation was tried instead: takes of people
 //! that the model did not know were met no better with keys half a second apart and worse with a
 //! quarter, for what lies between keys is not an unlikely pose but a likely one at another time.
 
@@ -27,8 +27,8 @@ use ndarray::{Array2, Axis, aview1};
 
 /// u: a joint may stray by this share of its way.
 const STRAY: f64 = 0.45;
-/// Pins closer than this are one place, cm.
-const ONE_PLACE: f64 = 0.5;
+/// Pins closer than this are one position, cm.
+const SAME_POSITION: f64 = 0.5;
 /// No motion has more frames.
 const MOST_FRAMES: usize = 100_000;
 
@@ -136,7 +136,7 @@ struct Segment<'a> {
     ways: Vec<f64>,
     /// The values of the second key, angles as near to those of the first as they can be.
     last: Vec<f64>,
-    /// The pins of both keys that are at one place.
+    /// The pins of both keys that are at one position.
     pins: Vec<[Option<f64>; 3]>,
     floor: Option<Vec<f64>>,
 }
@@ -144,18 +144,18 @@ struct Segment<'a> {
 impl<'a> Segment<'a> {
     fn new(solver: &PoseSolver, keys: &'a [Key], floor: bool) -> Segment<'a> {
         let [a, b] = [&keys[0], &keys[1]];
-        let place = |key: &Key, k: usize| DVec3::from_slice(&key.pose.xyz[3 * k..]);
+        let position = |key: &Key, k: usize| DVec3::from_slice(&key.pose.xyz[3 * k..]);
         let joints = 0..solver.rig.joints();
         let shared = |k: usize| -> [Option<f64>; 3] {
             std::array::from_fn(|c| {
                 let (p, q) = (a.pins[k][c]?, b.pins[k][c]?);
-                ((p - q).abs() < ONE_PLACE).then_some(p)
+                ((p - q).abs() < SAME_POSITION).then_some(p)
             })
         };
         Segment {
             keys,
             ways: (joints.clone())
-                .map(|k| (place(b, k) - place(a, k)).length())
+                .map(|k| (position(b, k) - position(a, k)).length())
                 .collect(),
             last: (solver.rig.skeleton).nearest_equivalent(&b.pose.q, &a.pose.q),
             floor: floor.then(|| {
@@ -179,7 +179,7 @@ impl<'a> Segment<'a> {
         let apart = STRAY * (4.0 * share * (1.0 - share)).sqrt();
         Pose {
             sd: self.ways.iter().map(|way| way * apart).collect(),
-            ..solver.at_places(&goals, between, self.keys[0].pose.placement, &near)
+            ..solver.at_positions(&goals, between, self.keys[0].pose.placement, &near)
         }
     }
 }

@@ -58,7 +58,7 @@ pub fn other_poses(solver: &PoseSolver, goals: &Constraints, now: &Pose) -> Vec<
             continue;
         }
         let evidence = evidence(solver, &pose, now);
-        // Of poses that are alike the likelier stays.
+        // The likelier of two poses that are alike stays.
         if found
             .iter()
             .any(|o| !is_new(&o.pose) && o.evidence >= evidence)

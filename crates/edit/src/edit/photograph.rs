@@ -12,7 +12,7 @@
 //! ```
 //!
 //! z on the right is that of the estimate before: three rounds settle it. The rotation R of the
-//! body, its place t and s are those under which the n marks are likeliest:
+//! body, its position t and s are those under which the n marks are likeliest:
 //!
 //! ```text
 //! max over R, t, s   log p(u / s · (1 − z / Z) − t; R) − 2 n log s
@@ -72,14 +72,14 @@ pub struct Camera {
     pub scale: f64,
     /// The distance of the camera from the origin, cm; infinite: weak perspective.
     pub distance: f64,
-    /// The place in the world of what the picture's origin shows at depth 0, cm.
+    /// The position in the world of what the picture's origin shows at depth 0, cm.
     pub origin: DVec3,
 }
 
 impl Camera {
-    /// Where a place of the world is in the picture, pixels from its middle.
-    pub fn project(&self, place: DVec3) -> DVec2 {
-        let from = place - self.origin;
+    /// Where a position of the world is in the picture, pixels from its middle.
+    pub fn project(&self, position: DVec3) -> DVec2 {
+        let from = position - self.origin;
         from.truncate() * self.scale / (1.0 - from.z / self.distance)
     }
 }
@@ -361,7 +361,7 @@ impl Problem<'_> {
                 mirrored.push(p);
             }
         }
-        // Of limbs within limbs each is mirrored in turn.
+        // Each of several limbs within limbs is mirrored in turn.
         mirrored.sort_unstable();
         mirrored.dedup();
         mirrored.into_iter().map(|p| (p, depths[p])).collect()
@@ -534,7 +534,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_marks_and_marks_in_one_place_are_refused() {
+    fn too_few_marks_and_marks_at_one_position_are_refused() {
         let session = Session::of_model(&builtin_model().unwrap()).unwrap();
         let (_, mut marks) = seen(&session, 0, 1500.0, 400.0);
         marks.at.values_mut().for_each(|at| *at = DVec2::ONE);

@@ -71,7 +71,7 @@ const ON_FLOOR: f64 = 4.0;
 const FLOOR_SD: f64 = 5.0;
 /// A joint this far below the floor is lifted, cm.
 const BELOW_FLOOR: f64 = 0.01;
-/// The standard deviation of a joint whose place is given, cm.
+/// The standard deviation of a joint whose position is given, cm.
 const EXACT_SD: f64 = 0.05;
 /// How far a joint goes at once, as a multiple of the way of the hand; and where the hand rests,
 /// cm.
@@ -110,8 +110,8 @@ impl Constraints {
         }
     }
 
-    /// The same joints dragged and pinned, at the places `xyz` (3 K, cm).
-    pub(crate) fn at_places(&self, xyz: &[f64]) -> Constraints {
+    /// The same joints dragged and pinned, at the positions `xyz` (3 K, cm).
+    pub(crate) fn at_positions(&self, xyz: &[f64]) -> Constraints {
         let mut there = self.clone();
         for (k, at) in xyz.chunks_exact(3).enumerate() {
             there.drags[k] = self.drags[k].map(|(_, sd)| (DVec3::from_slice(at), sd));
@@ -189,7 +189,7 @@ pub struct PoseSolver {
 impl PoseSolver {
     /// Where a gesture begins that drags some joints of the pose `before`.
     pub fn reference(&self, goals: &Constraints, before: &Pose) -> Reference {
-        let (y, noise) = self.observation(&goals.at_places(&before.xyz), &before.xyz);
+        let (y, noise) = self.observation(&goals.at_positions(&before.xyz), &before.xyz);
         let start = PlacementSolution::from_placement(before.placement);
         let restored = self.model.estimator().follow(&y, &noise, &start);
         let mean = restored.map(|(r, _)| r.mean).unwrap_or_default();
@@ -240,7 +240,7 @@ impl PoseSolver {
                 .map(|(from, to)| from + share * (to - from))
                 .collect();
             let xyz = self.rig.positions(&q);
-            let pose = self.at_places(goals, &xyz, wanted.placement, &q);
+            let pose = self.at_positions(goals, &xyz, wanted.placement, &q);
             if largest_step(&before.xyz, &pose.xyz) <= 1.2 * most || share < 1e-2 {
                 return Pose {
                     is_moving: true,
@@ -314,13 +314,13 @@ impl PoseSolver {
         let goals = Constraints::none(self.rig.joints());
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&goals, &xyz, placement, &pose.q)
+            ..self.at_positions(&goals, &xyz, placement, &pose.q)
         }
     }
 
     /// The rig with its joints at `xyz` (3 K, cm), the pins of `goals` held, found from the values
     /// `start`; the prior says nothing.
-    pub(crate) fn at_places(
+    pub(crate) fn at_positions(
         &self,
         goals: &Constraints,
         xyz: &[f64],
@@ -342,7 +342,7 @@ impl PoseSolver {
         goals.limits = true;
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&goals, &pose.xyz, pose.placement, &pose.q)
+            ..self.at_positions(&goals, &pose.xyz, pose.placement, &pose.q)
         }
     }
 
@@ -456,7 +456,7 @@ impl PoseSolver {
                 (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);
             }
             if let Some(floor) = &goals.floor {
-                // Of NaN and the floor, NaN remains.
+                // NaN stays NaN: `max` would give the floor.
                 target[1] = if target[1] < floor[k] {
                     floor[k]
                 } else {
@@ -506,7 +506,7 @@ fn is_held(goals: &Constraints, reference: &[f64], k: usize) -> bool {
 
 /// λ: the share of the prior's first pull that is held back still.
 fn onset(goals: &Constraints, reference: &Reference) -> f64 {
-    let come = goals.way_from(&goals.at_places(&reference.xyz));
+    let come = goals.way_from(&goals.at_positions(&reference.xyz));
     let pull = reference
         .offset
         .iter()

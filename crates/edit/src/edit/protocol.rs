@@ -255,7 +255,7 @@ impl Session {
             kept.map(|(n, v)| (n.clone(), json!(rounded(*v)))).collect()
         };
         json!({
-            "pose": self.places_json(&pose.xyz),
+            "pose": self.positions_json(&pose.xyz),
             "sd": by_name(&pose.sd, f64::is_finite),
             "missed": by_name(&pose.missed, |v| v > 0.0),
             "unlike": pose.unlike.map(rounded),
@@ -265,7 +265,7 @@ impl Session {
     }
 
     /// Positions of joints (3 K, cm) by name.
-    pub(crate) fn places_json(&self, xyz: &[f64]) -> Value {
+    pub(crate) fn positions_json(&self, xyz: &[f64]) -> Value {
         let named = self.rig().names.iter().zip(xyz.chunks_exact(3));
         named
             .map(|(name, p)| {
@@ -298,7 +298,7 @@ impl Session {
         let key = |key: &Key| {
             json!({
                 "time": key.time,
-                "pose": self.places_json(&key.pose.xyz),
+                "pose": self.positions_json(&key.pose.xyz),
                 "pins": self.pins_json(&key.pins),
             })
         };
@@ -326,8 +326,10 @@ impl Session {
 
     /// The start poses as the page has them.
     pub(crate) fn starts_json(&self) -> Value {
-        let start =
-            |s: &super::StartPose| json!({ "name": s.name, "pose": self.places_json(&s.pose.xyz) });
+        let start = |s: &super::StartPose| {
+            let pose = self.positions_json(&s.pose.xyz);
+            json!({ "name": s.name, "pose": pose })
+        };
         self.starts().iter().map(start).collect()
     }
 }

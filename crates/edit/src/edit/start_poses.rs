@@ -45,7 +45,7 @@ fn rest_pose(solver: &PoseSolver) -> StartPose {
     let rest = vec![0.0; solver.rig.skeleton.dof_count()];
     let xyz = solver.rig.positions(&rest);
     let none = Constraints::none(solver.rig.joints());
-    let pose = solver.at_places(&none, &xyz, Similarity::IDENTITY, &rest);
+    let pose = solver.at_positions(&none, &xyz, Similarity::IDENTITY, &rest);
     let pose = solver.pose_at(&xyz, &pose).unwrap_or(pose);
     let heights = xyz.iter().skip(1).step_by(3);
     let lift = -heights.fold(f64::INFINITY, |z, y| z.min(*y));

@@ -138,9 +138,9 @@ fn bind(port: u16) -> Result<TcpListener> {
 
 /// Serves each connection in a task of its own.
 async fn accept(listener: TcpListener, router: Router, connections: Arc<GracefulShutdown>) {
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    let free = Arc::new(Semaphore::new(CONNECTIONS));
     // The semaphore is never closed.
-    while let Ok(place) = Arc::clone(&places).acquire_owned().await {
+    while let Ok(permit) = Arc::clone(&free).acquire_owned().await {
         let Ok((stream, _)) = listener.accept().await else {
             // Such as too many open files: others may be closed in a while.
             sleep(Duration::from_millis(100)).await;
@@ -156,7 +156,7 @@ async fn accept(listener: TcpListener, router: Router, connections: Arc<Graceful
         tokio::spawn(async move {
             // A connection that breaks is the client's affair.
             let _ = connection.await;
-            drop(place);
+            drop(permit);
         });
     }
 }

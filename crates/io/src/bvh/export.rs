@@ -38,10 +38,10 @@ impl<'a> BvhExporter<'a> {
                 children[p].push(i);
             }
         }
-        let (mut bones, mut place) = (Vec::with_capacity(all.len()), vec![0; all.len()]);
+        let (mut bones, mut index) = (Vec::with_capacity(all.len()), vec![0; all.len()]);
         let mut stack = vec![0];
         while let Some(bone) = stack.pop() {
-            place[bone] = bones.len();
+            index[bone] = bones.len();
             bones.push(bone);
             stack.extend(children[bone].iter().rev());
         }
@@ -60,7 +60,7 @@ impl<'a> BvhExporter<'a> {
             channels.extend(order.map(Channel::Rotate));
             Joint {
                 name: bone.name.clone(),
-                parent: bone.parent.map(|p| place[p]),
+                parent: bone.parent.map(|p| index[p]),
                 offset: bone.parent.map_or(DVec3::ZERO, |p| turn * all[p].offset),
                 channels,
                 ends: if children[i].is_empty() {

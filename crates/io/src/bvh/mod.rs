@@ -10,7 +10,7 @@
 //! thirteen real files of about ten exporters it reads eleven as we do; of one (Mixamo's) it cuts
 //! every name at its colon, and one with stray braces it refuses. By its source it also keeps
 //! values in single precision and Frame Time in whole nanoseconds, writing it without its whole
-//! seconds; loses a leaf without an End Site; and panics where a keyword is out of place, a name is
+//! seconds; loses a leaf without an End Site; and panics where a keyword is not expected, a name is
 //! missing or braces do not match, so that to make a text safe for it is to parse it all. It
 //! can write only what it read: its builder drops the joints.
 
@@ -176,7 +176,7 @@ mod tests {
     use rand::Rng;
     use std::io::Cursor;
 
-    /// Leaves with and without End Sites, two joints on one place, orders of all kinds, odd
+    /// Leaves with and without End Sites, two joints at one position, orders of all kinds, odd
     /// spellings.
     const ODD: &str = "\u{feff}Hierarchy\r\
         \nROOT Left Hip:x\r\
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_root_called_joint_and_end_sites_after_children_keep_their_places() {
+    fn a_root_called_joint_and_end_sites_after_children_keep_their_positions() {
         let text = "HIERARCHY\nJOINT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n\
             End Site\n{\nOFFSET 1 0 0\n}\n\
             JOINT b\n{\nOFFSET 0 1 0\nCHANNELS 0\nEnd Site\n{\nOFFSET 2 0 0\n}\n}\n\

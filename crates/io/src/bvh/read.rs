@@ -415,7 +415,7 @@ fn unique_names(joints: &mut [Joint]) -> Vec<String> {
 }
 
 /// The text of a file. Where it is no UTF-8, its bytes are taken for Latin-1, as old files have it:
-/// names of any encoding stay in their places. What Latin-1 has no letter for is U+FFFD.
+/// names of any encoding stay where they are. What Latin-1 has no letter for is U+FFFD.
 fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),
@@ -630,7 +630,7 @@ impl<'a> Tokens<'a> {
         rest[..end].trim()
     }
 
-    /// The line of a place, counted from 1.
+    /// The line of an offset in the text, counted from 1.
     fn line_of(&self, at: usize) -> u64 {
         let before = &self.text.as_bytes()[..at.min(self.text.len())];
         1 + before.iter().filter(|&&b| b == b'\n').count() as u64

@@ -1,9 +1,9 @@
 //! A BVH hierarchy as a [`Skeleton`], whose kinematics and solver then serve.
 //!
 //! A skeleton's bone carries its children at its end; a BVH joint carries each of its children at
-//! an OFFSET of its own. So each place on a joint where something stands becomes a bone without
-//! freedom, and each joint a bone without length that turns. Joints that start at one place share
-//! it, so that it is the end of the bone above them.
+//! an OFFSET of its own. So each point of a joint where something stands becomes a bone without
+//! freedom, and each joint a bone without length that turns. Joints that start at one position
+//! share it, so that it is the end of the bone above them.
 
 use super::skeleton_builder::{Moving, SkeletonBuilder};
 use super::{Bvh, Joint};

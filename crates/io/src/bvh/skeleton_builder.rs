@@ -26,8 +26,8 @@ pub(super) struct SkeletonBuilder {
     values: usize,
     /// By joint: the bone that turns with it.
     turning: Vec<usize>,
-    /// By place on a bone: the bone that ends there.
-    places: HashMap<(usize, [u64; 3]), usize>,
+    /// By position on a bone: the bone that ends there.
+    bone_at: HashMap<(usize, [u64; 3]), usize>,
     /// By joint: what stands on it.
     carried: Vec<Carried>,
     /// The skeleton's value of each channel of a frame; `None` for one that does not move here.
@@ -124,7 +124,7 @@ impl SkeletonBuilder {
         let bone = if slides {
             self.fixed(Some(above), fixed)
         } else {
-            self.place(above, fixed)
+            self.bone_to(above, fixed)
         };
         // What slides stands where its own bone, the next, does.
         let stands = if slides { self.bones.len() } else { bone };
@@ -136,7 +136,7 @@ impl SkeletonBuilder {
     pub(super) fn push_end_sites(&mut self, joint: &Joint) {
         let own = self.turning.len() - 1;
         for (n, end) in joint.ends.iter().map(|e| e.offset).enumerate() {
-            let bone = self.place(self.turning[own], end);
+            let bone = self.bone_to(self.turning[own], end);
             self.carried[own].push(bone, end);
             let suffix = match n {
                 0 => String::new(),
@@ -147,7 +147,7 @@ impl SkeletonBuilder {
         }
     }
 
-    /// Of each joint the bone that ends where its bone does; bones are made where there are none.
+    /// The bone that ends where the bone of each joint does; it is made where there is none.
     pub(super) fn ends(&mut self, joints: &[Joint]) -> Vec<(String, usize)> {
         let mut ends = Vec::with_capacity(joints.len());
         for (i, joint) in joints.iter().enumerate() {
@@ -163,14 +163,14 @@ impl SkeletonBuilder {
         ends
     }
 
-    /// The bone that ends at a place on another, which is made where there is none.
-    fn place(&mut self, on: usize, offset: DVec3) -> usize {
+    /// The bone that ends at a position on another, which is made where there is none.
+    fn bone_to(&mut self, on: usize, offset: DVec3) -> usize {
         let key = (on, bits(offset));
-        if let Some(&bone) = self.places.get(&key) {
+        if let Some(&bone) = self.bone_at.get(&key) {
             return bone;
         }
         let bone = self.fixed(Some(on), offset);
-        self.places.insert(key, bone);
+        self.bone_at.insert(key, bone);
         bone
     }
 
@@ -193,7 +193,7 @@ impl SkeletonBuilder {
     }
 }
 
-/// A place as a key: equal text reads to equal bits; 0 and -0 are one place.
+/// A position as a key: equal text reads to equal bits; 0 and -0 are one position.
 fn bits(v: DVec3) -> [u64; 3] {
     v.to_array().map(|c| (c + 0.0).to_bits())
 }

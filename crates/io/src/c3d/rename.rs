@@ -52,7 +52,7 @@ impl C3d {
             let said = entries(&own, processor).map_err(place)?;
             let group = point_group(&said);
             let is_start =
-                |e: &&Placed| Some(e.entry.group) == group && e.entry.name == "DATA_START";
+                |e: &&StoredEntry| Some(e.entry.group) == group && e.entry.name == "DATA_START";
             let data = said
                 .iter()
                 .find(is_start)
@@ -68,7 +68,7 @@ impl C3d {
 }
 
 /// An entry of a section of parameters and the bytes that it takes.
-struct Placed {
+struct StoredEntry {
     entry: Entry,
     bytes: Range<usize>,
 }
@@ -77,7 +77,7 @@ struct Placed {
 ///
 /// # Errors
 /// The entries cannot be followed to their end.
-fn entries(section: &[u8], processor: Processor) -> Result<Vec<Placed>> {
+fn entries(section: &[u8], processor: Processor) -> Result<Vec<StoredEntry>> {
     if Parameters::read(section, processor).broken.is_some() {
         return Err("has damaged parameters: its points cannot be named".into());
     }
@@ -89,7 +89,7 @@ fn entries(section: &[u8], processor: Processor) -> Result<Vec<Placed>> {
             .or(entry.end(section))
             .filter(|end| *end <= section.len());
         let end = end.ok_or("has damaged parameters: its points cannot be named")?;
-        all.push(Placed {
+        all.push(StoredEntry {
             entry,
             bytes: at..end,
         });
@@ -108,7 +108,7 @@ fn is_labels(entry: &Entry) -> bool {
 }
 
 /// The number of the group POINT.
-fn point_group(all: &[Placed]) -> Option<u8> {
+fn point_group(all: &[StoredEntry]) -> Option<u8> {
     let group = all
         .iter()
         .find(|e| e.entry.value.is_none() && e.entry.name == "POINT");
@@ -119,7 +119,7 @@ fn point_group(all: &[Placed]) -> Option<u8> {
 fn labels(section: &[u8], processor: Processor) -> Result<Vec<String>> {
     let all = entries(section, processor)?;
     let group = point_group(&all);
-    let is_own = |e: &Placed| Some(e.entry.group) == group && is_labels(&e.entry);
+    let is_own = |e: &StoredEntry| Some(e.entry.group) == group && is_labels(&e.entry);
     let mut own: Vec<Entry> = all.into_iter().filter(is_own).map(|e| e.entry).collect();
     own.sort_by_key(|e| (e.name.len(), e.name.clone()));
     let texts = own.into_iter().filter_map(|e| match e.value {
@@ -136,26 +136,26 @@ fn with_labels(section: &[u8], processor: Processor, labels: &[String]) -> Resul
     }
     let all = entries(section, processor)?;
     let group = point_group(&all).ok_or("has no parameters of points: they cannot be named")?;
-    let is_own = |e: &Placed| e.entry.group == group && is_labels(&e.entry);
+    let is_own = |e: &StoredEntry| e.entry.group == group && is_labels(&e.entry);
     // Where they stood, else behind their group.
-    let is_group = |e: &Placed| e.entry.group == group && e.entry.value.is_none();
-    let place = all.iter().position(is_own);
-    let place = place.or(all.iter().position(is_group).map(|at| at + 1));
+    let is_group = |e: &StoredEntry| e.entry.group == group && e.entry.value.is_none();
+    let index = all.iter().position(is_own);
+    let index = index.or(all.iter().position(is_group).map(|at| at + 1));
     let mut out = section[..4].to_vec();
-    for (n, placed) in all.iter().enumerate() {
-        if Some(n) == place {
+    for (n, stored) in all.iter().enumerate() {
+        if Some(n) == index {
             out.extend(label_entries(group, processor, labels)?);
         }
-        if !is_own(placed) {
-            let (first, offset) = (out.len(), placed.entry.offset_at - placed.bytes.start);
-            out.extend(&section[placed.bytes.clone()]);
+        if !is_own(stored) {
+            let (first, offset) = (out.len(), stored.entry.offset_at - stored.bytes.start);
+            out.extend(&section[stored.bytes.clone()]);
             // The last one may lead nowhere.
-            let length = placed.bytes.len() - offset;
+            let length = stored.bytes.len() - offset;
             let length = u16::try_from(length).map_err(|_| "has damaged parameters")?;
             out[first + offset..first + offset + 2].copy_from_slice(&processor.u16_bytes(length));
         }
     }
-    if place == Some(all.len()) {
+    if index == Some(all.len()) {
         out.extend(label_entries(group, processor, labels)?);
     }
     // The last entry leads to these two zeros.

@@ -119,9 +119,9 @@ impl C3d {
                 )));
             };
             for t in 0..poses.frames() {
-                let mut place = [0, 1, 2].map(|c| poses.xyz[[t, 3 * from + c]]);
-                units.write(&mut place);
-                (0..3).for_each(|c| xyz[[t, 3 * to + c]] = place[c]);
+                let mut position = [0, 1, 2].map(|c| poses.xyz[[t, 3 * from + c]]);
+                units.write(&mut position);
+                (0..3).for_each(|c| xyz[[t, 3 * to + c]] = position[c]);
             }
         }
         self.with_points(xyz.view())

@@ -165,8 +165,8 @@ impl CsvReader {
             return Err(Error::data(Place::line(&self.name, line), what));
         }
         row.xyz.clear();
-        for (point, place) in self.columns.coordinates.iter().enumerate() {
-            for (axis, column) in place.iter().enumerate() {
+        for (point, axes) in self.columns.coordinates.iter().enumerate() {
+            for (axis, column) in axes.iter().enumerate() {
                 let value = match column {
                     None => f64::NAN,
                     Some(column) => coordinate(&row.cells[*column]).map_err(|e| {

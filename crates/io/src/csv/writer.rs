@@ -70,8 +70,8 @@ impl CsvFormat {
             .map(|added| columns.names.iter().position(|n| *n == added.name))
             .collect();
         let mut source = vec![None; columns.names.len()];
-        for (point, place) in columns.coordinates.iter().enumerate() {
-            for (axis, column) in place.iter().enumerate() {
+        for (point, axes) in columns.coordinates.iter().enumerate() {
+            for (axis, column) in axes.iter().enumerate() {
                 if let Some(column) = column {
                     source[*column] = Some(Source::Number(3 * point + axis, Some(*column)));
                 }

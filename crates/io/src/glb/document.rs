@@ -1,8 +1,8 @@
 //! The JSON of a file: one scene of a mesh and its skeleton.
 //!
 //! Node b is bone b. Then comes the node that all bones without a parent hang on, and the mesh's
-//! node. The mesh's node stands at the scene's root, as its own place does not count: bones carry
-//! its vertices.
+//! node. The mesh's node stands at the scene's root, as its own position does not count: bones
+//! carry its vertices.
 
 use super::buffer::{Buffer, container};
 use super::{Animation, SkinnedMesh, normals};
@@ -74,10 +74,10 @@ fn skeleton(mesh: &SkinnedMesh, root: &mut Root) {
     for (b, bone) in mesh.bones.iter().enumerate() {
         let above = bone.parent.map(|p| &mesh.bones[p]);
         let (back, origin) = above.map_or((DMat3::IDENTITY, DVec3::ZERO), |p| {
-            (p.axes().transpose(), p.place())
+            (p.axes().transpose(), p.position())
         });
         let rotation = DQuat::from_mat3(&(back * bone.axes())).normalize();
-        let translation = back * (bone.place() - origin);
+        let translation = back * (bone.position() - origin);
         root.push(Node {
             name: Some(bone.name.clone()),
             rotation: Some(UnitQuaternion(rotation.as_quat().to_array())),
@@ -182,11 +182,11 @@ fn targets(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Option<V
     (!targets.is_empty()).then_some(targets)
 }
 
-/// The skin: its bones, and how each is brought from its rest place and axes to the origin's.
+/// The skin: its bones, and how each is brought from its rest position and axes to the origin's.
 fn skin(mesh: &SkinnedMesh, root: &mut Root, buffer: &mut Buffer) -> Index<Skin> {
     let inverse = mesh.bones.iter().map(|bone| {
         let back = DQuat::from_mat3(&bone.axes().transpose());
-        let inverse = DMat4::from_rotation_translation(back, back * -bone.place());
+        let inverse = DMat4::from_rotation_translation(back, back * -bone.position());
         inverse.as_mat4().to_cols_array()
     });
     let inverse = buffer.floats(root, inverse, None, false);

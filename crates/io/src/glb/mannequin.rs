@@ -72,7 +72,7 @@ const SHORTEST: f64 = 0.5;
 pub(crate) struct Joint {
     pub name: String,
     pub parent: Option<usize>,
-    /// Its place, cm.
+    /// Its position, cm.
     pub at: DVec3,
     /// The bone that the piece turns with, and the one that what stands on the joint turns with.
     pub bone: u16,
@@ -431,7 +431,7 @@ impl<'a> Body<'a> {
         chain
     }
 
-    /// The chain from a joint to the farthest beyond it; without any, its own place alone.
+    /// The chain from a joint to the farthest beyond it; without any, its own position alone.
     fn farthest(&self, from: usize, beyond: &[usize]) -> Vec<Knot> {
         match self.chain(from, beyond).last() {
             Some(last) => self.path(from, *last),

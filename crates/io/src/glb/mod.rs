@@ -5,9 +5,9 @@
 //! up, and a body faces +z. Equal meshes give equal bytes. Only what is written here is supported:
 //! nothing is read.
 //!
-//! A vertex x of bone b moves to R_b (x - q_b) + p_b, with q_b the bone's place in the rest pose,
-//! p_b its place in the animation and R_b its rotation in the world since the rest pose. With A_b
-//! the bone's axes in the rest pose, its node stands at p_b and is turned by R_b A_b;
+//! A vertex x of bone b moves to R_b (x - q_b) + p_b, with q_b the bone's position in the rest
+//! pose, p_b its position in the animation and R_b its rotation in the world since the rest pose.
+//! With A_b the bone's axes in the rest pose, its node stands at p_b and is turned by R_b A_b;
 //! `Animation::from_world` turns these into the rotations and translations relative to the parent
 //! that the file holds.
 
@@ -76,7 +76,7 @@ pub struct Bone {
     pub name: String,
     /// The bone that this bone hangs on, counted from 0.
     pub parent: Option<usize>,
-    /// The place of its joint in the rest pose, meters.
+    /// The position of its joint in the rest pose, meters.
     pub at: [f32; 3],
     /// The rotation of its axes in the rest pose, from the world's, as a quaternion x, y, z, w.
     pub rotation: [f32; 4],

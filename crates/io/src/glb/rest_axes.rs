@@ -37,7 +37,7 @@ impl Bone {
         DMat3::from_quat(DQuat::from_array(self.rotation.map(f64::from)).normalize())
     }
 
-    pub(crate) fn place(&self) -> DVec3 {
+    pub(crate) fn position(&self) -> DVec3 {
         DVec3::from(self.at.map(f64::from))
     }
 }
@@ -56,7 +56,7 @@ fn axes(y: DVec3) -> DMat3 {
 
 /// Bones by what they carry.
 struct Tree {
-    places: Vec<DVec3>,
+    positions: Vec<DVec3>,
     parents: Vec<Option<usize>>,
     children: Vec<Vec<usize>>,
     /// How many bones each carries, itself among them.
@@ -88,7 +88,7 @@ impl Tree {
             carried[b] += children[b].iter().map(|c| carried[*c]).sum::<usize>();
         }
         Tree {
-            places: bones.iter().map(Bone::place).collect(),
+            positions: bones.iter().map(Bone::position).collect(),
             parents,
             children,
             carried,
@@ -98,13 +98,13 @@ impl Tree {
 
     /// The direction of each bone; `None` for those that carry nothing away from them.
     fn directions(&self) -> Vec<Option<DVec3>> {
-        // By bone: the direction in which one comes to it from the last place above it.
-        let mut toward: Vec<Option<DVec3>> = vec![None; self.places.len()];
+        // By bone: the direction in which one comes to it from the last position above it.
+        let mut toward: Vec<Option<DVec3>> = vec![None; self.positions.len()];
         for &b in &self.order {
             let from = self.parents[b];
             toward[b] = from.and_then(|p| self.step(p, b).or(toward[p]));
         }
-        let mut along = vec![None; self.places.len()];
+        let mut along = vec![None; self.positions.len()];
         for &b in self.order.iter().rev() {
             let steps = self.children[b].iter().map(|c| (*c, self.step(b, *c)));
             let straightness = |step: Option<DVec3>| step?.dot(toward[b]?).into();
@@ -116,14 +116,14 @@ impl Tree {
                 if rank(next) > rank(best) { next } else { best }
             };
             let main = steps.reduce(better);
-            // Where all children are at the same place, one of them goes on for it.
+            // Where all children are at the same position, one of them goes on for it.
             along[b] = main.and_then(|(c, step)| step.or(along[c]));
         }
         along
     }
 
     fn step(&self, from: usize, to: usize) -> Option<DVec3> {
-        let step = self.places[to] - self.places[from];
+        let step = self.positions[to] - self.positions[from];
         (step.length() > TOGETHER).then(|| step.normalize())
     }
 }
@@ -154,7 +154,7 @@ mod tests {
             // A leg and its end, before the spine.
             (Some(0), [0.1, 0.9, 0.0]),
             (Some(1), [0.1, 0.0, 0.0]),
-            // The spine, with an arm, a collar at the same place, and the neck.
+            // The spine, with an arm, a collar at the same position, and the neck.
             (Some(0), [0.0, 1.3, 0.0]),
             (Some(3), [0.5, 1.3, 0.0]),
             (Some(3), [0.0, 1.3, 0.0]),
@@ -170,7 +170,7 @@ mod tests {
         along(0, [0.0, 0.3, 0.0]);
         along(1, [0.0, -0.9, 0.0]);
         along(3, [0.0, 0.2, 0.1]);
-        // What has no child, or one at its own place, lies on as its parent does.
+        // What has no child, or one at its own position, lies on as its parent does.
         along(2, [0.0, -0.9, 0.0]);
         along(6, [0.0, 0.2, 0.1]);
         along(7, [0.0, 0.2, 0.1]);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn bones_at_one_place_keep_their_axes() {
+    fn bones_at_one_position_keep_their_axes() {
         let bones = bones(&[(None, [0.0; 3]), (Some(0), [0.0; 3])]);
         assert!(bones.iter().all(|b| b.axes() == DMat3::IDENTITY));
         Bone::point_along(&mut []);

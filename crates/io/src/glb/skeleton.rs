@@ -146,22 +146,22 @@ impl Nodes {
             all.map(|&b| p.rotations[b] * rest.rotations[b].transpose())
                 .collect()
         };
-        let places = |p: &Posture| {
-            let place = |&(b, starts): &(usize, bool)| {
+        let positions = |p: &Posture| {
+            let position = |&(b, starts): &(usize, bool)| {
                 if starts {
                     p.starts[b] / 100.0
                 } else {
                     p.ends[b] / 100.0
                 }
             };
-            self.at.iter().map(place).collect()
+            self.at.iter().map(position).collect()
         };
         let mut rotations: Vec<Vec<DMat3>> = postures.iter().map(turned).collect();
-        let mut places: Vec<Vec<DVec3>> = postures.iter().map(places).collect();
+        let mut positions: Vec<Vec<DVec3>> = postures.iter().map(positions).collect();
         if let Some(end) = end_of_root(&self.bones) {
-            let along = end.place() - self.bones[0].place();
-            for (rotations, places) in rotations.iter_mut().zip(&mut places) {
-                places.push(places[0] + rotations[0] * along);
+            let along = end.position() - self.bones[0].position();
+            for (rotations, positions) in rotations.iter_mut().zip(&mut positions) {
+                positions.push(positions[0] + rotations[0] * along);
                 rotations.push(rotations[0]);
             }
             self.bones.push(end);
@@ -173,7 +173,7 @@ impl Nodes {
             &self.bones,
             times,
             &rotations,
-            &places,
+            &positions,
         )];
         mesh.bones = self.bones;
         mesh
@@ -192,7 +192,7 @@ fn chain_ends(skeleton: &Skeleton, rest: &Posture) -> Vec<usize> {
 /// long. It is as far away as the nearest bone that is not there.
 fn end_of_root(bones: &[Bone]) -> Option<Bone> {
     let root = bones.first()?;
-    let away = |b: &Bone| Some((b.place() - root.place()).length()).filter(|d| *d > TOGETHER);
+    let away = |b: &Bone| Some((b.position() - root.position()).length()).filter(|d| *d > TOGETHER);
     if bones
         .iter()
         .any(|b| b.parent == Some(0) && away(b).is_some())
@@ -200,7 +200,7 @@ fn end_of_root(bones: &[Bone]) -> Option<Bone> {
         return None;
     }
     let length = bones.iter().filter_map(away).reduce(f64::min)?;
-    let at = root.place() + length * root.axes().y_axis;
+    let at = root.position() + length * root.axes().y_axis;
     Some(Bone {
         name: format!("{}_end", root.name),
         parent: Some(0),
@@ -240,7 +240,7 @@ mod tests {
         .unwrap()
     }
 
-    /// The rotation and the place, meters, of each node in the world at a key.
+    /// The rotation and the position, meters, of each node in the world at a key.
     fn world(mesh: &SkinnedMesh, key: usize) -> Vec<(DQuat, DVec3)> {
         let animation = &mesh.animations[0];
         let mut world: Vec<(DQuat, DVec3)> = Vec::new();

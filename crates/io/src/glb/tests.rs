@@ -26,7 +26,7 @@ impl Reader {
         }
     }
 
-    /// The rows of an accessor; checks its place and its bounds.
+    /// The rows of an accessor; checks its offset and its bounds.
     fn rows(&self, accessor: &Value) -> Vec<Vec<f64>> {
         let accessor = &self.json["accessors"][accessor.as_u64().unwrap() as usize];
         let view = &self.json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
@@ -189,11 +189,11 @@ fn a_reader_poses_the_vertices_as_they_were() {
     let rotations: Vec<Vec<DMat3>> = (0..4)
         .map(|t| (0..3).map(|b| turn(5 * t + b)).collect())
         .collect();
-    let places: Vec<Vec<DVec3>> = (0..4)
+    let positions: Vec<Vec<DVec3>> = (0..4)
         .map(|t| (0..3).map(|b| wave3(7 * t + b)).collect())
         .collect();
     let times = vec![0.0, 0.1, 0.3, 1.0];
-    let mut animation = Animation::from_world("dance", &mesh.bones, times, &rotations, &places);
+    let mut animation = Animation::from_world("dance", &mesh.bones, times, &rotations, &positions);
     animation.weights = (0..4)
         .map(|t| vec![wave(t) as f32, wave(t + 9) as f32])
         .collect();
@@ -207,7 +207,8 @@ fn a_reader_poses_the_vertices_as_they_were() {
                 x += f64::from(*weight) * DVec3::from(shape.offsets[v].map(f64::from));
             }
             let moved = |b: usize| {
-                rotations[t][b] * (x - DVec3::from(mesh.bones[b].at.map(f64::from))) + places[t][b]
+                rotations[t][b] * (x - DVec3::from(mesh.bones[b].at.map(f64::from)))
+                    + positions[t][b]
             };
             // The weights are scaled to sum 1.
             let expected = moved(2) * (2.0 / 3.0) + moved(v % 2) / 3.0;
@@ -308,7 +309,7 @@ fn quaternions_are_of_unit_length_and_go_the_shorter_way() {
     for key in 0..3 {
         let q = DQuat::from_slice(&reader.keyed(1, "rotation", key, 4).unwrap());
         assert!((q.length() - 1.0).abs() <= 1e-6 && q.w > 0.9);
-        // Bones keep their places.
+        // Bones keep their positions.
         assert!(reader.keyed(1, "translation", key, 3).is_none());
     }
 }

@@ -12,7 +12,7 @@ const THIN: f64 = 2.5;
 /// The reach of a joint: a share of the shorter bone at it, and at most so many centimeters.
 const REACH: (f64, f64) = (0.35, 6.0);
 
-/// A place along a chain, in the rest pose, cm, and the bone that the piece after it turns with.
+/// A position along a chain, in the rest pose, cm, and the bone that the piece after it turns with.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Knot {
     pub at: DVec3,
@@ -173,7 +173,7 @@ impl Chain {
         (REACH.0 * before.min(after)).min(REACH.1)
     }
 
-    /// The two pieces that a place follows, and the weight of the second.
+    /// The two pieces that a position follows, and the weight of the second.
     fn pieces(&self, arc: f64) -> (usize, usize, f64) {
         for joint in 1..self.knots.len() - 1 {
             let reach = self.reach(joint);

@@ -3,7 +3,7 @@
 
 mod motive;
 mod nexus;
-pub(crate) mod points;
+pub(crate) mod point_table;
 mod qualisys;
 mod qualisys_6d;
 mod qualisys_head;
@@ -52,9 +52,9 @@ pub fn read(
         MotionFormat::MotiveCsv => motive::read(&first(&mut lines)?, lines, points, keep_whole),
         MotionFormat::QualisysTsv => qualisys::read(&first(&mut lines)?, lines, keep_whole),
         MotionFormat::NexusCsv => nexus::read(lines, keep_whole),
-        MotionFormat::PointTable => points::read(lines, keep_whole),
+        MotionFormat::PointTable => point_table::read(lines, keep_whole),
         // Another program's table may have a pose table's titles, but not its unit and axis.
-        MotionFormat::Csv if is_pose_table => points::read(lines, keep_whole),
+        MotionFormat::Csv if is_pose_table => point_table::read(lines, keep_whole),
         MotionFormat::Csv if is_empty => Err(Error::data(
             Place::file(name),
             "is empty, expected a table of markers",

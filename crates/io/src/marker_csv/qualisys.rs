@@ -110,10 +110,10 @@ impl Layout {
     fn of_titles(cells: &[&str]) -> Option<Layout> {
         let xyz = cells.iter().position(|c| c.ends_with(" X"))?;
         let y = cells.get(xyz + 1).is_some_and(|c| c.ends_with(" Y"));
-        let place = |title: &str| cells[..xyz].iter().position(|c| *c == title);
+        let index = |title: &str| cells[..xyz].iter().position(|c| *c == title);
         y.then_some(Layout {
-            frame: place("Frame"),
-            time: place("Time"),
+            frame: index("Frame"),
+            time: index("Time"),
             xyz,
         })
     }

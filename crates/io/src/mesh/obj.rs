@@ -42,8 +42,8 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<Mesh> {
 fn vertex<'a>(words: impl Iterator<Item = &'a str>, mesh: &mut Mesh) -> Result<()> {
     let mut at = [0.0; 3];
     let mut count = 0;
-    for (place, word) in at.iter_mut().zip(words) {
-        *place = parse_number(word)?;
+    for (number, word) in at.iter_mut().zip(words) {
+        *number = parse_number(word)?;
         count += 1;
     }
     if count < 3 {

@@ -13,11 +13,11 @@ fn each_format_round_trips() {
         if format == MeshFormat::Stl {
             // The vertices are in another order; the triangles are where they were.
             assert_eq!((back.vertices.len(), back.faces.len()), (8, 12));
-            let places = |m: &Mesh| -> Vec<_> {
-                let place = |f: &[u32; 3]| f.map(|v| m.vertices[v as usize]);
-                m.faces.iter().map(place).collect()
+            let positions = |m: &Mesh| -> Vec<_> {
+                let position = |f: &[u32; 3]| f.map(|v| m.vertices[v as usize]);
+                m.faces.iter().map(position).collect()
             };
-            assert_eq!(places(&back), places(&cube()));
+            assert_eq!(positions(&back), positions(&cube()));
         } else {
             assert_eq!(back, cube());
         }

@@ -10,7 +10,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 /// The points of a file, computed ones among them.
 pub(super) struct AllPoints {
     table: Table,
-    /// The places of those that are not computed.
+    /// The indices of those that are not computed.
     measured: Vec<usize>,
 }
 
@@ -86,25 +86,28 @@ impl MotionFile {
     #[doc(hidden)]
     pub fn whole(&self, xyz: ArrayView2<'_, f64>) -> Array2<f64> {
         let mut out = self.whole_table().poses.xyz.clone();
-        for (own, p) in self.places().into_iter().enumerate() {
+        for (own, p) in self.point_indices().into_iter().enumerate() {
             let from = xyz.slice(s![.., 3 * own..3 * own + 3]);
             out.slice_mut(s![.., 3 * p..3 * p + 3]).assign(&from);
         }
         out
     }
 
-    /// The places of the points of its table among all its points.
-    pub(super) fn places(&self) -> Vec<usize> {
+    /// The indices of the points of its table among all its points.
+    pub(super) fn point_indices(&self) -> Vec<usize> {
         match &self.all {
             Some(all) => all.measured.clone(),
             None => (0..self.table.poses.points.len()).collect(),
         }
     }
 
-    /// The places of the points of its table among those of its take, some of which are no
+    /// The indices of the points of its table among those of its take, some of which are no
     /// positions.
-    pub(super) fn places_in(&self, take: &MarkerTake) -> Vec<usize> {
+    pub(super) fn point_indices_in(&self, take: &MarkerTake) -> Vec<usize> {
         let positions = take.positions();
-        self.places().into_iter().map(|p| positions[p]).collect()
+        self.point_indices()
+            .into_iter()
+            .map(|p| positions[p])
+            .collect()
     }
 }

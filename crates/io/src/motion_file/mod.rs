@@ -1,17 +1,17 @@
 //! A file of motion of any format: its points as a pose table, and the way back into its own
 //! format.
 
+mod amc_skeleton;
 mod aside;
 mod moved;
 mod read_as;
 mod read_rules;
-mod skeleton;
 mod write_back;
 
+#[doc(hidden)]
+pub use amc_skeleton::skeleton_of;
 pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
-#[doc(hidden)]
-pub use skeleton::skeleton_of;
 
 use super::amc::{AmcFrames, AmcMotion, AmcReader, NO_RATE};
 use super::asf::Asf;
@@ -299,7 +299,7 @@ impl MotionFile {
         }
     }
 
-    /// The positions that the file lists as computed, by their places among all its positions.
+    /// The positions that the file lists as computed, by their indices among all its positions.
     fn listed_as_computed(&self) -> Vec<usize> {
         let Original::C3d(c3d) = &self.original else {
             return Vec::new();

@@ -55,10 +55,10 @@ impl MotionFile {
     /// [`Error::Data`]: the file cannot be written with other names.
     pub fn renamed(&self, names: &[(usize, String)]) -> Result<MotionFile> {
         let names_of = |take: &MarkerTake| -> Vec<(usize, String)> {
-            let places = self.places_in(take);
+            let indices = self.point_indices_in(take);
             names
                 .iter()
-                .map(|(p, name)| (places[*p], name.clone()))
+                .map(|(p, name)| (indices[*p], name.clone()))
                 .collect()
         };
         let refuse = |what: &str| Err(Error::data(Place::file(&self.table.name), what));
@@ -74,9 +74,9 @@ impl MotionFile {
                 }
             }
             Original::Table if !self.table.columns.names.is_empty() => {
-                let (mut table, places) = (self.whole_table().clone(), self.places());
+                let (mut table, indices) = (self.whole_table().clone(), self.point_indices());
                 for (point, name) in names {
-                    table.rename_point(places[*point], name);
+                    table.rename_point(indices[*point], name);
                 }
                 return Ok(self.of_table(table));
             }
@@ -107,7 +107,7 @@ impl MotionFile {
 
     /// A file that is a table, with positions moved between its points.
     fn with_moved_table(&self, moves: &[PointMove]) -> MotionFile {
-        let moves = in_places(moves, &self.places());
+        let moves = at_indices(moves, &self.point_indices());
         self.of_table(moved_table(self.whole_table(), &moves))
     }
 
@@ -146,15 +146,15 @@ impl MotionFile {
 
     /// Moves between the points of its take, which are more than those of its table.
     fn in_take(&self, take: &MarkerTake, moves: &[PointMove]) -> Vec<PointMove> {
-        in_places(moves, &self.places_in(take))
+        at_indices(moves, &self.point_indices_in(take))
     }
 }
 
-/// Moves between points that have other places now.
-fn in_places(moves: &[PointMove], places: &[usize]) -> Vec<PointMove> {
+/// Moves between points that have other indices now.
+fn at_indices(moves: &[PointMove], indices: &[usize]) -> Vec<PointMove> {
     let of = |m: &PointMove| PointMove {
-        from: places[m.from],
-        to: m.to.map(|to| places[to]),
+        from: indices[m.from],
+        to: m.to.map(|to| indices[to]),
         frames: m.frames.clone(),
     };
     moves.iter().map(of).collect()

@@ -169,16 +169,16 @@ impl MotionFile {
     ) -> Array2<f64> {
         let mut out = take.xyz.clone();
         let was = &self.table.poses.xyz;
-        for (column, p) in self.places_in(take).into_iter().enumerate() {
+        for (column, p) in self.point_indices_in(take).into_iter().enumerate() {
             for t in 0..xyz.nrows() {
                 let at = [0, 1, 2].map(|c| [t, 3 * column + c]);
-                let mut place = at.map(|at| xyz[at]);
+                let mut position = at.map(|at| xyz[at]);
                 let is_new = at.iter().any(|at| xyz[*at].to_bits() != was[*at].to_bits());
-                if !is_new || place.iter().any(|v| v.is_nan()) {
+                if !is_new || position.iter().any(|v| v.is_nan()) {
                     continue;
                 }
-                self.units.write(&mut place);
-                if !holds(place) {
+                self.units.write(&mut position);
+                if !holds(position) {
                     continue;
                 }
                 // A coordinate that did not move has the digits that it had.
@@ -186,8 +186,8 @@ impl MotionFile {
                 self.units.write(&mut old);
                 for c in 0..3 {
                     let own = &mut out[[t, 3 * p + c]];
-                    if own.is_nan() || old[c].to_bits() != place[c].to_bits() {
-                        *own = place[c];
+                    if own.is_nan() || old[c].to_bits() != position[c].to_bits() {
+                        *own = position[c];
                     }
                 }
             }

@@ -15,7 +15,8 @@ use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
 
-/// A joint that a bone carries: the target and its place from the bone's start in the rest posture.
+/// A joint that a bone carries: the target and its position from the bone's start in the rest
+/// posture.
 type Carried = (usize, DVec3);
 
 /// The targets that each bone carries, found once for a skeleton and its targets.
@@ -83,7 +84,7 @@ impl<'a> InitialPose<'a> {
             let (direct, indirect) = (seen(&self.direct[i]), seen(&self.indirect[i]));
             let q = &mut q[self.skeleton.dofs_of(i)];
             if i == 0 {
-                self.place_root(&direct, &indirect, q);
+                self.set_root(&direct, &indirect, q);
             }
             let (start, held) = self.local(i, q, before, above);
             let arms = |pairs: &[(DVec3, DVec3)]| -> Vec<(DVec3, DVec3)> {
@@ -148,8 +149,8 @@ impl<'a> InitialPose<'a> {
         (start + before * (bone.axis * shift), rotation)
     }
 
-    /// The root's place: its own joint where it is seen, else by what it carries.
-    fn place_root(&self, direct: &[(DVec3, DVec3)], indirect: &[(DVec3, DVec3)], q: &mut [f64]) {
+    /// The root's position: its own joint where it is seen, else by what it carries.
+    fn set_root(&self, direct: &[(DVec3, DVec3)], indirect: &[(DVec3, DVec3)], q: &mut [f64]) {
         let bone = &self.skeleton.bones()[0];
         let own = direct.iter().find(|(v, _)| v.length() <= NO_LENGTH);
         let fit = |pairs: &mut dyn Iterator<Item = (DVec3, DVec3)>| {
@@ -158,15 +159,15 @@ impl<'a> InitialPose<'a> {
                 .filter(|f| f.determined)
                 .map(|f| f.similarity.shift)
         };
-        let place = own
+        let position = own
             .map(|&(_, y)| y)
             .or_else(|| fit(&mut direct.iter().copied()))
             .or_else(|| fit(&mut direct.iter().chain(indirect).copied()));
-        let Some(place) = place else { return };
-        let place = bone.axis.transpose() * place;
+        let Some(position) = position else { return };
+        let position = bone.axis.transpose() * position;
         for (dof, q) in bone.dofs.iter().zip(q) {
             if let Channel::Translate(axis) = dof.channel {
-                *q = place[axis.index()] - dof.offset;
+                *q = position[axis.index()] - dof.offset;
             }
         }
     }

@@ -6,7 +6,7 @@
 //! neck, or to the middle of the shoulders, and `LeftCollar` and `RightCollar` from there. Every
 //! last bone ends in an End Site.
 
-use super::skeleton_estimation::median_place;
+use super::skeleton_estimation::median_position;
 use super::tuning::named_skeleton::*;
 use crate::io::Bvh;
 use crate::io::bvh::{BvhTemplate, EndSite, Joint};
@@ -23,7 +23,7 @@ use ndarray::{Array2, concatenate};
 pub struct NamedSkeleton {
     /// The take, with points in the middle of others that the skeleton goes by, at its end.
     pub poses: Poses,
-    /// Of each such point, the columns of the others.
+    /// The columns of the others, for each such point.
     pub middles: Vec<Vec<usize>>,
     /// The skeleton.
     pub template: BvhTemplate,
@@ -61,8 +61,8 @@ pub fn named_skeleton(poses: &Poses, map: &NameMap, order: [Axis; 3]) -> Result<
     })
 }
 
-/// A place on the body: a column of the table, or the middle of several.
-type Place = Vec<usize>;
+/// A point of the body: a column of the table, or the middle of several.
+type BodyPoint = Vec<usize>;
 
 /// The columns of a body's points; of sides, left and right.
 struct BodyPoints {
@@ -72,8 +72,8 @@ struct BodyPoints {
     ankles: [usize; 2],
     toes: [Option<usize>; 2],
     spine: Vec<usize>,
-    neck: Option<Place>,
-    head: Option<Place>,
+    neck: Option<BodyPoint>,
+    head: Option<BodyPoint>,
     collars: [Option<usize>; 2],
     shoulders: [usize; 2],
     elbows: [usize; 2],
@@ -99,7 +99,7 @@ impl BodyPoints {
         };
         let bones = |name: &str| map.bone_columns(name, &poses.points);
         let middle = |name: &str| bones(name).into_iter().next();
-        let one = |place: Place| place.first().copied().filter(|_| place.len() == 1);
+        let one = |point: BodyPoint| point.first().copied().filter(|_| point.len() == 1);
         let collars = bones("Collars");
         let collar = |side: usize| collars.get(side).cloned().and_then(one);
         Ok(BodyPoints {
@@ -120,8 +120,8 @@ impl BodyPoints {
     }
 }
 
-/// A joint that is being placed.
-struct Placed {
+/// A joint of the skeleton to be.
+struct NewJoint {
     name: String,
     parent: Option<usize>,
     /// From the root, cm.
@@ -135,9 +135,9 @@ struct Builder<'a> {
     points: &'a BodyPoints,
     /// The mean length of the legs, cm.
     leg: f64,
-    joints: Vec<Placed>,
+    joints: Vec<NewJoint>,
     /// Points in the middle of others, with their names.
-    middles: Vec<(String, Place)>,
+    middles: Vec<(String, BodyPoint)>,
 }
 
 /// +1 of the left side, -1 of the right.
@@ -167,43 +167,43 @@ impl<'a> Builder<'a> {
         Ok(builder)
     }
 
-    /// Where a place is in a frame, cm; NaN where a point of it is missing.
-    fn at(&self, frame: usize, place: &Place) -> DVec3 {
+    /// Where a point of the body is in a frame, cm; NaN where a point of it is missing.
+    fn at(&self, frame: usize, body_point: &BodyPoint) -> DVec3 {
         let at = |&p: &usize| point_at(self.poses.xyz.view(), frame, p);
-        let sum = place.iter().map(at).sum::<DVec3>();
-        sum / place.len() as f64
+        let sum = body_point.iter().map(at).sum::<DVec3>();
+        sum / body_point.len() as f64
     }
 
-    /// The median distance of two places, cm; `None` where no frame has both.
-    fn length(&self, a: &Place, b: &Place) -> Option<f64> {
+    /// The median distance of two points, cm; `None` where no frame has both.
+    fn length(&self, a: &BodyPoint, b: &BodyPoint) -> Option<f64> {
         let apart = (0..self.poses.frames()).map(|t| self.at(t, a).distance(self.at(t, b)));
         median(apart.filter(|d| d.is_finite()).collect())
     }
 
-    /// The same, else a share of the leg.
-    fn long(&self, a: &Place, b: &Place, share: f64) -> f64 {
+    /// The median distance of two points, else a share of the leg, cm.
+    fn long(&self, a: &BodyPoint, b: &BodyPoint, share: f64) -> f64 {
         self.length(a, b).unwrap_or(share * self.leg)
     }
 
-    /// Where a place is in the axes of a frame that two pairs of places span (x, then y), from an
+    /// Where a point is in the axes of a frame that two pairs of points span (x, then y), from an
     /// origin: medians, cm.
     fn within(
         &self,
-        place: &Place,
-        origin: &Place,
-        x: [&Place; 2],
-        y: [&Place; 2],
+        body_point: &BodyPoint,
+        origin: &BodyPoint,
+        x: [&BodyPoint; 2],
+        y: [&BodyPoint; 2],
     ) -> Option<DVec3> {
         let frames = (0..self.poses.frames()).filter_map(|t| {
             let [a, b, c, d] = [x[0], x[1], y[0], y[1]].map(|p| self.at(t, p));
             let frame = frame_along(b - a, d - c)?;
-            Some(frame.transpose() * (self.at(t, place) - self.at(t, origin)))
+            Some(frame.transpose() * (self.at(t, body_point) - self.at(t, origin)))
         });
-        median_place(frames)
+        median_position(frames)
     }
 
     fn push(&mut self, name: String, parent: Option<usize>, rest: DVec3) -> usize {
-        self.joints.push(Placed {
+        self.joints.push(NewJoint {
             name,
             parent,
             rest,
@@ -225,26 +225,33 @@ impl<'a> Builder<'a> {
         names.find(|n| !is_taken(n)).unwrap_or_default()
     }
 
-    /// The joint at a place: of a point, or new, with a point of its own in the middle of others.
-    fn push_place(&mut self, place: &Place, name: &str, parent: usize, rest: DVec3) -> usize {
-        if let [point] = place[..] {
+    /// The joint at a point of the body: of a point, or new, with a point of its own in the middle
+    /// of others.
+    fn push_joint(
+        &mut self,
+        body_point: &BodyPoint,
+        name: &str,
+        parent: usize,
+        rest: DVec3,
+    ) -> usize {
+        if let [point] = body_point[..] {
             return self.push_point(point, parent, rest);
         }
         let name = self.new_name(name);
-        self.middles.push((name.clone(), place.clone()));
+        self.middles.push((name.clone(), body_point.clone()));
         self.push(name, Some(parent), rest)
     }
 
-    fn hips(&self) -> Place {
+    fn hips(&self) -> BodyPoint {
         self.points.hips.to_vec()
     }
 
-    /// The root's own place.
-    fn root_place(&self) -> Place {
+    /// The root's own point.
+    fn root_point(&self) -> BodyPoint {
         self.points.root.map_or(self.hips(), |root| vec![root])
     }
 
-    fn neck_place(&self) -> Place {
+    fn neck_point(&self) -> BodyPoint {
         let shoulders = self.points.shoulders.to_vec();
         self.points.neck.clone().unwrap_or(shoulders)
     }
@@ -257,9 +264,9 @@ impl<'a> Builder<'a> {
         self.push(name, None, DVec3::ZERO);
     }
 
-    /// The place of a point that is rigid with the pelvis, in the rest pose.
-    fn on_pelvis(&self, place: &Place) -> Option<DVec3> {
-        let root = self.root_place();
+    /// The position of a point that is rigid with the pelvis, in the rest pose.
+    fn on_pelvis(&self, body_point: &BodyPoint) -> Option<DVec3> {
+        let root = self.root_point();
         let hips = self.hips();
         let [left, right] = self.points.hips.map(|p| vec![p]);
         let x = [&right, &left];
@@ -268,24 +275,24 @@ impl<'a> Builder<'a> {
             .length(&hips, &root)
             .filter(|d| *d > LEAST_TILT * self.leg);
         if tilt.is_some() {
-            return Some(rest_pelvis() * self.within(place, &root, x, [&hips, &root])?);
+            return Some(rest_pelvis() * self.within(body_point, &root, x, [&hips, &root])?);
         }
-        self.within(place, &root, x, [&hips, &self.neck_place()])
+        self.within(body_point, &root, x, [&hips, &self.neck_point()])
     }
 
     /// The spine; gives the joint that carries neck and arms.
     fn add_spine(&mut self) -> usize {
         let mut last = 0;
-        let mut below = self.root_place();
+        let mut below = self.root_point();
         for &point in &self.points.spine {
-            let place = vec![point];
-            let up = self.long(&below, &place, SPINE);
+            let body_point = vec![point];
+            let up = self.long(&below, &body_point, SPINE);
             let rest = match last {
-                0 => self.on_pelvis(&place).unwrap_or(DVec3::Y * up),
+                0 => self.on_pelvis(&body_point).unwrap_or(DVec3::Y * up),
                 _ => self.joints[last].rest + DVec3::Y * up,
             };
             last = self.push_point(point, last, rest);
-            below = place;
+            below = body_point;
         }
         if last == 0 {
             let name = self.new_name("Spine");
@@ -317,23 +324,23 @@ impl<'a> Builder<'a> {
     }
 
     fn add_neck(&mut self, chest: usize) {
-        let neck = self.neck_place();
-        let up = self.long(&self.chest_place(), &neck, SPINE);
+        let neck = self.neck_point();
+        let up = self.long(&self.chest_point(), &neck, SPINE);
         let rest = self.joints[chest].rest + DVec3::Y * up;
-        let neck_joint = self.push_place(&neck, "Neck", chest, rest);
+        let neck_joint = self.push_joint(&neck, "Neck", chest, rest);
         let Some(head) = self.points.head.clone() else {
             self.joints[neck_joint].end = Some(DVec3::Y * NECK * self.leg);
             return;
         };
         let up = self.long(&neck, &head, NECK).max(LEAST_END);
-        let head = self.push_place(&head, "Head", neck_joint, rest + DVec3::Y * up);
+        let head = self.push_joint(&head, "Head", neck_joint, rest + DVec3::Y * up);
         self.joints[head].end = Some(DVec3::Y * HEAD * self.leg);
     }
 
-    /// The place at which the last joint of the spine stands.
-    fn chest_place(&self) -> Place {
+    /// The point at which the last joint of the spine stands.
+    fn chest_point(&self) -> BodyPoint {
         let last = self.points.spine.last();
-        last.map_or(self.root_place(), |&point| vec![point])
+        last.map_or(self.root_point(), |&point| vec![point])
     }
 
     fn add_arm(&mut self, side: usize, chest: usize) {
@@ -343,19 +350,19 @@ impl<'a> Builder<'a> {
         let (from, rest, direction) = match p.collars[side] {
             Some(collar) => {
                 let [left, right] = p.shoulders.map(|s| vec![s]);
-                let (chest_place, neck) = (self.chest_place(), self.neck_place());
-                let (x, y) = ([&right, &left], [&chest_place, &neck]);
-                let within = self.within(&vec![collar], &chest_place, x, y);
+                let (chest_point, neck) = (self.chest_point(), self.neck_point());
+                let (x, y) = ([&right, &left], [&chest_point, &neck]);
+                let within = self.within(&vec![collar], &chest_point, x, y);
                 let within = within.unwrap_or(DVec3::new(out * HIP * self.leg, 0.0, 0.0));
                 (vec![collar], self.joints[chest].rest + within, COLLAR)
             }
             // CMU's collar bones hang on the chest; those of sets without a chest on the neck.
             None if !p.spine.is_empty() => {
-                (self.chest_place(), self.joints[chest].rest, CMU_COLLAR)
+                (self.chest_point(), self.joints[chest].rest, CMU_COLLAR)
             }
             None => {
-                let neck = self.neck_place();
-                let up = self.long(&self.chest_place(), &neck, SPINE);
+                let neck = self.neck_point();
+                let up = self.long(&self.chest_point(), &neck, SPINE);
                 (neck, self.joints[chest].rest + DVec3::Y * up, LEVEL)
             }
         };
@@ -378,10 +385,10 @@ impl<'a> Builder<'a> {
         let shares = [UPPER_ARM, FOREARM, HAND];
         for (point, share) in arm.into_iter().zip(shares) {
             let Some(point) = point else { continue };
-            let place = vec![point];
-            rest += DVec3::X * out * self.long(&before, &place, share);
+            let body_point = vec![point];
+            rest += DVec3::X * out * self.long(&before, &body_point, share);
             last = self.push_point(point, last, rest);
-            before = place;
+            before = body_point;
         }
         let share = if p.hands[side].is_some() {
             FINGERS
@@ -395,15 +402,15 @@ impl<'a> Builder<'a> {
     fn depth_first(&self, order: [Axis; 3]) -> Vec<Joint> {
         let (mut sorted, mut open) = (Vec::new(), vec![(0, None)]);
         while let Some((at, parent)) = open.pop() {
-            let placed = &self.joints[at];
-            let from = placed.parent.map_or(DVec3::ZERO, |p| self.joints[p].rest);
+            let joint = &self.joints[at];
+            let from = joint.parent.map_or(DVec3::ZERO, |p| self.joints[p].rest);
             let slides = [Axis::X, Axis::Y, Axis::Z].map(Channel::Translate);
             let mut channels = if at == 0 { slides.to_vec() } else { Vec::new() };
             channels.extend(order.map(Channel::Rotate));
-            let offset = placed.rest - from;
-            let ends = placed.end.map(|offset| EndSite { offset, after: 0 });
+            let offset = joint.rest - from;
+            let ends = joint.end.map(|offset| EndSite { offset, after: 0 });
             sorted.push(Joint {
-                name: placed.name.clone(),
+                name: joint.name.clone(),
                 parent,
                 offset,
                 channels,
@@ -466,7 +473,7 @@ mod tests {
             let poses = take(map, 8);
             let named = named_skeleton(&poses, map, ORDER).unwrap();
             let joints = named.template.joints();
-            let place = |name: &str| {
+            let position = |name: &str| {
                 let mut at = joints.iter().position(|j| j.name == name);
                 let mut sum = DVec3::ZERO;
                 while let Some(j) = at {
@@ -479,7 +486,7 @@ mod tests {
                 let column = map.columns(&poses.points)[cmu];
                 poses.points[column].clone()
             };
-            let along = |a: &str, b: &str| (place(&name(b)) - place(&name(a))).normalize();
+            let along = |a: &str, b: &str| (position(&name(b)) - position(&name(a))).normalize();
             for (side, out) in [("l", DVec3::X), ("r", DVec3::NEG_X)] {
                 let of = |bone: &str| format!("{side}{bone}");
                 let arm = along(&of("clavicle"), &of("humerus"));

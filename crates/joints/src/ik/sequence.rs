@@ -536,7 +536,7 @@ mod tests {
 
     /// CMU's rest pose that turns about itself, with forearms that swing.
     fn turning(frames: usize) -> Array2<f64> {
-        let place = |joint: usize| DVec3::from_array(CMU_REST[joint]);
+        let position = |joint: usize| DVec3::from_array(CMU_REST[joint]);
         Array2::from_shape_fn((frames, 69), |(t, c)| {
             let (joint, axis) = (c / 3, c % 3);
             let elbow = CMU_PARENT[if CMU[joint].ends_with("wrist") {
@@ -546,8 +546,8 @@ mod tests {
             }];
             let swings = CMU[joint].ends_with("radius") || CMU[joint].ends_with("wrist");
             let bend = if swings { (0.2 * t as f64).sin() } else { 0.0 };
-            let arm = from_rotation_vector(DVec3::Z * bend) * (place(joint) - place(elbow));
-            (from_rotation_vector(DVec3::Y * 0.4 * t as f64) * (place(elbow) + arm))[axis]
+            let arm = from_rotation_vector(DVec3::Z * bend) * (position(joint) - position(elbow));
+            (from_rotation_vector(DVec3::Y * 0.4 * t as f64) * (position(elbow) + arm))[axis]
         })
     }
 

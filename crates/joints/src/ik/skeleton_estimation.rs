@@ -57,7 +57,7 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
         known.map_or(DVec3::ZERO, |i| DVec3::from_array(REST[i]))
     };
     let pelvis = rigid_hips(poses);
-    let mut place = vec![None; names.len()];
+    let mut index = vec![None; names.len()];
     let mut bones: Vec<Bone> = Vec::new();
     for k in body.order() {
         if top(k) != root {
@@ -71,16 +71,16 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
                 (None, DVec3::ZERO, [slides, rotations].concat())
             }
             // No point shows how a hip joint turns against the root.
-            Some(p) if let Some(offset) = rigid => (place[p], *offset, Vec::new()),
+            Some(p) if let Some(offset) = rigid => (index[p], *offset, Vec::new()),
             Some(p) => {
                 let rest = at(k) - at(p);
                 let length = Some(body.lengths[k]).filter(|l| l.is_finite());
                 let direction = rest.try_normalize().unwrap_or(DVec3::Y);
                 let offset = direction * length.unwrap_or(rest.length());
-                (place[p], offset, rotations.to_vec())
+                (index[p], offset, rotations.to_vec())
             }
         };
-        place[k] = Some(bones.len());
+        index[k] = Some(bones.len());
         bones.push(Bone {
             name: names[k].clone(),
             parent,
@@ -107,17 +107,17 @@ fn rigid_hips(poses: &Poses) -> BTreeMap<String, DVec3> {
         });
         Some((
             poses.points[hip].clone(),
-            rest_pelvis() * median_place(seen)?,
+            rest_pelvis() * median_position(seen)?,
         ))
     };
     [left, right].into_iter().filter_map(offset).collect()
 }
 
-/// The median of places along each axis; those that are not finite do not count. `None`: there are
-/// none.
-pub(super) fn median_place(places: impl Iterator<Item = DVec3>) -> Option<DVec3> {
-    let seen: Vec<DVec3> = places.filter(|place| place.is_finite()).collect();
-    let along = |axis: usize| median(seen.iter().map(|place| place[axis]).collect());
+/// The median of positions along each axis; those that are not finite do not count. `None`: there
+/// are none.
+pub(super) fn median_position(positions: impl Iterator<Item = DVec3>) -> Option<DVec3> {
+    let seen: Vec<DVec3> = positions.filter(|position| position.is_finite()).collect();
+    let along = |axis: usize| median(seen.iter().map(|position| position[axis]).collect());
     Some(DVec3::new(along(0)?, along(1)?, along(2)?))
 }
 

@@ -2,7 +2,7 @@
 //! where they are wanted.
 //!
 //! Minimizes `E(q) = Σ wₜ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f
-//! the joints' places and y the wanted ones (centimeters, those that are not missing), w their
+//! the joints' positions and y the wanted ones (centimeters, those that are not missing), w their
 //! weights (1 unless set), r the frame before, s the rest posture, a and b small weights. Lai et
 //! al. solve `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's
 //! form of it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights
@@ -122,8 +122,8 @@ pub struct IkSolver<'a> {
     motions: Vec<DofMotion>,
     /// The columns of the Jacobian that move one joint, from the root on.
     columns: Vec<(usize, DVec3)>,
-    /// Where each value stands in the system being solved.
-    place: Vec<Option<usize>>,
+    /// The index of each value in the system being solved.
+    index: Vec<Option<usize>>,
     free: Vec<usize>,
     /// The nearest value above each in the system being solved.
     parents: Vec<Option<usize>>,
@@ -165,7 +165,7 @@ impl<'a> IkSolver<'a> {
             posture: Posture::default(),
             motions: Vec::new(),
             columns: Vec::new(),
-            place: Vec::new(),
+            index: Vec::new(),
             free: Vec::new(),
             parents: Vec::new(),
             normal: Vec::new(),
@@ -263,14 +263,14 @@ impl<'a> IkSolver<'a> {
 
     /// The values that a target is there for.
     fn select_free_values(&mut self, targets: &[f64], fixed: &[bool]) {
-        self.place.clear();
-        self.place.resize(self.angle.len(), None);
+        self.index.clear();
+        self.index.resize(self.angle.len(), None);
         self.free.clear();
         for (affecting_dofs, y) in self.affecting_dofs.iter().zip(targets.chunks_exact(3)) {
             if y.iter().all(|v| v.is_finite()) {
                 for &i in affecting_dofs {
-                    if self.place[i].is_none() && !fixed[i] {
-                        self.place[i] = Some(0);
+                    if self.index[i].is_none() && !fixed[i] {
+                        self.index[i] = Some(0);
                         self.free.push(i);
                     }
                 }
@@ -279,10 +279,10 @@ impl<'a> IkSolver<'a> {
         // In the skeleton's order, whatever the order of the targets.
         self.free.sort_unstable();
         for (at, &i) in self.free.iter().enumerate() {
-            self.place[i] = Some(at);
+            self.index[i] = Some(at);
         }
         let above = |i: usize| std::iter::successors(self.dof_parents[i], |&i| self.dof_parents[i]);
-        let parent = |&i: &usize| above(i).find_map(|k| self.place[k]);
+        let parent = |&i: &usize| above(i).find_map(|k| self.index[k]);
         self.parents = self.free.iter().map(parent).collect();
     }
 
@@ -311,7 +311,7 @@ impl<'a> IkSolver<'a> {
             let weight = DVec3::from_slice(&self.weights[3 * t..]);
             self.columns.clear();
             for &i in &self.affecting_dofs[t] {
-                if let Some(a) = self.place[i] {
+                if let Some(a) = self.index[i] {
                     self.columns.push((a, self.motions[i].derivative(end)));
                 }
             }
@@ -439,7 +439,7 @@ mod tests {
         .unwrap()
     }
 
-    fn places(s: &Skeleton, q: &[f64], joints: &[usize]) -> Vec<f64> {
+    fn positions(s: &Skeleton, q: &[f64], joints: &[usize]) -> Vec<f64> {
         let posture = s.posture(q);
         joints
             .iter()
@@ -474,12 +474,12 @@ mod tests {
     fn a_posture_is_recovered_from_nearby() {
         let (s, joints) = (arm(None), [0, 1, 2, 3, 4]);
         let want: Vec<f64> = (0..s.dof_count()).map(|i| (i as f64 * 1.3).sin()).collect();
-        let targets = places(&s, &want, &joints);
+        let targets = positions(&s, &want, &joints);
         let mut q: Vec<f64> = want.iter().map(|v| v + 0.2).collect();
         let done = solve(&s, &joints, &targets, &mut q, false);
         assert!(done.converged && done.iterations <= 20, "{done:?}");
         assert!(done.misfit <= 1e-6, "{done:?}");
-        let found = places(&s, &q, &joints);
+        let found = positions(&s, &q, &joints);
         assert!(
             found
                 .iter()
@@ -493,7 +493,7 @@ mod tests {
         let s = arm(None);
         let mut q: Vec<f64> = (0..s.dof_count()).map(|i| 0.1 * i as f64).collect();
         let joints = [0, 1, 2, 4];
-        let mut targets = places(&s, &q, &joints);
+        let mut targets = positions(&s, &q, &joints);
         targets[9..].fill(f64::NAN);
         let old = q.clone();
         q[0] += 3.0;
@@ -513,7 +513,7 @@ mod tests {
         let mut want = vec![0.0; s.dof_count()];
         let hinge = s.dofs_of(4).start;
         want[hinge] = 1.2;
-        let targets = places(&s, &want, &joints);
+        let targets = positions(&s, &want, &joints);
         let mut q = vec![0.0; s.dof_count()];
         q[hinge] = 0.3;
         solve(&s, &joints, &targets, &mut q, true);
@@ -522,7 +522,7 @@ mod tests {
         assert!((q[hinge] - 1.2).abs() <= 1e-4, "{}", q[hinge]);
         // What is beyond a limit comes back to it, and what stands on one may leave it.
         want[hinge] = 0.2;
-        let targets = places(&s, &want, &joints);
+        let targets = positions(&s, &want, &joints);
         solve(&s, &joints, &targets, &mut q, true);
         assert!((q[hinge] - 0.2).abs() <= 1e-4, "{}", q[hinge]);
     }

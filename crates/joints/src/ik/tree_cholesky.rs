@@ -4,7 +4,7 @@
 //! `H = Lᵀ L` from the leaves inwards keeps every zero (R. Featherstone, Rigid Body Dynamics
 //! Algorithms, 2008, section 6.5), so that a solution costs O(n depth²), not O(n³ / 3).
 
-/// Solves `H x = b` in place of `b`.
+/// Solves `H x = b`; x replaces `b`.
 ///
 /// `h`: the lower triangle of a symmetric matrix (n, n), row after row, which is lost; `parents[i]
 /// < i` is the next column of row i that is not zero, from the diagonal downwards. `false` where H

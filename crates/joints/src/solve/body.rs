@@ -33,7 +33,7 @@ pub(super) struct BodyMarker {
     pub sd: f64,
 }
 
-/// Bones and markers, which numbers put in place.
+/// Bones and markers, whose positions numbers give.
 pub(super) struct Body {
     /// CMU's skeleton without fingers and thumbs.
     pub template: Skeleton,
@@ -86,7 +86,7 @@ impl Body {
                 along: marker.landmark.along,
                 sd: marker.sd,
             });
-            let [at, sd] = marker.landmark.place(joints, marker.is_right);
+            let [at, sd] = marker.landmark.offset_and_sd(joints, marker.is_right);
             for c in 0..3 {
                 let n = BONES + 3 * m + c;
                 body.mean[n] = at[c];

@@ -10,7 +10,7 @@ const FRONT: f64 = 3.0;
 /// Bones with markers at the front and at the back.
 const BONES: [&str; 3] = ["root", "thorax", "head"];
 
-/// The places of markers on the body; `None` where no built-in set knows enough of them.
+/// The positions of markers on the body; `None` where no built-in set knows enough of them.
 #[doc(hidden)]
 pub fn body_points(points: &[String]) -> Option<BodyPoints> {
     let set = MarkerSet::of(points)?;
@@ -21,7 +21,7 @@ pub fn body_points(points: &[String]) -> Option<BodyPoints> {
     let of = |is: &dyn Fn(&NamedMarker) -> bool| -> Vec<usize> {
         markers.iter().filter(|m| is(m)).map(|m| m.point).collect()
     };
-    let offset = |m: &NamedMarker| m.landmark.place(JointSet::Cmu, m.is_right)[0];
+    let offset = |m: &NamedMarker| m.landmark.offset_and_sd(JointSet::Cmu, m.is_right)[0];
     let side = |is_right: bool| {
         let on = |bones: &[&str], least: f64| {
             of(&|m: &NamedMarker| {

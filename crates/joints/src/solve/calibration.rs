@@ -1,4 +1,4 @@
-//! The bones of a person and the places of the markers, fitted with the poses of some frames.
+//! The bones of a person and the positions of the markers, fitted with the poses of some frames.
 //!
 //! ```text
 //! (κ/F) Σ_f [Σ ρ(|y − x|²/σ²) + rᵀ Λ r] + (s − s₀)ᵀ P (s − s₀)

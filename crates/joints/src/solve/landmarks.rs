@@ -105,22 +105,22 @@ impl Landmark {
         Landmark::new(bone, 1.0, [DVec3::ZERO, DVec3::splat(TRUE_PLACE)])
     }
 
-    /// A landmark that is at one place for all joints.
-    pub(crate) fn new(bone: &str, along: f64, place: [DVec3; 2]) -> Landmark {
+    /// A landmark that is at one position for all joints.
+    pub(crate) fn new(bone: &str, along: f64, offset_and_sd: [DVec3; 2]) -> Landmark {
         Landmark {
             bone: Cow::Owned(bone.to_string()),
             along,
-            offsets: [place; 2],
+            offsets: [offset_and_sd; 2],
         }
     }
 
-    /// The same landmark at another place.
-    pub(crate) fn at(&self, place: DVec3, sd: DVec3) -> Landmark {
-        Landmark::new(&self.bone, self.along, [place, sd])
+    /// The same landmark at another position.
+    pub(crate) fn at(&self, offset: DVec3, sd: DVec3) -> Landmark {
+        Landmark::new(&self.bone, self.along, [offset, sd])
     }
 
     /// Where it is, from a share of the bone, and the deviations of that, cm.
-    pub(crate) fn place(&self, joints: JointSet, is_right: bool) -> [DVec3; 2] {
+    pub(crate) fn offset_and_sd(&self, joints: JointSet, is_right: bool) -> [DVec3; 2] {
         let [at, sd] = self.offsets[usize::from(joints == JointSet::Anatomical)];
         if is_right { [mirror(at), sd] } else { [at, sd] }
     }
@@ -134,8 +134,8 @@ mod tests {
     fn every_row_of_the_dictionary_is_read() {
         let rows = include_str!("landmarks.csv").lines().count() - 1;
         assert_eq!(ALL.len(), rows);
-        let [left, sd] = landmark("ASI").unwrap().place(JointSet::Cmu, false);
-        let [right, _] = landmark("ASI").unwrap().place(JointSet::Cmu, true);
+        let [left, sd] = landmark("ASI").unwrap().offset_and_sd(JointSet::Cmu, false);
+        let [right, _] = landmark("ASI").unwrap().offset_and_sd(JointSet::Cmu, true);
         assert_eq!((left.x, left.y, left.z), (-right.x, right.y, right.z));
         assert!(sd.min_element() >= LEAST_SD);
         assert_eq!(landmark("nothing"), None);

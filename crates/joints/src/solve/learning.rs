@@ -4,8 +4,8 @@
 use super::body::BONES;
 use super::landmarks::{JointSet, Landmark};
 use super::marker_sets::{MarkerSet, NamedMarker};
+use super::marker_solver::too_few;
 use super::person::{Calibrated, calibrated};
-use super::solver::too_few;
 use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, FRAMES, LEAST_PEOPLE};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
@@ -33,23 +33,23 @@ impl MarkerSet {
         takes: &TakesToLearn<'_>,
         set: Option<&MarkerSet>,
     ) -> Result<MarkerSet> {
-        let mut places: BTreeMap<String, Vec<DVec3>> = BTreeMap::new();
+        let mut positions: BTreeMap<String, Vec<DVec3>> = BTreeMap::new();
         let mut known: BTreeMap<String, Landmark> = BTreeMap::new();
         let mut joints_of = JointSet::Cmu;
         for (markers, joints) in takes {
             let own = set.or_else(|| MarkerSet::of(&markers.points));
             let own = own.ok_or_else(|| Error::usage("no marker set"))?;
             joints_of = joints.map_or(own.joints, |joints| JointSet::of(&joints.points));
-            for (pattern, landmark, place) in places_in(own, markers, *joints, joints_of)? {
+            for (pattern, landmark, position) in positions_in(own, markers, *joints, joints_of)? {
                 let first = known.entry(pattern.clone()).or_insert(landmark.clone());
                 if (&first.bone, first.along) == (&landmark.bone, landmark.along) {
-                    places.entry(pattern).or_default().push(place);
+                    positions.entry(pattern).or_default().push(position);
                 }
             }
         }
         let learned = known.into_iter().map(|(pattern, landmark)| {
-            let [base, sd] = landmark.place(joints_of, false);
-            let own = &places[&pattern];
+            let [base, sd] = landmark.offset_and_sd(joints_of, false);
+            let own = &positions[&pattern];
             let count = own.len() as f64;
             // Half a person is as the built-in landmark has it.
             let mean = (own.iter().sum::<DVec3>() + base * BUILT_IN) / (count + BUILT_IN);
@@ -65,7 +65,7 @@ impl MarkerSet {
 }
 
 /// Where the markers of a take are on their bones, as of the left side, by their pattern.
-fn places_in(
+fn positions_in(
     set: &MarkerSet,
     markers: &Poses,
     joints: Option<&Poses>,
@@ -108,9 +108,9 @@ fn places_in(
         let at = sides.iter().map(|s| s.1).sum::<DVec3>() / sides.len() as f64;
         Some((pattern, sides.into_iter().next()?.0.landmark, at))
     };
-    let mut places: Vec<_> = sides.into_iter().filter_map(mean).collect();
-    places.extend(other_markers(set, markers, &calibrated)?);
-    Ok(places)
+    let mut positions: Vec<_> = sides.into_iter().filter_map(mean).collect();
+    positions.extend(other_markers(set, markers, &calibrated)?);
+    Ok(positions)
 }
 
 /// The markers of a take that the set does not know and that move as one of the bones does, which

@@ -139,8 +139,11 @@ impl MarkerSet {
             .ok_or_else(|| bad("is no marker set that label or solve has learned".to_string()))?;
         check_count(learned.markers.len()).map_err(&bad)?;
         let known = |(pattern, marker): (String, LearnedMarker)| {
-            let place = [marker.offset, marker.sd].map(DVec3::from_array);
-            (pattern, Landmark::new(&marker.bone, marker.along, place))
+            let offset_and_sd = [marker.offset, marker.sd].map(DVec3::from_array);
+            (
+                pattern,
+                Landmark::new(&marker.bone, marker.along, offset_and_sd),
+            )
         };
         let markers = learned.markers.into_iter().map(known);
         Ok(MarkerSet {
@@ -211,7 +214,7 @@ impl MarkerSet {
     /// None for numbers that are finite.
     pub fn to_json(&self) -> Result<String> {
         let marker = |line: &Line| {
-            let [offset, sd] = line.landmark.place(JointSet::Anatomical, false);
+            let [offset, sd] = line.landmark.offset_and_sd(JointSet::Anatomical, false);
             let marker = LearnedMarker {
                 bone: line.landmark.bone.to_string(),
                 along: line.landmark.along,
@@ -254,7 +257,7 @@ impl MarkerSet {
             }
             known.push(&line.pattern);
             let Landmark { bone, along, .. } = &line.landmark;
-            let [at, sd] = line.landmark.place(self.joints, false);
+            let [at, sd] = line.landmark.offset_and_sd(self.joints, false);
             let (at, sd) = (at.to_array().map(|v| format!("{v:.1}")), sd.to_array());
             let (at, sd) = (at.join(" "), sd.map(|v| format!("{v:.1}")).join(" "));
             let name = &line.pattern;

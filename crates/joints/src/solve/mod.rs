@@ -2,10 +2,11 @@
 //! every frame, fitted together.
 //!
 //! A marker is on a landmark of a bone, of which a dictionary knows where it is about, as the
-//! marker set says by the marker's name. The bones of the body and the places of the markers are
+//! marker set says by the marker's name. The bones of the body and the positions of the markers are
 //! fitted with the poses of some frames, then every frame by itself.
 
 mod body;
+mod body_labels;
 mod body_points;
 mod calibration;
 mod deviations;
@@ -13,21 +14,20 @@ mod fitted;
 mod landmarks;
 mod learning;
 mod marker_sets;
-mod naming;
+mod marker_solver;
 mod page;
 mod person;
 mod solved_take;
-mod solver;
 mod tuning;
 mod unseen_limbs;
 
+pub use body_labels::BodyModel;
 #[doc(hidden)]
 pub use body_points::body_points;
 pub use landmarks::JointSet;
 pub use marker_sets::MarkerSet;
-pub use naming::BodyModel;
-pub use solved_take::{SolvedTake, UsedMarker};
 #[doc(hidden)]
-pub use solver::doubt;
-pub use solver::{SolveSettings, solve};
+pub use marker_solver::doubt;
+pub use marker_solver::{SolveSettings, solve};
+pub use solved_take::{SolvedTake, UsedMarker};
 pub use unseen_limbs::UnseenLimb;

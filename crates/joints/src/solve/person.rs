@@ -95,7 +95,7 @@ impl Calibrated {
         (gain(best) >= EXCHANGED).then_some(best)
     }
 
-    /// Squared deviations of a marker's place from where those like `other` are, on one bone.
+    /// Squared deviations of a marker's position from where those like `other` are, on one bone.
     fn square_from(&self, marker: usize, other: usize) -> f64 {
         let of = |c: usize| {
             let [own, there] = [marker, other].map(|m| BONES + 3 * m + c);
@@ -105,11 +105,11 @@ impl Calibrated {
         (0..3).map(of).sum()
     }
 
-    /// Standard deviation of the place of each marker on its bone, cm.
+    /// Standard deviation of the position of each marker on its bone, cm.
     ///
     /// # Errors
     /// [`Error::Usage`]: bones and markers are not known.
-    pub(super) fn place_deviations(&self) -> Result<Vec<f64>> {
+    pub(super) fn position_deviations(&self) -> Result<Vec<f64>> {
         let singular = || Error::usage("bones and markers are not known: singular equations");
         let factor = Cholesky::new(self.precision.clone()).ok_or_else(singular)?;
         let covariance = factor
@@ -126,7 +126,7 @@ impl Calibrated {
     ///
     /// # Errors
     /// [`Error::Usage`]: the equations of the prior are singular.
-    pub(super) fn places(&self) -> Result<Array2<f64>> {
+    pub(super) fn positions(&self) -> Result<Array2<f64>> {
         let fitted = self.fitted(&self.xyz)?;
         let sequence = fitted.sequence(&mut |_| ())?;
         fitted.ends(&sequence, &self.body.marker_bones())
@@ -168,7 +168,7 @@ fn pelvis_width(named: &[NamedMarker], xyz: &Array2<f64>, joints: JointSet) -> O
     let (left, right) = (of(false)?, of(true)?);
     let widths = (0..xyz.nrows())
         .map(|t| point_at(xyz.view(), t, left).distance(point_at(xyz.view(), t, right)));
-    let expected = 2.0 * front.place(joints, false)[0].x;
+    let expected = 2.0 * front.offset_and_sd(joints, false)[0].x;
     Some(median(widths.filter(|w| w.is_finite()).collect())? / expected)
 }
 

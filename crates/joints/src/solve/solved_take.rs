@@ -47,9 +47,9 @@ pub struct UsedMarker {
     pub name: String,
     /// The bone that it is on.
     pub bone: String,
-    /// How far it is from its place on its bone, cm: the mean over the frames.
+    /// How far it is from its position on its bone, cm: the mean over the frames.
     pub distance: f64,
-    /// How far that place is from where such a marker is mostly, standard deviations.
+    /// How far that position is from where such a marker is mostly, standard deviations.
     pub deviations: f64,
     /// The marker on the other side of its bone that it changes places with: each is where the
     /// other mostly is.

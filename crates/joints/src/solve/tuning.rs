@@ -10,7 +10,7 @@ pub(super) const STATIC_FRAMES: usize = 6;
 /// As many frames count against what is known of people: skin slides, so that frames are not
 /// independent. At 60 and more the take's own motion is believed too much.
 pub(super) const INDEPENDENT: f64 = 6.0;
-/// Standard deviation of a marker's place, at least, cm: skin, and who put it on.
+/// Standard deviation of a marker's position, at least, cm: skin, and who put it on.
 pub(super) const LEAST_SD: f64 = 1.2;
 /// Steps of the fit of bones and markers, at most, and the share of the cost that ends them.
 pub(super) const STEPS: usize = 12;
@@ -39,28 +39,28 @@ pub(super) const CMU_BONES: f64 = 0.5;
 pub(super) const FREER: f64 = 3.0;
 pub(super) const COLLAR: f64 = 8.0;
 pub(super) const UNEVEN: f64 = 0.4;
-/// By how much more collar bones differ there than CMU's, whose shoulders are put in place by rule.
+/// By how much more collar bones differ there than CMU's, whose shoulders are set by rule.
 /// Measured on three takes: shoulders off by 1.8 cm without, 1.2 with 2, 1.1 with 3.
 pub(super) const SHOULDERS: f64 = 2.0;
 /// By how much more a shoulder may be off than the fit tells.
 pub(super) const SHOULDER: f64 = 1.7;
-/// Standard deviation of a joint that is known, cm, and of its place on its bone.
+/// Standard deviation of a joint that is known, cm, and of its position on its bone.
 pub(super) const TRUE_SD: f64 = 0.15;
 pub(super) const TRUE_PLACE: f64 = 0.05;
-/// People as whom the built-in landmark counts, in the place of a learned marker and its deviation.
+/// People as whom the built-in landmark counts, instead of a learned marker and its deviation.
 pub(super) const BUILT_IN: f64 = 0.5;
 pub(super) const LEAST_PEOPLE: f64 = 3.0;
-/// A marker is named as one whose name may be wrong where its place on its bone is so many
+/// A marker is named as one whose name may be wrong where its position on its bone is so many
 /// deviations from where such markers are, or it is so far from it, cm. (Clean takes of the
 /// prototype: at most 4.8 deviations; of 20 exchanged pairs all found.)
 pub(super) const ODD_PLACE: f64 = 5.0;
 pub(super) const FAR: f64 = 10.0;
-/// Or where left and right of a bone, each in the other's place, have so much less of squared
+/// Or where left and right of a bone, each at the other's position, have so much less of squared
 /// deviations.
 pub(super) const EXCHANGED: f64 = 16.0;
 
 /// Names of points by the body.
-pub(super) mod naming {
+pub(super) mod body_labels {
     /// Frames that bones and markers are fitted on.
     pub(crate) const FRAMES: usize = 16;
     /// Turns about the vertical to start from.
@@ -70,7 +70,7 @@ pub(super) mod naming {
     pub(crate) const WIDE: f64 = 60.0;
     pub(crate) const NARROW: f64 = 8.0;
     pub(crate) const SIGMAS: f64 = 6.0;
-    /// By how many variances of its place on the body a marker reaches farther.
+    /// By how many variances of its position on the body a marker reaches farther.
     pub(crate) const WIDER: f64 = 2.0;
     /// Steps of the pose in a round.
     pub(crate) const STEPS: usize = 3;
@@ -83,10 +83,10 @@ pub(super) mod learning {
     /// Frames that are looked at, at most, and in which a marker is seen, at least.
     pub(crate) const MOST_FRAMES: usize = 200;
     pub(crate) const FEWEST_FRAMES: usize = 20;
-    /// How far a marker of a bone is from its place on it, cm: the median, at most.
+    /// How far a marker of a bone is from its position on it, cm: the median, at most.
     pub(crate) const MOVES_AS: f64 = 3.0;
     /// How far it is from its bone, cm, at most.
     pub(crate) const FARTHEST: f64 = 20.0;
-    /// Standard deviation of that place in another take, cm.
+    /// Standard deviation of that position in another take, cm.
     pub(crate) const OTHER_SD: f64 = 2.0;
 }

@@ -1,5 +1,5 @@
 //! Which points hang on which, measured: the tree in which the distances along branches vary
-//! least. Of a skeleton's joints these are the bones, of markers those of one segment.
+//! least. For a skeleton's joints these are the bones, for markers those of one segment.
 
 use crate::clip::Clip;
 use crate::pose::rotation::shortest_arc;

@@ -105,17 +105,17 @@ impl<'a> Blender<'a> {
         };
         let root = self.tree.root;
         let (mut a, mut b) = (pose(0, 0), pose(1, 0));
-        let mut place = a[root].with_y(0.0);
+        let mut position = a[root].with_y(0.0);
         let mut poses = vec![a.clone()];
         for k in 1..=steps {
             let (next_a, next_b) = (pose(0, k), pose(1, k));
             let middle = 0.5 * (timing.weights[k - 1] + timing.weights[k]);
             let way = (next_a[root] - a[root]).lerp(next_b[root] - b[root], middle);
             (a, b) = (next_a, next_b);
-            place += way.with_y(0.0);
+            position += way.with_y(0.0);
             let weight = timing.weights[k];
             let height = (1.0 - weight) * a[root].y + weight * b[root].y;
-            let at = place.with_y(height);
+            let at = position.with_y(height);
             poses.push(if k == steps {
                 b.iter().map(|p| *p - b[root] + at).collect()
             } else {
@@ -165,8 +165,8 @@ impl<'a> Blender<'a> {
         if let Some(k) = (0..self.legs.len()).find(stands_through) {
             let [from, to] = [0, last as usize].map(|k| &blend.poses[k]);
             let leg = &self.legs[k];
-            let end = leg.place(from) + ways[k].iter().sum::<DVec3>();
-            blend.move_end(end - leg.place(to));
+            let end = leg.position(from) + ways[k].iter().sum::<DVec3>();
+            blend.move_end(end - leg.position(to));
         }
         for ((leg, standing), ways) in self.legs.iter().zip(&standing).zip(&ways) {
             leg.plant(&mut blend.poses, standing, ways, self.clips[0].rate);

@@ -115,7 +115,7 @@ impl Leg {
     }
 
     /// Where the sole is, on the ground.
-    pub(super) fn place(&self, pose: &[DVec3]) -> DVec3 {
+    pub(super) fn position(&self, pose: &[DVec3]) -> DVec3 {
         pose[self.sole].with_y(0.0)
     }
 
@@ -140,7 +140,7 @@ impl Leg {
             if inside.is_empty() {
                 continue;
             }
-            let from_path = |k: usize| self.place(&poses[k]) - path[k];
+            let from_path = |k: usize| self.position(&poses[k]) - path[k];
             let (first, end) = (from_path(0), from_path(last));
             // What stands at an end of the blend stands there; through all of it, where both ends
             // differ, it goes from one to the other.

@@ -131,7 +131,7 @@ pub(super) fn pace(clips: [&Clip; 2], frames: [usize; 2]) -> f64 {
     };
     let paces = PACES.map(|k| f64::from(k) / 12.0).map(f64::exp2);
     let costs = paces.map(|pace| (pace, cost(pace)));
-    // Of equal ones that which changes nothing.
+    // Where two cost the same, the pace that changes nothing.
     let one = (1.0, cost(1.0));
     let best = costs.fold(one, |best, own| if own.1 < best.1 { own } else { best });
     best.0

@@ -94,11 +94,11 @@ impl Motion {
         let hip = middle[joint::HIP];
         let origin = DVec3::new(hip.x, self.ground, hip.z);
         let half = samples(seconds) / 2;
-        let place = |i: usize| {
+        let position = |i: usize| {
             let time = frame as f64 + (i as f64 - half as f64) / RATE * self.rate;
             self.at(time).map(|p| turn * ((p - origin) * self.scale))
         };
-        (0..=2 * half).map(place).collect()
+        (0..=2 * half).map(position).collect()
     }
 }
 
@@ -162,7 +162,7 @@ mod tests {
     /// A person who walks along x at 120 cm a second and is turned by `yaw`; joints sway.
     fn walking(frames: usize, rate: f64, yaw: f64) -> Motion {
         let turn = DMat3::from_rotation_y(yaw);
-        let place = |t: usize, j: usize| {
+        let position = |t: usize, j: usize| {
             let time = t as f64 / rate;
             let side = match j {
                 joint::LHIP => 10.0,
@@ -174,7 +174,7 @@ mod tests {
         };
         let take = Poses {
             points: JOINTS.map(String::from).into(),
-            xyz: Array2::from_shape_fn((frames, 48), |(t, c)| place(t, c / 3)[c % 3]),
+            xyz: Array2::from_shape_fn((frames, 48), |(t, c)| position(t, c / 3)[c % 3]),
             ..Poses::default()
         };
         let own = JOINTS.map(|j| (j.to_string(), j.to_string()));
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn place_and_yaw_of_the_labeled_frame_are_removed() {
+    fn position_and_yaw_of_the_labeled_frame_are_removed() {
         let (a, b) = (walking(240, 120.0, 0.3), walking(120, 60.0, 2.0));
         // The same motion at two rates and two headings looks the same.
         let (a, b) = (a.around(100, 0.5), b.around(50, 0.5));

@@ -125,8 +125,8 @@ pub struct Candidate {
 impl Candidate {
     /// The order of the choice; no two candidates are equal in it.
     pub(crate) fn order(&self, other: &Candidate) -> std::cmp::Ordering {
-        let place = |c: &Candidate| (c.a, c.b);
-        (self.rank.total_cmp(&other.rank)).then(place(self).cmp(&place(other)))
+        let poses = |c: &Candidate| (c.a, c.b);
+        (self.rank.total_cmp(&other.rank)).then(poses(self).cmp(&poses(other)))
     }
 }
 

@@ -5,13 +5,13 @@
 //!
 //! d(x, y) = 1/16 sum_k |c_k(x) - c_k(y)| < near
 //!
-//! c_k: joint k in the body's own frame (no place, no yaw), scaled to one body height, cm.
+//! c_k: joint k in the body's own frame (no position, no yaw), scaled to one body height, cm.
 //! `near` is 10 cm in Chen et al. Poses are looked at about ten times a second. The proposed pairs
 //! are spread over takes and over distances, and no two of them are within .25 s of each other on
 //! both sides. Cost: n^2 / 2 distances of n looked-at poses, in parallel.
 
 mod candidates;
-mod spread;
+mod choice;
 
 use super::body_frame::BodyFramePoses;
 use crate::Result;
@@ -148,7 +148,7 @@ pub fn propose(takes: &[BodyFramePoses], names: &[String], rules: &PairRules) ->
         return Err(too_short(takes, &rates, rules.margin).into());
     }
     let found = Found::search(&sample, rules);
-    let pairs = spread::choose(&sample, &found, rules);
+    let pairs = choice::choose(&sample, &found, rules);
     if pairs.is_empty() {
         return Err(nothing_near(takes, &rates, rules).into());
     }

@@ -12,7 +12,7 @@
 //! Cost of a step: n at the least, k products of k for the balls, n k D at the most.
 
 use super::dataset::{Dataset, NearestCentroid, squared_distance};
-use super::distances::{Centroids, SLACK, Scratch, TILE};
+use super::squared_distances::{Centroids, SLACK, Scratch, TILE};
 use super::update::ClusterMembers;
 use crate::numeric::parallel;
 

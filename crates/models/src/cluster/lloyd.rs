@@ -6,9 +6,9 @@
 use super::assignment::BoundedAssignment;
 use super::clustering::{Clustering, KMeansProgress};
 use super::dataset::Dataset;
-use super::distances::Centroids;
 use super::parameters::KMeans;
 use super::seeding;
+use super::squared_distances::Centroids;
 use super::update::{ClusterMembers, distances, farthest, means};
 use crate::numeric::parallel;
 use ndarray::Array2;

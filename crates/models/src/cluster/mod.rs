@@ -18,7 +18,7 @@
 //! | `lloyd` | Lloyd's alternation, empty clusters repaired; the best of the restarts |
 //! | `assignment` | assignment by Hamerly's bounds, candidates in a ball around each centroid |
 //! | `dataset` | the checked table, the exact distance |
-//! | `distances` | distances in blocks; exact where rounding could change an answer |
+//! | `squared_distances` | distances in blocks; exact where rounding could change an answer |
 //! | `update` | means, and poses for empty clusters |
 //! | `hierarchical` | a tree with branch B: K leaves for about B log K distances per pose |
 //! | `balanced` | clusters of equal size |
@@ -48,17 +48,17 @@ mod assignment;
 mod balanced;
 mod clustering;
 mod dataset;
-mod distances;
 mod hierarchical;
 mod kmeans;
 mod lloyd;
 mod parameters;
 mod seeding;
+mod squared_distances;
 mod update;
 
 pub use clustering::{Clustering, KMeansProgress};
-pub use distances::assign;
 pub use parameters::KMeans;
+pub use squared_distances::assign;
 
 #[cfg(test)]
 mod testdata {

@@ -68,7 +68,7 @@ impl Cell {
         cell
     }
 
-    /// Drops the members at `gone`, ascending; others take their places.
+    /// Drops the members at `gone`, ascending; others take their indices.
     fn drop(&mut self, gone: &[(usize, usize)], d: usize) {
         for &(_, at) in gone.iter().rev() {
             let last = self.members.len() - 1;

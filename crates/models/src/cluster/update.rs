@@ -1,7 +1,7 @@
 //! The update step: means of clusters, and poses for those that are empty.
 
 use super::dataset::{Dataset, add, squared_distance};
-use super::distances::Centroids;
+use super::squared_distances::Centroids;
 use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashSet;

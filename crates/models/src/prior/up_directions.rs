@@ -16,12 +16,12 @@ const ARRAY: &str = "up";
 const LEAST_MEAN: f64 = 0.5;
 
 /// The up directions (m, 3) of poses that were placed so; `None` where y is not up, or where all
-/// poses were in place: then they are in body space, which says nothing of the world.
+/// poses were aligned: then they are in body space, which says nothing of the world.
 pub(super) fn of_placements(placements: &[Similarity]) -> Option<Array2<f32>> {
     let up = |p: &Similarity| p.rotation.transpose() * DVec3::Y;
     let sum: DVec3 = placements.iter().map(up).sum();
-    let are_in_place = placements.iter().all(|p| *p == Similarity::IDENTITY);
-    if are_in_place || sum.length() < LEAST_MEAN * placements.len() as f64 {
+    let are_aligned = placements.iter().all(|p| *p == Similarity::IDENTITY);
+    if are_aligned || sum.length() < LEAST_MEAN * placements.len() as f64 {
         return None;
     }
     let all: Vec<f32> = (placements.iter())

@@ -12,8 +12,8 @@ const CHUNK: usize = 512;
 
 /// Which codes use each atom: lists one after the other, as in a sparse matrix by columns.
 pub(super) struct AtomUsage {
-    start: Vec<usize>,       // (n + 1)
-    places: Vec<(u32, u32)>, // row and column in the codes
+    start: Vec<usize>,        // (n + 1)
+    indices: Vec<(u32, u32)>, // row and column in the codes
 }
 
 impl AtomUsage {
@@ -26,16 +26,16 @@ impl AtomUsage {
             start[j + 1] += start[j];
         }
         let mut next = start.clone();
-        let mut places = vec![(0, 0); start[n]];
+        let mut indices = vec![(0, 0); start[n]];
         for ((i, k), &atom) in support.indexed_iter().filter(|&(_, &a)| a != UNUSED) {
-            places[next[atom as usize]] = (i as u32, k as u32);
+            indices[next[atom as usize]] = (i as u32, k as u32);
             next[atom as usize] += 1;
         }
-        AtomUsage { start, places }
+        AtomUsage { start, indices }
     }
 
     pub(crate) fn of_atom(&self, j: usize) -> &[(u32, u32)] {
-        &self.places[self.start[j]..self.start[j + 1]]
+        &self.indices[self.start[j]..self.start[j + 1]]
     }
 }
 
@@ -73,22 +73,22 @@ pub(super) fn update(
     let d = dictionary.width();
     let (mut e, mut x) = (Vec::new(), Vec::new());
     for j in 0..dictionary.len() {
-        let places = uses.of_atom(j);
-        if places.is_empty() {
+        let indices = uses.of_atom(j);
+        if indices.is_empty() {
             continue;
         }
         e.clear();
         x.clear();
         let atom = dictionary.atom_mut(j);
-        for &(i, k) in places {
+        for &(i, k) in indices {
             let (i, k) = (i as usize, k as usize);
             let from = e.len();
             e.extend_from_slice(&residual[i * d..(i + 1) * d]);
             add(&mut e[from..], coefficients[[i, k]], atom);
         }
-        x.resize(places.len(), 0.0);
+        x.resize(indices.len(), 0.0);
         refine(&e, atom, &mut x);
-        for ((&(i, k), &x), e) in places.iter().zip(&x).zip(e.chunks_exact(d)) {
+        for ((&(i, k), &x), e) in indices.iter().zip(&x).zip(e.chunks_exact(d)) {
             let (i, k) = (i as usize, k as usize);
             coefficients[[i, k]] = x;
             let r = &mut residual[i * d..(i + 1) * d];

@@ -5,7 +5,7 @@ use super::{Dictionary, StopReason};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 
-/// Marks a place of [`SparseCodes::atoms`] that holds no atom.
+/// Marks a slot of [`SparseCodes::atoms`] that holds no atom.
 pub const UNUSED: u32 = u32::MAX;
 
 /// The codes of m poses, at most k atoms each.

@@ -66,8 +66,8 @@ impl Dictionary {
             let key: Vec<u32> = atom.iter().map(|a| (a * sign + 0.0).to_bits()).collect();
             match first.entry(key) {
                 Entry::Occupied(earlier) => copies.push((i, *earlier.get())),
-                Entry::Vacant(place) => {
-                    place.insert(i);
+                Entry::Vacant(entry) => {
+                    entry.insert(i);
                 }
             }
         }

@@ -193,14 +193,16 @@ impl<'a> ProjectionIndex<'a> {
 
     /// The rows within an RMS distance of a pose, cm.
     fn near(&self, pose: &[f32], rms: f64) -> impl Iterator<Item = usize> {
-        let place: f32 = pose.iter().zip(&self.direction).map(|(a, b)| a * b).sum();
+        let projection: f32 = pose.iter().zip(&self.direction).map(|(a, b)| a * b).sum();
         let limit = rms * rms * pose.len() as f64;
         // The f32 rounding of the projections is far below 0.01 cm.
         let reach = limit.sqrt() as f32 + 0.01;
-        let from = self.projections.partition_point(|p| p.0 < place - reach);
+        let from = self
+            .projections
+            .partition_point(|p| p.0 < projection - reach);
         let inside = self.projections[from..]
             .iter()
-            .take_while(move |p| p.0 <= place + reach);
+            .take_while(move |p| p.0 <= projection + reach);
         inside.map(|p| p.1).filter(move |&row| {
             let mut sum = 0.0;
             self.xyz.row(row).iter().zip(pose).all(|(a, b)| {

@@ -167,11 +167,11 @@ fn units(tests: &[&Measurement]) -> Vec<usize> {
 /// The mean error over seeds (one test each) in each bootstrap draw of the units.
 fn bootstrap(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
     // The index of each unit among all, found once and not in every draw.
-    let placed: Vec<Vec<(usize, ResampledUnit)>> = tests
+    let indexed: Vec<Vec<(usize, ResampledUnit)>> = tests
         .iter()
         .map(|t| {
-            let place = |u: &ResampledUnit| all.binary_search(&u.unit).ok().map(|at| (at, *u));
-            t.units.iter().filter_map(place).collect()
+            let index = |u: &ResampledUnit| all.binary_search(&u.unit).ok().map(|at| (at, *u));
+            t.units.iter().filter_map(index).collect()
         })
         .collect();
     parallel::map_chunks(DRAWS, 1, |range| {
@@ -188,7 +188,7 @@ fn bootstrap(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
             // A seed without a drawn unit does not count.
             (weight > 0.0).then_some(sum / weight)
         };
-        mean(placed.iter().filter_map(of_seed))
+        mean(indexed.iter().filter_map(of_seed))
     })
 }
 

@@ -43,7 +43,7 @@ pub(super) fn objective(
     }
     let targets: usize = anchors.iter().map(|a| a.targets.len()).sum();
     let count = targets.max(1) as f64;
-    // Of |z_i − z_j|² by z_i; half of it was added.
+    // The gradient of |z_i − z_j|² by z_i; half of it was added.
     let gradient = transposed_product(x, by_z.view()) * (2.0 / count);
     (sum / count, gradient)
 }

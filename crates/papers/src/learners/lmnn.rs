@@ -74,7 +74,7 @@ pub(crate) fn fit(pairs: &TrainingPairs<'_>, settings: &Settings) -> Result<Lear
     })
 }
 
-/// The poses that pairs name, by their place among them.
+/// The poses that pairs name, by their index among them.
 struct Labeled {
     /// The row of each among all poses (m).
     rows: Vec<usize>,
@@ -92,10 +92,10 @@ impl Labeled {
         let of = components(pairs.x.nrows(), pairs.alike).of;
         let partners = |pairs: &[[usize; 2]]| {
             let mut partners = vec![Vec::new(); rows.len()];
-            let places = pairs
+            let indices = pairs
                 .iter()
                 .map(|p| p.map(|row| rows.partition_point(|&r| r < row)));
-            for [a, b] in places.filter(|[a, b]| a != b) {
+            for [a, b] in indices.filter(|[a, b]| a != b) {
                 partners[a].push(b);
                 partners[b].push(a);
             }
@@ -141,7 +141,7 @@ impl Labeled {
         };
         let mut impostors: Vec<usize> = (0..apart.len()).filter(counts).collect();
         if impostors.len() > IMPOSTORS {
-            // Of equal distances the lower row is nearer, so that the result is one.
+            // Where distances are equal the lower row is nearer: only one result is possible.
             let by = |a: &usize, b: &usize| apart[*a].total_cmp(&apart[*b]).then(a.cmp(b));
             impostors.select_nth_unstable_by(IMPOSTORS, by);
             impostors.truncate(IMPOSTORS);

@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn any_scale_and_place_of_the_poses_gives_the_same_neighbors() {
+    fn any_scale_and_position_of_the_poses_gives_the_same_neighbors() {
         let mut data = Planted::new(3, 4);
         let before: Vec<f64> = NAMES
             .map(|n| data.precision(&learn(n, &data.pairs(), 3).unwrap()))

@@ -10,7 +10,7 @@ const ROWS: usize = 64;
 /// The edges (i, j), i < j, between rows of which one is among the `k` nearest of the other; each
 /// once, in rising order.
 ///
-/// Of equal distances the lower row counts as nearer. O(n² d) time, O(n (k + d)) memory.
+/// Where distances are equal the lower row counts as nearer. O(n² d) time, O(n (k + d)) memory.
 pub(super) fn edges(x: ArrayView2<'_, f64>, k: usize) -> Vec<[usize; 2]> {
     // Far from the origin products would cancel.
     let x = centered(x);

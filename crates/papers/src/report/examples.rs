@@ -39,10 +39,10 @@ pub(crate) fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Res
         .flat_map(|task| ExampleKind::of(*task))
         .collect();
     if let Some(&row) = poses.pose_rows.first() {
-        let place = frame_name(dataset, row);
+        let frame = frame_name(dataset, row);
         let _ = write!(
             out,
-            "<h3>One pose under all models</h3><p>{place}, as in figure 3 of Lai et al.</p>"
+            "<h3>One pose under all models</h3><p>{frame}, as in figure 3 of Lai et al.</p>"
         );
         for kind in kinds.iter().filter(|k| matches!(k, ExampleKind::Pose(_))) {
             let restored = Restored::new(report, poses, *kind)?;

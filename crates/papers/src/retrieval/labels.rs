@@ -1,4 +1,4 @@
-//! Rules that label pairs of poses in the place of people. Every report names the rule that it
+//! Rules that label pairs of poses instead of people. Every report names the rule that it
 //! used.
 
 use super::takes::TakeSet;

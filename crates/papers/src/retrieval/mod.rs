@@ -2,7 +2,7 @@
 //! 4 to 8 and Table 2 of Chen et al. 2011.
 //!
 //! Takes have classes (what is done) and subjects. Distances learn from the takes of some subjects
-//! and are tested on the others. Labels come from rules in the place of people ([`LabelRule`]).
+//! and are tested on the others. Labels come from rules instead of people ([`LabelRule`]).
 //! With the rule `class` poses are retrieved across people, and a pose found is right when it is of
 //! the query's class; with the others, pairs are decided by the best threshold.
 

@@ -24,7 +24,8 @@ pub struct Precision {
 }
 
 impl Precision {
-    /// Of the values of each take, means in takes of (sum, count); `None` without values.
+    /// The precision of the values of each take, means in takes of (sum, count); `None` without
+    /// values.
     fn new(takes: &[(f64, f64)], seed: u64) -> Option<Precision> {
         let takes: Vec<(f64, f64)> = takes.iter().copied().filter(|t| t.1 > 0.0).collect();
         let mean = |chosen: &mut dyn Iterator<Item = (f64, f64)>| {

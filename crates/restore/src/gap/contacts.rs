@@ -1,7 +1,7 @@
 //! Feet that stand in a gap of their leg.
 //!
 //! The path that fills the gap of an ankle or of toes floats a little where the foot stands. It
-//! stands all through the gap where it does so in one place at both ends; from a planted end on
+//! stands all through the gap where it does so in one position at both ends; from a planted end on
 //! while its path stays near, or while the other foot swings; and between where its path is slow
 //! and low. There it is held, and what was added fades. The knee follows by two-bone inverse
 //! kinematics; bones keep their lengths. Deviations stay those of the path, and other points of the
@@ -55,7 +55,7 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
     }
 }
 
-/// Whether a point has no place in any of these frames.
+/// Whether a point has no position in any of these frames.
 fn is_unseen(take: &Take<'_>, point: usize, mut frames: Range<usize>) -> bool {
     frames.all(|t| !point_at(take.xyz, t, point).is_finite())
 }
@@ -95,13 +95,13 @@ impl Leg {
         let [by, toes_by] = [0, 1].map(|k: usize| by_frame(&held[k], frames));
         for t in 0..frames {
             let moved = paths.moved(t, [by[t], toes_by[t]]);
-            for (gap_of, place) in gap_of.iter().zip(moved) {
+            for (gap_of, position) in gap_of.iter().zip(moved) {
                 let gap = gap_of.as_ref().and_then(|of| of[t]);
-                if let (Some(k), Some(place)) = (gap, place)
+                if let (Some(k), Some(position)) = (gap, position)
                     && let Some(filled) = &mut filled[k]
                 {
                     let mut row = filled.xyz.row_mut(t - gaps[k].frames.start);
-                    row.assign(&ArrayView1::from(&place.to_array()));
+                    row.assign(&ArrayView1::from(&position.to_array()));
                 }
             }
         }
@@ -126,7 +126,7 @@ struct Held {
     gap: usize,
 }
 
-/// The place of a point in every frame, filled where a gap of it is.
+/// The position of a point in every frame, filled where a gap of it is.
 fn completed(
     take: &Take<'_>,
     gaps: &[Gap],
@@ -252,7 +252,7 @@ impl LegPaths {
             let to = path[t] + toes_by + ankle - stands;
             stands + at_length(ankle, path[t], to) - ankle
         });
-        [new_knee, new_ankle, toes].map(|place| place.filter(|p| p.is_finite()))
+        [new_knee, new_ankle, toes].map(|position| position.filter(|p| p.is_finite()))
     }
 
     /// The way that the body faces, across the leg.
@@ -329,8 +329,8 @@ impl Path<'_> {
     fn goals(&self, gap: &Gap) -> Vec<(Range<usize>, [DVec3; 2])> {
         let frames = gap.frames.clone();
         let planted = |end: Option<usize>, inner: isize| {
-            let place = self.at[end.filter(|end| self.is_planted(*end, inner))?];
-            Some(place)
+            let position = self.at[end.filter(|end| self.is_planted(*end, inner))?];
+            Some(position)
         };
         let (before, after) = (planted(gap.before, -1), planted(gap.after, 1));
         if let (Some(a), Some(b)) = (before, after) {
@@ -341,18 +341,18 @@ impl Path<'_> {
         }
         let fades = ((FADE * self.rate).round() as usize).min(frames.len() / 2);
         let (first, last) = (frames.start + fades, frames.end - fades);
-        let stays = |t: &usize, place: DVec3| {
-            let away = self.at[*t].distance(place) / self.unit;
+        let stays = |t: &usize, position: DVec3| {
+            let away = self.at[*t].distance(position) / self.unit;
             away < NEAR && self.is_low(*t) && self.speed(*t) < SLOW * self.unit
                 || self.swings[*t] && away < NEAR_IN_SWING && self.height(*t) < HIGHEST
         };
-        let mut from = before.map_or(frames.start, |place| {
+        let mut from = before.map_or(frames.start, |position| {
             let mut all = frames.start..last;
-            all.find(|t| !stays(t, place)).unwrap_or(last)
+            all.find(|t| !stays(t, position)).unwrap_or(last)
         });
-        let mut to = after.map_or(frames.end, |place| {
+        let mut to = after.map_or(frames.end, |position| {
             let mut all = (first..frames.end).rev();
-            all.find(|t| !stays(t, place)).map_or(first, |t| t + 1)
+            all.find(|t| !stays(t, position)).map_or(first, |t| t + 1)
         });
         if from + fades > to {
             // Both would hold it: each up to where the way from one to the other begins.
@@ -367,7 +367,7 @@ impl Path<'_> {
                 .map(|a| (frames.start..from, [a, a])),
         );
         let least = (INSIDE_SECONDS * self.rate).ceil() as usize;
-        // Between what is held there is room for the way from one place to the other.
+        // Between what is held there is room for the way from one position to the other.
         let mut free = from + fades;
         let first = self.slow.partition_point(|slow| slow.end <= free);
         for slow in &self.slow[first..] {
@@ -376,8 +376,8 @@ impl Path<'_> {
                 continue;
             }
             free = inside.end + fades;
-            let place = self.middle(inside.clone());
-            goals.push((inside, [place, place]));
+            let position = self.middle(inside.clone());
+            goals.push((inside, [position, position]));
         }
         goals.extend(
             after
@@ -442,8 +442,8 @@ mod tests {
             let knee = hip + half + side * (1764.0 - half.length_squared()).max(1.0).sqrt();
             let toes = ankle + DVec3::new(0.0, -5.0, 14.0);
             for (k, p) in [hip, knee, ankle, toes].into_iter().enumerate() {
-                let mut place = xyz.slice_mut(s![t, 3 * k..3 * k + 3]);
-                place.assign(&ArrayView1::from(&p.to_array()));
+                let mut cells = xyz.slice_mut(s![t, 3 * k..3 * k + 3]);
+                cells.assign(&ArrayView1::from(&p.to_array()));
             }
         }
         xyz

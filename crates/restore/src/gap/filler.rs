@@ -317,18 +317,18 @@ struct Estimated<'a> {
 
 impl Estimated<'_> {
     /// Where the point of the k-th gap is in a frame.
-    fn place(&self, k: usize, t: usize) -> Option<DVec3> {
+    fn position(&self, k: usize, t: usize) -> Option<DVec3> {
         let [x, y, z] = [0, 1, 2].map(|c| self.found.mean[[t - self.frames.start, 3 * k + c]]);
         Some(self.own.placements[t - self.first]?.apply(DVec3::new(x, y, z)))
     }
 
-    /// The k-th gap, filled. `None` where its place is not known.
+    /// The k-th gap, filled. `None` where its position is not known.
     fn filled(&self, k: usize, gap: &Gap) -> Option<FilledGap> {
         let (frames, point) = (&gap.frames, gap.point);
         // Where the gap is shorter than the group, its own ends were estimated too.
         let error = |t: usize| {
             let seen = self.captured.slice(s![t, 3 * point..3 * point + 3]);
-            let error = DVec3::new(seen[0], seen[1], seen[2]) - self.place(k, t)?;
+            let error = DVec3::new(seen[0], seen[1], seen[2]) - self.position(k, t)?;
             Some(error).filter(|e| e.is_finite())
         };
         let before = (frames.start > self.frames.start).then(|| error(frames.start - 1));
@@ -338,8 +338,8 @@ impl Estimated<'_> {
         let mut variance = Vec::with_capacity(frames.len());
         for (i, t) in frames.clone().enumerate() {
             let share = (i + 1) as f64 / (frames.len() + 1) as f64;
-            let placed = self.place(k, t)? + before.lerp(after, share);
-            (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (placed.x, placed.y, placed.z);
+            let position = self.position(k, t)? + before.lerp(after, share);
+            (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (position.x, position.y, position.z);
             let columns = s![t - self.frames.start, 3 * k..3 * k + 3];
             variance.push(self.found.variance.slice(columns).mean()?);
         }

@@ -41,7 +41,7 @@ impl Known {
         }
     }
 
-    /// Puts a filled gap in place.
+    /// Adds a filled gap.
     pub(crate) fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
         let columns = 3 * gap.point..3 * gap.point + 3;
         (self.xyz.slice_mut(s![gap.frames.clone(), columns])).assign(xyz);

@@ -60,7 +60,7 @@ impl LocalPoses {
     }
 
     /// Poses in the rows of `xyz` (n, 3 J) that are in the frame of reference already.
-    pub(crate) fn in_place(
+    pub(crate) fn in_reference_frame(
         xyz: ArrayView2<'_, f64>,
         predictors: &[usize],
         targets: &[usize],

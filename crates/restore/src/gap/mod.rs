@@ -185,8 +185,8 @@ fn noise_beside(sd: ArrayView2<'_, f64>, gap: &Gap) -> f64 {
     ends.or_else(|| mean(&mut (0..sd.nrows()))).unwrap_or(0.0)
 }
 
-/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay.
-/// Outliers are rejected; where `outliers_only`, missing points stay missing.
+/// Writes a filled gap into the result; coordinates of `xyz` that were measured of a missing point
+/// stay. Outliers are rejected; where `outliers_only`, missing points stay missing.
 pub(crate) fn put_filled(
     out: &mut TakeResult,
     xyz: ArrayView2<'_, f64>,

@@ -95,7 +95,7 @@ pub(crate) fn other_poses(
         return None;
     }
     let poses = match anchor.root {
-        Some(_) => LocalPoses::in_place(others, predictors, targets),
+        Some(_) => LocalPoses::in_reference_frame(others, predictors, targets),
         None => {
             let step = others.nrows().div_ceil(MOST_PLACED) as isize;
             LocalPoses::new(anchor, others.slice(s![..;step, ..]), predictors, targets)

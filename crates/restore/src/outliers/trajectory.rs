@@ -87,7 +87,7 @@ fn spikes(take: &Take<'_>, noise: &[f64]) -> Vec<Vec<usize>> {
         let mut found = Vec::new();
         for run in take.runs {
             let path = Path {
-                places: run.clone().map(at).collect(),
+                positions: run.clone().map(at).collect(),
                 step: 1.0 / rate,
                 reach,
                 noise: noise[p],
@@ -143,7 +143,7 @@ fn pairs(frames: &[usize]) -> impl Iterator<Item = (usize, usize)> {
 /// The positions of a point over a run.
 struct Path {
     /// NaN where missing.
-    places: Vec<DVec3>,
+    positions: Vec<DVec3>,
     /// Seconds a frame.
     step: f64,
     /// Frames.
@@ -153,7 +153,7 @@ struct Path {
 
 impl Path {
     fn spikes(&self) -> Vec<bool> {
-        let none = vec![false; self.places.len()];
+        let none = vec![false; self.positions.len()];
         // Far from spikes nothing is another than without any.
         let alone = (0..none.len()).map(|t| self.is_spike(t, &none));
         let alone: Vec<bool> = alone.collect();
@@ -179,7 +179,7 @@ impl Path {
         }
         self.release(&mut spikes);
         let count = |some: &[bool]| some.iter().filter(|s| **s).count();
-        let seen: Vec<bool> = self.places.iter().map(|p| p.is_finite()).collect();
+        let seen: Vec<bool> = self.positions.iter().map(|p| p.is_finite()).collect();
         if 2 * count(&spikes) > count(&seen) {
             // There is no path: the noise is larger than stated.
             spikes.fill(false);
@@ -228,7 +228,7 @@ impl Path {
     /// Deviation from the cubic through the neighbors, relative to the largest allowed; 0 for
     /// spikes and where neighbors lack.
     fn off_cubic(&self, t: usize, spikes: &[bool]) -> f64 {
-        if !self.places[t].is_finite() || spikes[t] {
+        if !self.positions[t].is_finite() || spikes[t] {
             return 0.0;
         }
         let [before, after] = self.neighbors(t, spikes);
@@ -241,17 +241,17 @@ impl Path {
         for i in 0..4 {
             let others = (0..4).filter(|j| *j != i);
             let share: f64 = others.map(|j| x[j] / (x[j] - x[i])).product();
-            expected += share * self.places[near[i]];
+            expected += share * self.positions[near[i]];
             square += share * share;
         }
         let bent = MOST_BENT * self.step.powi(4) * x.iter().product::<f64>() / 24.0;
         let most = LEAST + bent + SURE * self.noise * square.sqrt();
-        (self.places[t] - expected).length() / most
+        (self.positions[t] - expected).length() / most
     }
 
     /// Whether a position agrees with too few pairs of its neighbors.
     fn is_spike(&self, t: usize, spikes: &[bool]) -> bool {
-        if !self.places[t].is_finite() {
+        if !self.positions[t].is_finite() {
             return false;
         }
         let [before, after] = self.neighbors(t, spikes);
@@ -288,9 +288,9 @@ impl Path {
     /// first.
     fn neighbors(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
         let is_spike = |i: usize| spikes.get(i).is_some_and(|is| *is);
-        let counts = |i: &usize| self.places[*i].is_finite() && !is_spike(*i);
+        let counts = |i: &usize| self.positions[*i].is_finite() && !is_spike(*i);
         let from = t.saturating_sub(self.reach);
-        let to = (t + self.reach + 1).min(self.places.len());
+        let to = (t + self.reach + 1).min(self.positions.len());
         [
             Near::of((from..t).rev().filter(counts)),
             Near::of((t + 1..to).filter(counts)),
@@ -306,10 +306,10 @@ impl Path {
     fn is_on_line(&self, t: usize, (i, j): (usize, usize), most: f64) -> bool {
         let [a, b] = [i, j].map(|i| i as f64 - t as f64);
         let share = a / (a - b);
-        let expected = self.places[i].lerp(self.places[j], share);
+        let expected = self.positions[i].lerp(self.positions[j], share);
         let noise = self.noise * (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt();
         let bent = most * self.step * self.step * (a * b).abs() / 2.0;
-        (self.places[t] - expected).length() <= LEAST + bent + SURE * noise
+        (self.positions[t] - expected).length() <= LEAST + bent + SURE * noise
     }
 }
 

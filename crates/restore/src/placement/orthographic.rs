@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The rotation has no closed form, and rotating a point mixes observed coordinates with missing
-//! ones. So the model is rotated in place of the points: for fixed R the code of the rotated atoms
+//! ones. So the model is rotated instead of the points: for fixed R the code of the rotated atoms
 //! is P1a; for fixed x, (R, t) follow by damped Gauss-Newton. The scale is that of the code, as
 //! atoms pass through the origin.
 

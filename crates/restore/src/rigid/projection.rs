@@ -467,7 +467,7 @@ mod tests {
             &[1.0; 6],
         );
         assert!(b.mean[0].is_nan() && b.mean[3] == 1.0);
-        // Both ends in one place: the distance has no direction.
+        // Both ends at one position: the distance has no direction.
         let b = kept(&pairs, &[0.0; 6], &one, &[1.0; 6]);
         assert!(b.mean.iter().all(|v| v.is_finite()));
     }

@@ -136,7 +136,7 @@ impl GapInjection {
     /// A gap lies within one run. Its points are observed in all its frames and in the frames
     /// before and after, so that two gaps of a point never touch and the first and last frame
     /// of a run keep their values. Only if no run is longer than a gap by two frames may a gap
-    /// reach the ends of a run. All places left are equally likely. Time and memory are linear in
+    /// reach the ends of a run. All starts left are equally likely. Time and memory are linear in
     /// the size of the take.
     fn inject_take(&self, take: &mut Poses, frames: usize, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn all_places_are_equally_likely() {
+    fn all_starts_are_equally_likely() {
         let take = poses(12, 2);
         let mut starts = [0; 12];
         for seed in 0..8000 {

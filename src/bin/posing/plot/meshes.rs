@@ -167,13 +167,7 @@ impl MeshPlot<'_> {
                 Ok(Still {
                     figure: *figure,
                     frame: *own,
-                    caption: match (sequence.labels.get(frame), scene.rate) {
-                        (Some(label), _) => label.clone(),
-                        (None, Some(rate)) => {
-                            format!("frame {frame} · {:.2} s", frame as f64 / rate)
-                        }
-                        (None, None) => format!("frame {frame}"),
-                    },
+                    caption: caption(sequence, scene.rate, frame),
                 })
             };
             let is_named = sequences.len() > 1 || !self.names.is_empty();
@@ -187,5 +181,14 @@ impl MeshPlot<'_> {
             });
         }
         Ok(rows)
+    }
+}
+
+/// What stands below a frame of a sequence: its label, or its number and time.
+fn caption(sequence: &Sequence, rate: Option<f64>, frame: usize) -> String {
+    match (sequence.labels.get(frame), rate) {
+        (Some(label), _) => label.clone(),
+        (None, Some(rate)) => format!("frame {frame} · {:.2} s", frame as f64 / rate),
+        (None, None) => format!("frame {frame}"),
     }
 }

@@ -32,8 +32,8 @@ impl PointColumns {
 pub struct PointColumnsReader {
     /// Centimeters in the unit of the table.
     unit: f64,
-    /// The places of status, deviation and method among the columns, for each point.
-    places: Vec<[Option<usize>; 3]>,
+    /// The indices of status, deviation and method among the columns, for each point.
+    indices: Vec<[Option<usize>; 3]>,
     status: Vec<Status>,
     sd: Vec<f64>,
     method: Vec<Option<FillMethod>>,
@@ -43,17 +43,17 @@ impl PointColumnsReader {
     /// Finds the columns. Without a status, a column of the other two names may hold anything, so
     /// it is left alone.
     pub fn new(columns: &Columns, unit: f64) -> PointColumnsReader {
-        let place = |point: &str, ending: &str| {
+        let index = |point: &str, ending: &str| {
             let wanted = format!("{point}.{ending}");
             columns.names.iter().position(|name| *name == wanted)
         };
-        let of_point = |point: &String| match place(point, "status") {
+        let of_point = |point: &String| match index(point, "status") {
             None => [None; 3],
-            status => [status, place(point, "sd"), place(point, "method")],
+            status => [status, index(point, "sd"), index(point, "method")],
         };
         PointColumnsReader {
             unit,
-            places: columns.points.iter().map(of_point).collect(),
+            indices: columns.points.iter().map(of_point).collect(),
             status: Vec::new(),
             sd: Vec::new(),
             method: Vec::new(),
@@ -61,7 +61,7 @@ impl PointColumnsReader {
     }
 
     fn has(&self, column: usize) -> bool {
-        self.places.iter().any(|of| of[column].is_some())
+        self.indices.iter().any(|of| of[column].is_some())
     }
 
     /// Reads a row of `file`.
@@ -70,7 +70,7 @@ impl PointColumnsReader {
     /// Data: a cell is no status, no deviation, or no method.
     pub fn push(&mut self, file: &str, row: &Row) -> Result<()> {
         let [has_status, has_sd, has_method] = [0, 1, 2].map(|column| self.has(column));
-        for [status, sd, method] in &self.places {
+        for [status, sd, method] in &self.indices {
             if has_status {
                 self.status.push(read_status(file, row, *status)?);
             }
@@ -86,7 +86,7 @@ impl PointColumnsReader {
 
     /// What was read.
     pub fn finish(self) -> PointColumns {
-        let points = self.places.len();
+        let points = self.indices.len();
         PointColumns {
             status: shaped(self.status, points),
             sd: shaped(self.sd, points),

@@ -230,7 +230,7 @@ pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)
     };
     let find = |name: &str| points.iter().position(|p| p == name);
     let bone = |pair: &str| {
-        // A point's own name may hold a hyphen: every place to part the pair is tried.
+        // A point's own name may hold a hyphen: each is tried as the one between the two.
         pair.match_indices('-')
             .find_map(|(at, _)| Some((find(&pair[..at])?, find(&pair[at + 1..])?)))
             .ok_or_else(|| {

@@ -1,5 +1,5 @@
-//! The same by faer, in Rust throughout. All of it runs on the thread that calls, so no result
-//! depends on their number.
+//! Dense linear algebra by faer, in Rust throughout. All of it runs on the thread that calls, so no
+//! result depends on their number.
 
 use super::BackEnd;
 use faer::diag::DiagMut;

@@ -24,7 +24,7 @@ use std::fmt::Debug;
 /// What the functions below ask of a library. Matrices are square, not empty and finite, and shapes
 /// fit.
 trait BackEnd {
-    /// Of the Cholesky decomposition.
+    /// The factor of the Cholesky decomposition.
     type Factor: Clone + Debug;
 
     fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>>;
@@ -242,7 +242,7 @@ mod tests {
         gram(n, 2 * n)
     }
 
-    /// The same matrix, column by column in memory.
+    /// The matrix, column by column in memory.
     fn by_columns(a: &Array2<f64>) -> Array2<f64> {
         let mut columns = Array2::zeros(a.raw_dim().f());
         columns.assign(a);

@@ -19,7 +19,7 @@ type Axes = [usize; 4];
 
 /// The ends of axes, origins that are named after them, and what is fixed to them. A marker may be
 /// the origin, stand on an axis, as that of a knee does beside its joint center, or be the first
-/// of some points at one place.
+/// of some points at one position.
 pub(super) fn computed(tracks: Tracks<'_>) -> Vec<usize> {
     let moves = |p: &usize| tracks.extent(*p, |_| true).max_element() >= MOVES;
     let moving: Vec<usize> = (0..tracks.points()).filter(moves).collect();
@@ -87,11 +87,11 @@ fn is_steady(tracks: Tracks<'_>, p: usize, q: usize, within: RangeInclusive<f64>
 
 /// Axes by the names that Vicon's models give them: HEDO, HEDA, HEDL, HEDP.
 fn named(tracks: Tracks<'_>) -> Vec<Axes> {
-    let place = |name: String| tracks.names.iter().position(|n| *n == name);
+    let index = |name: String| tracks.names.iter().position(|n| *n == name);
     let of_origin = |name: &String| {
         let stem = name.strip_suffix('O')?;
-        let [a, l, p] = ['A', 'L', 'P'].map(|end| place(format!("{stem}{end}")));
-        let axes = [place(name.clone())?, a?, l?, p?];
+        let [a, l, p] = ['A', 'L', 'P'].map(|end| index(format!("{stem}{end}")));
+        let axes = [index(name.clone())?, a?, l?, p?];
         are_axes(tracks, &axes).then_some(axes)
     };
     tracks.names.iter().filter_map(of_origin).collect()

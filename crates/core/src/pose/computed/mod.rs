@@ -23,7 +23,7 @@ const LISTED: usize = 3;
 /// A point that moves less, cm, may be a thing that stands: its distances say nothing.
 const MOVES: f64 = 1.0;
 
-/// The places of computed points among those of some poses, y up, in order: centers of pressure
+/// The indices of computed points among those of some poses, y up, in order: centers of pressure
 /// and tips of forces, the axes of segments and what is fixed to them, a center of mass above its
 /// projection. Of a table of joints, which are rigid to each other, no axes.
 pub fn computed_points(poses: &Poses) -> Vec<usize> {
@@ -76,7 +76,7 @@ impl Tracks<'_> {
         self.xyz.ncols() / 3
     }
 
-    /// A place; not finite where it is missing.
+    /// A position; not finite where it is missing.
     fn at(&self, frame: usize, point: usize) -> DVec3 {
         point_at(self.xyz, frame, point)
     }
@@ -89,10 +89,12 @@ impl Tracks<'_> {
 
     /// How far a point goes along each axis, in frames that `are_wanted`.
     fn extent(&self, point: usize, are_wanted: impl Fn(usize) -> bool) -> DVec3 {
-        let places = (0..self.frames()).filter(|t| are_wanted(*t));
-        let places = places.map(|t| self.at(t, point)).filter(|x| x.is_finite());
+        let positions = (0..self.frames()).filter(|t| are_wanted(*t));
+        let positions = positions
+            .map(|t| self.at(t, point))
+            .filter(|x| x.is_finite());
         let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = places.fold(start, |(low, high), x| (low.min(x), high.max(x)));
+        let (low, high) = positions.fold(start, |(low, high), x| (low.min(x), high.max(x)));
         (high - low).max(DVec3::ZERO)
     }
 }
@@ -131,12 +133,12 @@ mod tests {
     fn take(others: &[(&str, &dyn Fn(usize) -> DVec3)]) -> Poses {
         let mut points: Vec<String> = (0..9).map(|k| format!("M{k}")).collect();
         points.extend(others.iter().map(|(name, _)| name.to_string()));
-        let place = |t: usize, p: usize| match p {
+        let position = |t: usize, p: usize| match p {
             0..9 => marker(t, p),
             p => others[p - 9].1(t),
         };
         // As files of single precision have it.
-        let value = |(t, i): (usize, usize)| f64::from(place(t, i / 3)[i % 3] as f32);
+        let value = |(t, i): (usize, usize)| f64::from(position(t, i / 3)[i % 3] as f32);
         Poses {
             xyz: Array2::from_shape_fn((FRAMES, 3 * points.len()), value),
             points,
@@ -152,8 +154,12 @@ mod tests {
     const IDLE: DVec3 = DVec3::new(23.0, 0.0, -25.0);
 
     fn pressure(t: usize) -> DVec3 {
-        let place = DVec3::new(60.0 + 0.8 * t as f64, 0.0, 8.0 + 0.1 * (t as f64).sin());
-        if (40..75).contains(&t) { place } else { IDLE }
+        let position = DVec3::new(60.0 + 0.8 * t as f64, 0.0, 8.0 + 0.1 * (t as f64).sin());
+        if (40..75).contains(&t) {
+            position
+        } else {
+            IDLE
+        }
     }
 
     #[test]
@@ -282,9 +288,9 @@ mod tests {
             DVec3::NEG_Z,
             DVec3::ONE,
         ];
-        let place = |t: usize, p: usize| marker(t, 4) + turn(t) * offs[p] * 10.0;
+        let position = |t: usize, p: usize| marker(t, 4) + turn(t) * offs[p] * 10.0;
         let poses = Poses {
-            xyz: Array2::from_shape_fn((FRAMES, 24), |(t, i)| place(t, i / 3)[i % 3]),
+            xyz: Array2::from_shape_fn((FRAMES, 24), |(t, i)| position(t, i / 3)[i % 3]),
             points,
             ..Poses::default()
         };
@@ -292,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn takes_of_few_or_no_places_show_nothing() {
+    fn takes_of_few_or_no_positions_show_nothing() {
         let mut poses = take(&[("COP", &pressure)]);
         poses.xyz.fill(f64::NAN);
         assert_eq!(found(&poses), [""; 0]);

@@ -1,4 +1,4 @@
-//! What force plates make: centers of pressure, which have one and the same place while nobody
+//! What force plates make: centers of pressure, which have one and the same position while nobody
 //! stands there and travel in the plane of the floor while somebody does, and the tips of forces.
 //! So also the projection of a center of mass to the floor.
 
@@ -8,16 +8,17 @@ use glam::DVec3;
 
 /// Under load for fewer frames, a plate shows no travel.
 const FEWEST_LOADED: usize = 5;
-/// So many times the steps of its travel a center of pressure jumps from its idle place and back; a
-/// marker whose value was held goes on from where it was.
+/// So many times the steps of its travel a center of pressure jumps from its idle position and
+/// back; a marker whose value was held goes on from where it was.
 const JUMP: f64 = 5.0;
 /// The floor is no higher above nearly all other points than this, cm: markers have a radius, and
 /// the axes of a foot may end below.
 const ABOVE_LOWEST: f64 = 3.0;
 
-/// A point with an idle place: the frames in which it is there, and those in which it is elsewhere.
+/// A point with an idle position: the frames in which it is there, and those in which it is
+/// elsewhere.
 struct Idle {
-    place: DVec3,
+    position: DVec3,
     idle: Vec<usize>,
     loaded: Vec<usize>,
 }
@@ -58,9 +59,9 @@ fn has_name(tracks: Tracks<'_>, point: usize, parts: &[&str]) -> bool {
 }
 
 /// Whether a point moves in one plane below nearly all others, to the last digit, in all frames but
-/// those of its idle place.
+/// those of its idle position.
 fn is_on_floor(tracks: Tracks<'_>, point: usize) -> bool {
-    let idle = Idle::of(tracks, point).map(|idle| idle.place);
+    let idle = Idle::of(tracks, point).map(|idle| idle.position);
     let is_loaded = |t: usize| {
         let at = tracks.at(t, point);
         at.is_finite() && Some(at) != idle
@@ -95,10 +96,10 @@ fn is_projected(tracks: Tracks<'_>, point: usize, floor: usize) -> bool {
 }
 
 impl Idle {
-    /// By the place that a point has for most frames on end; `None` where these are few, or it has
-    /// no other.
+    /// By the position that a point has for most frames on end; `None` where these are few, or it
+    /// has no other.
     fn of(tracks: Tracks<'_>, point: usize) -> Option<Idle> {
-        let (mut longest, mut place) = (0, None);
+        let (mut longest, mut position) = (0, None);
         let (mut run, mut last) = (0, None);
         for t in 0..tracks.frames() {
             let at = Some(tracks.at(t, point)).filter(|at| at.is_finite());
@@ -109,27 +110,27 @@ impl Idle {
             };
             last = at;
             if at.is_some() && run > longest {
-                (longest, place) = (run, at);
+                (longest, position) = (run, at);
             }
         }
-        let place = place.filter(|_| longest >= FEWEST_FRAMES)?;
+        let position = position.filter(|_| longest >= FEWEST_FRAMES)?;
         let seen = (0..tracks.frames()).filter(|t| tracks.at(*t, point).is_finite());
-        let (idle, loaded): (Vec<_>, Vec<_>) = seen.partition(|t| tracks.at(*t, point) == place);
+        let (idle, loaded): (Vec<_>, Vec<_>) = seen.partition(|t| tracks.at(*t, point) == position);
         let all = Idle {
-            place,
+            position,
             idle,
             loaded,
         };
         (all.loaded.len() >= FEWEST_LOADED).then_some(all)
     }
 
-    /// Whether the point jumps each time it leaves its idle place, and each time it comes back.
+    /// Whether the point jumps each time it leaves its idle position, and each time it comes back.
     fn jumps(&self, tracks: Tracks<'_>, point: usize) -> bool {
         let (mut travel, mut jumps) = (Vec::new(), Vec::new());
         for t in 1..tracks.frames() {
             let [was, is] = [t - 1, t].map(|t| tracks.at(t, point));
             let step = (is - was).length();
-            match [was, is].iter().filter(|at| **at == self.place).count() {
+            match [was, is].iter().filter(|at| **at == self.position).count() {
                 _ if !step.is_finite() => {}
                 0 if step > EXACT => travel.push(step),
                 1 => jumps.push(step),

@@ -111,8 +111,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Where a place of the view is in the picture, y down.
-    fn place(&self, [right, up, _]: [f64; 3]) -> [i32; 2] {
+    /// The pixel of a position in the view, y down.
+    fn pixel(&self, [right, up, _]: [f64; 3]) -> [i32; 2] {
         let whole = |v: f64| (v * self.scale).round() as i32;
         [whole(right - self.left), whole(self.high - up)]
     }
@@ -128,7 +128,7 @@ struct Panel<'a> {
 }
 
 impl Panel<'_> {
-    /// Moves the mesh up or down, so that its lowest place is at 0.
+    /// Moves the mesh up or down, so that its lowest point is at 0.
     fn stand(&mut self) {
         let low = self.up[0];
         self.vertices.column_mut(1).mapv_inplace(|v| v - low);
@@ -236,7 +236,7 @@ fn draw(scene: &MeshScene<'_>, rows: &[Row], panels: &[Vec<Panel>]) -> String {
     )
 }
 
-/// Lowest and highest place of a row.
+/// Lowest and highest column of a row.
 fn row_height(row: &[Panel<'_>]) -> [f64; 2] {
     let mut up = row.iter().map(|p| p.up);
     let first = up.next().unwrap_or([0.0, 0.0]);
@@ -268,7 +268,7 @@ fn heading(scene: &MeshScene<'_>, scale: f64, size: f64) -> (String, f64) {
     (out, y)
 }
 
-/// A mesh with its upper left corner at a place of the picture.
+/// A mesh with its upper left corner at a pixel of the picture.
 fn solid(panel: &Panel<'_>, window: &Window, at: &str) -> String {
     // The stroke closes the hair lines between neighboring areas.
     let mut out = format!(

@@ -9,8 +9,8 @@ type At = [i32; 2];
 /// drawn.
 ///
 /// Each edge is directed. Two that run in opposite directions cancel out; what is left closes into
-/// loops, which wind around each place as often as triangles cover it, in whatever order they are
-/// linked.
+/// loops, which wind around each position as often as triangles cover it, in whatever order they
+/// are linked.
 pub(crate) fn path(triangles: &[[At; 3]]) -> String {
     let mut left: HashMap<(At, At), u32> = HashMap::new();
     let edges = triangles
@@ -51,13 +51,13 @@ fn closed(start: At, next: &mut HashMap<At, Vec<At>>) -> Option<Vec<At>> {
     let mut at = next.get_mut(&start)?.pop()?;
     while at != start {
         lap.push(at);
-        // As many edges leave each place as come to it, so there is one.
+        // As many edges leave each corner as come to it, so there is one.
         at = next.get_mut(&at)?.pop()?;
     }
     Some(lap)
 }
 
-/// Writes a loop, relative to the last place; corners on a straight line are left out.
+/// Writes a loop, relative to the last corner; corners on a straight line are left out.
 fn write_loop(out: &mut String, at: &mut At, lap: &[At]) {
     let n = lap.len();
     let is_corner = |i: usize| {

@@ -7,7 +7,7 @@ use ndarray::ArrayView2;
 const FINE: f64 = 0.4;
 /// Shades, from dark to light.
 pub(crate) const SHADES: usize = 14;
-/// Where light comes from: right, up, toward the viewer. Of unit length.
+/// Where light comes from: right, up, toward the viewer; a unit vector.
 const LIGHT: [f64; 3] = [-0.42, 0.58, 0.698];
 /// Triangles whose normals have a smaller cosine are shaded apart: edges of a box stay sharp.
 const SHARP: f64 = 0.5;
@@ -24,7 +24,7 @@ pub(crate) struct Layer {
 /// A triangle that faces the viewer.
 struct Triangle {
     corners: [[i32; 2]; 3],
-    /// Of each corner, larger toward the viewer.
+    /// The depth of each corner, larger toward the viewer.
     depths: [f64; 3],
     shade: usize,
 }
@@ -89,24 +89,14 @@ fn facing(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) ->
     let normals: Vec<[f64; 3]> = faces.iter().map(|f| normal(f.map(at))).collect();
     let around = faces_around(faces, vertices.nrows());
     let triangle = |(face, own): (&[u32; 3], &[f64; 3])| {
-        let corners = face.map(|v| window.place(at(v)));
+        let corners = face.map(|v| window.pixel(at(v)));
         // On the screen, y is down.
         let [a, b, c] = corners.map(|c| c.map(i64::from));
         let turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if own[2] <= 0.0 || turn >= 0 {
             return None;
         }
-        let light = face.map(|v| {
-            let mut sum = *own;
-            // A vertex of thousands of triangles must not cost the square of their number.
-            for other in around[v as usize].iter().take(64) {
-                let other = normals[*other as usize];
-                if dot(unit(*own), unit(other)) > SHARP {
-                    (0..3).for_each(|axis| sum[axis] += other[axis]);
-                }
-            }
-            lightness(unit(sum))
-        });
+        let light = face.map(|v| corner_lightness(*own, &around[v as usize], &normals));
         let light = light.iter().sum::<f64>() / 3.0;
         Some(Triangle {
             corners,
@@ -115,6 +105,20 @@ fn facing(vertices: ArrayView2<'_, f64>, faces: &[[u32; 3]], window: &Window) ->
         })
     };
     faces.iter().zip(&normals).filter_map(triangle).collect()
+}
+
+/// The lightness at a corner of a triangle with the normal `own`: smooth over the triangles
+/// `around` the corner that make no sharp edge with it.
+fn corner_lightness(own: [f64; 3], around: &[u32], normals: &[[f64; 3]]) -> f64 {
+    let mut sum = own;
+    // A vertex of thousands of triangles must not cost the square of their number.
+    for other in around.iter().take(64) {
+        let other = normals[*other as usize];
+        if dot(unit(own), unit(other)) > SHARP {
+            (0..3).for_each(|axis| sum[axis] += other[axis]);
+        }
+    }
+    lightness(unit(sum))
 }
 
 /// The triangles at each vertex.

@@ -120,7 +120,10 @@ fn sparing(scene: &MeshScene<'_>, frames: usize, limit: usize) -> Result<(usize,
     let mut every = (numbers * 2 * 4 / 3 / 30).div_ceil(limit).max(1);
     loop {
         let figures = pack(scene, every);
-        let size: usize = figures.iter().map(|f| f.places.len() + f.faces.len()).sum();
+        let size: usize = figures
+            .iter()
+            .map(|f| f.positions.len() + f.faces.len())
+            .sum();
         if size <= limit {
             return Ok((every, figures));
         }
@@ -136,19 +139,8 @@ fn sparing(scene: &MeshScene<'_>, frames: usize, limit: usize) -> Result<(usize,
 /// Everything the script reads.
 fn embedded(scene: &MeshScene<'_>, frames: usize, every: usize, packed: &[Packed]) -> Value {
     let (ground, size) = scene.figures.first().map_or((0.0, 1.0), ground_and_size);
-    let figure = |(figure, packed): (&MeshFigure<'_>, &Packed)| {
-        let labels = figure.labels.iter().step_by(every);
-        json!({
-            "name": figure.name,
-            "frames": packed.origins.len(),
-            "vertices": figure.vertices.dim().1,
-            "step": packed.step,
-            "origins": packed.origins,
-            "places": packed.places,
-            "faces": packed.faces,
-            "labels": labels.collect::<Vec<_>>(),
-        })
-    };
+    let figures = scene.figures.iter().zip(packed);
+    let figures = figures.map(|(figure, packed)| embedded_figure(figure, every, packed));
     json!({
         "frames": frames.div_ceil(every),
         "of": frames,
@@ -162,7 +154,22 @@ fn embedded(scene: &MeshScene<'_>, frames: usize, every: usize, packed: &[Packed
         "size": size,
         "step": round_length(size),
         "inCm": scene.in_cm,
-        "figures": scene.figures.iter().zip(packed).map(figure).collect::<Vec<_>>(),
+        "figures": figures.collect::<Vec<_>>(),
+    })
+}
+
+/// What the script reads of a figure.
+fn embedded_figure(figure: &MeshFigure<'_>, every: usize, packed: &Packed) -> Value {
+    let labels = figure.labels.iter().step_by(every);
+    json!({
+        "name": figure.name,
+        "frames": packed.origins.len(),
+        "vertices": figure.vertices.dim().1,
+        "step": packed.step,
+        "origins": packed.origins,
+        "places": packed.positions,
+        "faces": packed.faces,
+        "labels": labels.collect::<Vec<_>>(),
     })
 }
 

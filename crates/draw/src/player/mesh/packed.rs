@@ -24,7 +24,7 @@ pub(crate) struct Packed {
     /// The smallest x, y, z of each frame, in steps.
     pub origins: Vec<[i64; 3]>,
     /// Coordinates, base64 of deflated bytes.
-    pub places: String,
+    pub positions: String,
     /// Faces, base64 of deflated bytes.
     pub faces: String,
 }
@@ -32,7 +32,7 @@ pub(crate) struct Packed {
 /// Packs some frames of a figure.
 pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
     let step = match figure.largest_side() / STEPS {
-        // All vertices in one place.
+        // All vertices at one position.
         0.0 => 1.0,
         step => step,
     };
@@ -42,10 +42,10 @@ pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
     // The last frame and the one before.
     let mut before: [Option<Vec<[u16; 3]>>; 2] = [None, None];
     for &frame in kept {
-        let (origin, places) = whole(figure, frame, step);
+        let (origin, positions) = whole(figure, frame, step);
         origins.push(origin);
         for axis in 0..3 {
-            let errors: Vec<i16> = (0..places.len())
+            let errors: Vec<i16> = (0..positions.len())
                 .map(|v| {
                     let guess = match &before {
                         [None, _] => 0,
@@ -54,7 +54,7 @@ pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
                             one[v][axis].wrapping_mul(2).wrapping_sub(two[v][axis])
                         }
                     };
-                    places[v][axis].wrapping_sub(guess) as i16
+                    positions[v][axis].wrapping_sub(guess) as i16
                 })
                 .collect();
             let rest = (0..errors.len()).map(|v| {
@@ -63,12 +63,12 @@ pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
             });
             bytes.planes::<2>(&rest.map(u32::from).collect::<Vec<_>>());
         }
-        before = [Some(places), before[0].take()];
+        before = [Some(positions), before[0].take()];
     }
     Packed {
         step,
         origins,
-        places: bytes.finish(),
+        positions: bytes.finish(),
         faces: faces(figure.faces),
     }
 }
@@ -77,12 +77,12 @@ pub(crate) fn packed(figure: &MeshFigure<'_>, kept: &[usize]) -> Packed {
 fn whole(figure: &MeshFigure<'_>, frame: usize, step: f64) -> ([i64; 3], Vec<[u16; 3]>) {
     let steps = |v: f32| (f64::from(v) / step).round() as i64;
     let origin = figure.extent(frame).map(|[low, _]| steps(low));
-    let place = |v: ndarray::ArrayView1<'_, f32>| {
+    let position = |v: ndarray::ArrayView1<'_, f32>| {
         // At most STEPS and one, by rounding.
         [0, 1, 2].map(|axis| (steps(v[axis]) - origin[axis]) as u16)
     };
-    let places = figure.frame(frame).outer_iter().map(place).collect();
-    (origin, places)
+    let positions = figure.frame(frame).outer_iter().map(position).collect();
+    (origin, positions)
 }
 
 fn faces(faces: &[[u32; 3]]) -> String {
@@ -120,9 +120,9 @@ impl LowerNeighbors {
         }
         let (mut next, mut all) = (starts.clone(), vec![0; starts[vertices]]);
         for (a, b) in edges().filter(|(a, b)| a != b) {
-            let place = &mut next[a.max(b) as usize];
-            all[*place] = a.min(b);
-            *place += 1;
+            let end = &mut next[a.max(b) as usize];
+            all[*end] = a.min(b);
+            *end += 1;
         }
         LowerNeighbors { starts, all }
     }
@@ -197,11 +197,11 @@ pub(super) mod tests {
 
     /// The vertices, frames x vertices x 3, as the script finds them.
     pub(crate) fn unpacked(packed: &Packed, vertices: usize) -> Array3<f64> {
-        let bytes = inflated(&packed.places);
+        let bytes = inflated(&packed.positions);
         let frames = packed.origins.len();
         assert_eq!(bytes.len(), frames * vertices * 6);
         let lower = LowerNeighbors::of(&unpacked_faces(&packed.faces), vertices);
-        let mut places = Array3::<u16>::zeros((frames, vertices, 3));
+        let mut positions = Array3::<u16>::zeros((frames, vertices, 3));
         for t in 0..frames {
             for axis in 0..3 {
                 let at = (t * 3 + axis) * vertices * 2;
@@ -210,15 +210,23 @@ pub(super) mod tests {
                     let z = u16::from_le_bytes([bytes[at + v], bytes[at + vertices + v]]);
                     let rest = ((z >> 1) ^ (z & 1).wrapping_neg()) as i16;
                     errors[v] = rest.wrapping_add(lower.mean(v, &errors));
-                    let one = if t > 0 { places[[t - 1, v, axis]] } else { 0 };
-                    let two = if t > 1 { places[[t - 2, v, axis]] } else { one };
+                    let one = if t > 0 {
+                        positions[[t - 1, v, axis]]
+                    } else {
+                        0
+                    };
+                    let two = if t > 1 {
+                        positions[[t - 2, v, axis]]
+                    } else {
+                        one
+                    };
                     let guess = one.wrapping_mul(2).wrapping_sub(two);
-                    places[[t, v, axis]] = guess.wrapping_add(errors[v] as u16);
+                    positions[[t, v, axis]] = guess.wrapping_add(errors[v] as u16);
                 }
             }
         }
-        Array3::from_shape_fn(places.dim(), |(t, v, axis)| {
-            (packed.origins[t][axis] + i64::from(places[[t, v, axis]])) as f64 * packed.step
+        Array3::from_shape_fn(positions.dim(), |(t, v, axis)| {
+            (packed.origins[t][axis] + i64::from(positions[[t, v, axis]])) as f64 * packed.step
         })
     }
 

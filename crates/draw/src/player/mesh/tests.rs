@@ -26,7 +26,7 @@ fn vertices(figure: &Value) -> Array3<f64> {
     let packed = Packed {
         step: figure["step"].as_f64().unwrap(),
         origins: serde_json::from_value(figure["origins"].clone()).unwrap(),
-        places: text("places"),
+        positions: text("places"),
         faces: text("faces"),
     };
     unpacked(&packed, figure["vertices"].as_u64().unwrap() as usize)

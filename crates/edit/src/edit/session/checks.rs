@@ -15,12 +15,12 @@ impl Session {
         self.check_joints(drags.keys().chain(pins.keys()))?;
         let name = |k: usize| &self.rig().names[k];
         for (&k, (target, sd)) in drags {
-            check_place(&target.to_array(), || format!("{}: the target", name(k)))?;
+            check_position(&target.to_array(), || format!("{}: the target", name(k)))?;
             check_range(*sd, DRAG_RANGE, || format!("{}: sd", name(k)))?;
         }
         for (&k, pin) in pins {
             let pin: Vec<f64> = pin.iter().flatten().copied().collect();
-            check_place(&pin, || format!("{}: the pin", name(k)))?;
+            check_position(&pin, || format!("{}: the pin", name(k)))?;
         }
         check_range(rest, REST_RANGE, || "rest".to_string())
     }
@@ -71,7 +71,7 @@ fn check(is_right: bool, wrong: impl FnOnce() -> String) -> Result<()> {
     }
 }
 
-fn check_place(coordinates: &[f64], what: impl FnOnce() -> String) -> Result<()> {
+fn check_position(coordinates: &[f64], what: impl FnOnce() -> String) -> Result<()> {
     let is_near = coordinates.iter().all(|v| v.abs() <= FARTHEST);
     check(is_near, || {
         format!("{} is not a place within {FARTHEST} cm", what())

@@ -89,7 +89,7 @@ impl Session {
             photograph: None,
             dragged: drags.keys().copied().collect(),
             pinned: pins.keys().copied().collect(),
-            goals: goals.at_places(&self.now.pose.xyz),
+            goals: goals.at_positions(&self.now.pose.xyz),
             reference: if moves {
                 self.solver.reference(&goals, &self.now.pose)
             } else {

@@ -25,15 +25,16 @@ impl Session {
             Some(_) if is_other[k] => 1.0,
             Some(_) => 0.0,
         };
-        let places: Vec<f64> = (0..xyz.len())
+        let positions: Vec<f64> = (0..xyz.len())
             .map(|c| xyz[c] + share(c / 3) * (mirrored[c] - xyz[c]))
             .collect();
-        self.take_mirrored(&places, &|k| is_other[k], "the copy of a side");
+        self.take_mirrored(&positions, &|k| is_other[k], "the copy of a side");
     }
 
-    /// Takes mirrored places (3 K, cm) of the joints. A copied joint is pinned where its other was.
-    fn take_mirrored(&mut self, places: &[f64], is_copied: &dyn Fn(usize) -> bool, step: &str) {
-        let Some(pose) = self.solver.pose_at(places, &self.now.pose) else {
+    /// Takes mirrored positions (3 K, cm) of the joints. A copied joint is pinned where its other
+    /// was.
+    fn take_mirrored(&mut self, positions: &[f64], is_copied: &dyn Fn(usize) -> bool, step: &str) {
+        let Some(pose) = self.solver.pose_at(positions, &self.now.pose) else {
             return;
         };
         let mirrors = self.solver.rig.mirrors.clone();

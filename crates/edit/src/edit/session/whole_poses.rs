@@ -14,7 +14,7 @@ impl Session {
         });
     }
 
-    /// Takes the pose nearest to these places of the joints (3 K, cm; NaN: the model says).
+    /// Takes the pose nearest to these positions of the joints (3 K, cm; NaN: the model says).
     ///
     /// # Errors
     /// [`Error::Usage`]: too few joints to place a pose.

@@ -1,7 +1,7 @@
 //! Stanford PLY, text or binary of either byte order.
 //!
-//! Of the element `vertex` the properties `x`, `y`, `z` are read, of `face` the list
-//! `vertex_indices` or `vertex_index`, of any types and in any place; all other elements and
+//! The properties `x`, `y`, `z` of the element `vertex` are read, and of `face` the list
+//! `vertex_indices` or `vertex_index`, of any types and in any order; all other elements and
 //! properties are passed over. Rows are counted from 0.
 
 mod header;

@@ -43,7 +43,7 @@ pub(crate) struct Scratch {
 pub(crate) struct FrameEquations<'a> {
     pub(crate) states: FrameStates<'a>,
     pub(super) prior: FramePrior,
-    /// Of each point, the bone whose end it is.
+    /// The bone whose end each point is.
     pub(super) joints: &'a [usize],
     /// The columns that move each joint.
     pub(super) moving: Vec<Vec<usize>>,
@@ -264,10 +264,10 @@ impl FrameEquations<'_> {
         scratch: &Scratch,
     ) -> Vec<DVec3> {
         let above = self.states.above(bone);
-        let place = at.posture.ends[bone];
+        let position = at.posture.ends[bone];
         let of = |(c, column): (usize, &Column)| {
             if above.contains(&column.bone()) {
-                scratch.motions[c].derivative(place)
+                scratch.motions[c].derivative(position)
             } else {
                 DVec3::ZERO
             }

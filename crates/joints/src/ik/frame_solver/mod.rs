@@ -1,7 +1,7 @@
 //! The rotations of one frame that are most probable given its points: the prior over rotations
 //! settles what the points leave open.
 //!
-//! Minimizes `E = Σ wₜ |fₜ − yₜ|² + rᵀ Λ r`: f the joints' places and y the points (centimeters,
+//! Minimizes `E = Σ wₜ |fₜ − yₜ|² + rᵀ Λ r`: f the joints' positions and y the points (centimeters,
 //! those that are seen), w one over the variance of a coordinate; r how far the rotations are from
 //! the means of the prior, Λ its precision. A bone with three angles is a rotation matrix L, which
 //! a step turns by `L ← exp(d) L` in the axes of the bone above, and `r = log(L Mᵀ)`; a bone with

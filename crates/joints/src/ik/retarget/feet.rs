@@ -1,7 +1,7 @@
 //! Feet of a rig planted as the source's are.
 //!
 //! An ankle of the source is in contact while it is slow and low. There the rig's ankle goes to `k
-//! (a - median a) + median a'`: the place that it has itself, with the source's own roll, k the
+//! (a - median a) + median a'`: the position that it has itself, with the source's own roll, k the
 //! scale. The legs reach it by two-bone inverse kinematics; what was added fades before and after.
 
 use super::tuning::feet::*;

@@ -21,11 +21,11 @@ pub(super) struct Hierarchy {
     turn: DMat3,
 }
 
-/// The rotations and places of all joints in one frame.
+/// The rotations and positions of all joints in one frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Pose {
     pub rotations: Vec<DMat3>,
-    pub places: Vec<DVec3>,
+    pub positions: Vec<DVec3>,
 }
 
 impl Hierarchy {
@@ -55,7 +55,7 @@ impl Hierarchy {
         self.names.len()
     }
 
-    /// The channels of a joint, in the file's order, and the first one's place in a frame.
+    /// The channels of a joint, in the file's order, and the first one's index in a frame.
     pub(super) fn channels(&self, joint: usize) -> (&[Channel], usize) {
         (&self.joints[joint].channels, self.first[joint])
     }
@@ -94,11 +94,11 @@ impl Hierarchy {
     pub(super) fn zero(&self) -> Pose {
         let mut pose = Pose {
             rotations: vec![DMat3::IDENTITY; self.len()],
-            places: Vec::with_capacity(self.len()),
+            positions: Vec::with_capacity(self.len()),
         };
         for (parent, offset) in self.parents.iter().zip(&self.offsets) {
-            let place = parent.map_or(DVec3::ZERO, |p| pose.places[p] + *offset);
-            pose.places.push(place);
+            let position = parent.map_or(DVec3::ZERO, |p| pose.positions[p] + *offset);
+            pose.positions.push(position);
         }
         pose
     }
@@ -106,29 +106,30 @@ impl Hierarchy {
     /// The pose of a frame. What is missing (nan) is not turned, and stands at its offset.
     pub(super) fn pose(&self, frame: ArrayView1<'_, f64>, pose: &mut Pose) {
         pose.rotations.clear();
-        pose.places.clear();
+        pose.positions.clear();
         for (j, joint) in self.joints.iter().enumerate() {
             let values = frame.slice(s![self.first[j]..]);
-            let (mut local, mut place) = (DMat3::IDENTITY, self.turn.transpose() * self.offsets[j]);
+            let (mut local, mut position) =
+                (DMat3::IDENTITY, self.turn.transpose() * self.offsets[j]);
             for (channel, &value) in joint.channels.iter().zip(&values) {
                 match channel {
                     _ if !value.is_finite() => {}
                     Channel::Rotate(axis) => local *= axis.rotation(value),
-                    Channel::Translate(axis) => place[axis.index()] = value,
+                    Channel::Translate(axis) => position[axis.index()] = value,
                     Channel::Length => {}
                 }
             }
             let local = self.turn * local * self.turn.transpose();
-            let place = self.turn * place;
-            let (rotation, place) = match joint.parent {
+            let position = self.turn * position;
+            let (rotation, position) = match joint.parent {
                 Some(p) => (
                     pose.rotations[p] * local,
-                    pose.places[p] + pose.rotations[p] * place,
+                    pose.positions[p] + pose.rotations[p] * position,
                 ),
-                None => (local, place),
+                None => (local, position),
             };
             pose.rotations.push(rotation);
-            pose.places.push(place);
+            pose.positions.push(position);
         }
     }
 
@@ -143,16 +144,16 @@ impl Hierarchy {
             };
             Missing {
                 rotation: lacks(true),
-                place: lacks(false),
+                position: lacks(false),
             }
         };
         self.joints.iter().zip(&self.first).map(of).collect()
     }
 
     /// Whether where a joint stands is missing.
-    pub(super) fn lacks_place(&self, joint: usize, missing: &[Missing]) -> bool {
+    pub(super) fn lacks_position(&self, joint: usize, missing: &[Missing]) -> bool {
         let mut above = self.upwards(joint).skip(1);
-        missing[joint].place || above.any(|j| missing[j].place || missing[j].rotation)
+        missing[joint].position || above.any(|j| missing[j].position || missing[j].rotation)
     }
 }
 
@@ -160,5 +161,5 @@ impl Hierarchy {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Missing {
     pub rotation: bool,
-    pub place: bool,
+    pub position: bool,
 }

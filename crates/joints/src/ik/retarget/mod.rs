@@ -2,8 +2,8 @@
 //! planted as they were.
 //!
 //! [`Retargeter`] holds a rig and takes sources with rotations, one after another. Directions of
-//! limbs are the source's (see `transfer`); the middle of the hips is at `k` times its place, `k`
-//! the ratio of the legs, and the root follows from it; see `feet` for the contacts. A source's
+//! limbs are the source's (see `transfer`); the middle of the hips is at `k` times its position,
+//! `k` the ratio of the legs, and the root follows from it; see `feet` for the contacts. A source's
 //! missing channels (nan) are missing in the rig's joints that depend on them, and in no others.
 //!
 //! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest
@@ -226,7 +226,7 @@ impl Run<'_> {
     fn pose(&self, source: &Pose, turns: &[(usize, DMat3)], pose: &mut Pose) -> DVec3 {
         let rig = &self.rig.tree;
         pose.rotations.clear();
-        pose.places.clear();
+        pose.positions.clear();
         for (j, parent) in rig.parents.iter().enumerate() {
             let above = parent.map_or(DMat3::IDENTITY, |p| pose.rotations[p]);
             let wanted = match self.transfer.rotation(j, source) {
@@ -236,19 +236,21 @@ impl Run<'_> {
                 }
                 None => above * self.transfer.rest_local(j),
             };
-            let place = match parent {
-                Some(p) => pose.places[*p] + above * rig.offsets[j],
+            let position = match parent {
+                Some(p) => pose.positions[*p] + above * rig.offsets[j],
                 None => rig.offsets[j],
             };
             let possible = above * self.rig.possible(j, above.transpose() * wanted);
             pose.rotations.push(possible);
-            pose.places.push(place);
+            pose.positions.push(position);
         }
         let shift = match self.rig.carrier {
             Some(_) => self.scale * hips(self.body, source) - hips(&self.rig.body, pose),
             None => DVec3::ZERO,
         };
-        pose.places.iter_mut().for_each(|place| *place += shift);
+        pose.positions
+            .iter_mut()
+            .for_each(|position| *position += shift);
         shift
     }
 
@@ -268,14 +270,14 @@ impl Run<'_> {
                 let missing = self.missing(frame);
                 [0, 1].map(|side| {
                     let joints = self.rig.body.legs[side].joints;
-                    let [hip, knee, ankle] = joints.map(|j| pose.places[j]);
+                    let [hip, knee, ankle] = joints.map(|j| pose.positions[j]);
                     LegFrame {
                         bones: TwoBones { hip, knee, ankle },
                         thigh: pose.rotations[joints[0]],
-                        source: if self.tree.lacks_place(ankles[side], &missing) {
+                        source: if self.tree.lacks_position(ankles[side], &missing) {
                             DVec3::NAN
                         } else {
-                            source.places[ankles[side]]
+                            source.positions[ankles[side]]
                         },
                     }
                 })
@@ -315,13 +317,15 @@ impl Run<'_> {
                 };
                 range.map(|n| of_frame(first + n)).collect::<Vec<_>>()
             });
-            for (n, (locals, place)) in poses.into_iter().flatten().enumerate() {
+            for (n, (locals, position)) in poses.into_iter().flatten().enumerate() {
                 let lacks = self.missing(first + n);
-                let lost = hips.iter().any(|&hip| self.tree.lacks_place(hip, &lacks));
+                let lost = hips
+                    .iter()
+                    .any(|&hip| self.tree.lacks_position(hip, &lacks));
                 let mut row = motion.row_mut(first + n);
                 for (j, local) in locals.iter().enumerate() {
                     let is_missing = needed[j].iter().any(|s| lacks[*s].rotation);
-                    let values = self.rig.values(j, local, place, &mut near[j]);
+                    let values = self.rig.values(j, local, position, &mut near[j]);
                     let (channels, at) = rig.channels(j);
                     for (c, value) in values.into_iter().enumerate() {
                         let is_lost = if channels[c].is_angle() {
@@ -351,7 +355,7 @@ impl Run<'_> {
 
 /// The middle of the hips.
 fn hips(body: &BodyJoints, pose: &Pose) -> DVec3 {
-    let [left, right] = [0, 1].map(|side: usize| pose.places[body.legs[side].joints[0]]);
+    let [left, right] = [0, 1].map(|side: usize| pose.positions[body.legs[side].joints[0]]);
     (left + right) / 2.0
 }
 

@@ -89,23 +89,23 @@ pub(super) fn hips(body: &BodyJoints) -> [usize; 2] {
 pub(super) fn top(body: &BodyJoints, pose: &Pose) -> DVec3 {
     match (&body.arms, body.head) {
         (Some(arms), _) => middle(pose, &[arms[0].joints[0], arms[1].joints[0]]),
-        (None, Some(head)) => pose.places[head],
+        (None, Some(head)) => pose.positions[head],
         (None, None) => middle(pose, &hips(body)) + DVec3::Y,
     }
 }
 
 pub(super) fn middle(pose: &Pose, [a, b]: &[usize; 2]) -> DVec3 {
-    (pose.places[*a] + pose.places[*b]) / 2.0
+    (pose.positions[*a] + pose.positions[*b]) / 2.0
 }
 
 /// Whether a pose is that of somebody who stands, in whatever direction.
 fn is_standing(body: &BodyJoints, pose: &Pose) -> bool {
     let trunk = trunk(body, pose);
     let opposes = |[from, to]: [usize; 2]| {
-        let bone = (pose.places[to] - pose.places[from]).normalize_or_zero();
+        let bone = (pose.positions[to] - pose.positions[from]).normalize_or_zero();
         bone.dot(trunk) < OPPOSITE
     };
-    let [left, right] = hips(body).map(|hip| pose.places[hip]);
+    let [left, right] = hips(body).map(|hip| pose.positions[hip]);
     let line = (left - right).normalize_or_zero();
     line != DVec3::ZERO
         && line.dot(trunk).abs() < ACROSS
@@ -115,7 +115,8 @@ fn is_standing(body: &BodyJoints, pose: &Pose) -> bool {
 /// How upright a pose is: the larger, the more.
 fn uprightness(body: &BodyJoints, pose: &Pose) -> f64 {
     let bones = body.legs.iter().flat_map(|leg| leg.joints.windows(2));
-    let down = bones.map(|two| (pose.places[two[1]] - pose.places[two[0]]).normalize_or_zero());
+    let down =
+        bones.map(|two| (pose.positions[two[1]] - pose.positions[two[0]]).normalize_or_zero());
     trunk(body, pose).y - down.map(|d| d.y).sum::<f64>()
 }
 
@@ -130,7 +131,8 @@ pub(super) fn between(
     let frames = |rest: &RestPose, body: &BodyJoints| {
         let up = rest.up.filter(|_| is_upright);
         let up = up.unwrap_or_else(|| trunk(body, &rest.pose));
-        let line = |[left, right]: [usize; 2]| rest.pose.places[left] - rest.pose.places[right];
+        let line =
+            |[left, right]: [usize; 2]| rest.pose.positions[left] - rest.pose.positions[right];
         let hips = line(hips(body));
         let shoulders = body.arms.as_ref();
         let shoulders = shoulders.map(|arms| line([arms[0].joints[0], arms[1].joints[0]]));

@@ -138,8 +138,8 @@ fn length(tree: &Hierarchy, from: usize, to: usize) -> f64 {
 
 /// Legs and arms, left before right.
 fn sided(tree: &Hierarchy, [a, b]: [Limb; 2], [c, d]: [Limb; 2]) -> Result<Limbs> {
-    let places = tree.zero().places;
-    let at = |limb: &Limb, n: usize| places[limb.joints[n]];
+    let positions = tree.zero().positions;
+    let at = |limb: &Limb, n: usize| positions[limb.joints[n]];
     let across = at(&a, 0) - at(&b, 0);
     let by_words = |a: &Limb, b: &Limb| {
         let side = |limb: &Limb| side(&tree.names[limb.joints[1]]);
@@ -151,7 +151,7 @@ fn sided(tree: &Hierarchy, [a, b]: [Limb; 2], [c, d]: [Limb; 2]) -> Result<Limbs
     let by_toes = || {
         let up = (at(&c, 0) + at(&d, 0) - at(&a, 2) - at(&b, 2)).try_normalize()?;
         let toes = |limb: &Limb| match limb.end {
-            Some(end) => Some(places[end] - at(limb, 2)),
+            Some(end) => Some(positions[end] - at(limb, 2)),
             None => tree.tips[limb.joints[2]].first().copied(),
         };
         let forward = toes(&a)? + toes(&b)?;

@@ -155,7 +155,7 @@ fn pose(bvh: &Bvh, frame: usize) -> Pose {
 fn farthest(a: &Bvh, b: &Bvh) -> f64 {
     let mut far = 0.0f64;
     for t in 0..a.motion.nrows() {
-        let (a, b) = (pose(a, t).places, pose(b, t).places);
+        let (a, b) = (pose(a, t).positions, pose(b, t).positions);
         for (from, to) in LIMBS {
             far = far.max((a[to] - a[from]).angle_between(b[to] - b[from]));
         }
@@ -184,7 +184,7 @@ fn limbs_have_the_sources_directions_and_come_back() {
 }
 
 fn hips_of(pose: &Pose) -> DVec3 {
-    (pose.places[13] + pose.places[17]) / 2.0
+    (pose.positions[13] + pose.positions[17]) / 2.0
 }
 
 #[test]
@@ -331,7 +331,7 @@ fn what_is_missing_is_missing_in_what_depends_on_it_alone() {
     let mut source = body(30, same, none, moving);
     let rig = body(1, other, none, moving);
     let whole = carried(&rig, &source, true).bvh.motion;
-    // A thigh in frame 4, the root's place in frame 7, its rotation in frame 9.
+    // A thigh in frame 4, the root's position in frame 7, its rotation in frame 9.
     source.motion[[4, 3 * 13 + 4]] = f64::NAN;
     source.motion[[7, 1]] = f64::NAN;
     (0..3).for_each(|c| source.motion[[9, 3 + c]] = f64::NAN);
@@ -427,7 +427,7 @@ fn a_rig_whose_z_axis_points_up_gets_the_same_motion() {
     let by_z = Retargeter::new(turned, UpAxis::Z, None).unwrap();
     let by_z = by_z.retarget(&source, &by(false)).unwrap().bvh;
     for t in 0..20 {
-        let (a, b) = (pose(&there, t).places, pose(&by_z, t).places);
+        let (a, b) = (pose(&there, t).positions, pose(&by_z, t).positions);
         for (a, b) in a.iter().zip(&b) {
             assert!((turn * *a - *b).length() <= 1e-9);
         }

@@ -47,7 +47,7 @@ impl Figure<'_> {
     fn direction(&self, joint: usize, end: Option<usize>) -> Option<DVec3> {
         let pose = &self.rest.pose;
         let bone = match end {
-            Some(end) => pose.places[end] - pose.places[joint],
+            Some(end) => pose.positions[end] - pose.positions[joint],
             None => {
                 let children = self.tree.children(joint).map(|j| self.tree.offsets[j]);
                 let tips = self.tree.tips[joint].iter().copied();
@@ -59,9 +59,9 @@ impl Figure<'_> {
 
     /// The length of a leg at rest, the mean of both.
     pub(super) fn leg(&self) -> f64 {
-        let places = &self.rest.pose.places;
+        let positions = &self.rest.pose.positions;
         let long = |leg: &Limb| {
-            let [hip, knee, ankle] = leg.joints.map(|j| places[j]);
+            let [hip, knee, ankle] = leg.joints.map(|j| positions[j]);
             hip.distance(knee) + knee.distance(ankle)
         };
         self.body.legs.iter().map(long).sum::<f64>() / 2.0
@@ -292,7 +292,7 @@ impl Transfer {
         };
         let aimed = follow.aim.and_then(|(end, local)| {
             let s = follow.from.0;
-            let now = source.places[end] - source.places[s];
+            let now = source.positions[end] - source.positions[s];
             shortest_arc(source.rotations[s] * local, now)
         });
         Some(aimed.map_or(rotation, |swing| swing * rotation))

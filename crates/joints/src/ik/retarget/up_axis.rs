@@ -34,13 +34,13 @@ pub fn up_axis(source: &Bvh, map: Option<&NameMap>) -> Option<UpAxis> {
         Figure {
             head: body
                 .head
-                .map_or_else(|| top(&body, &pose), |head| pose.places[head]),
+                .map_or_else(|| top(&body, &pose), |head| pose.positions[head]),
             hips: limbs(hips(&body)),
             feet: limbs([0, 1].map(|side: usize| body.legs[side].joints[2])),
             hands: (body.arms.as_ref()).map_or(DVec3::NAN, |arms| {
                 limbs([0, 1].map(|side: usize| arms[side].joints[2]))
             }),
-            heights: range(pose.places.iter().map(|place| place.y)).into(),
+            heights: range(pose.positions.iter().map(|position| position.y)).into(),
         }
     };
     let is_whole = |t: &usize| source.motion.row(*t).iter().all(|v| v.is_finite());

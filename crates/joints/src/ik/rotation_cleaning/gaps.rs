@@ -1,4 +1,4 @@
-//! Missing rotations and places: three paths over a gap, weighed on gaps that are simulated
+//! Missing rotations and positions: three paths over a gap, weighed on gaps that are simulated
 //! elsewhere in the take.
 //!
 //! ```text
@@ -36,7 +36,7 @@ pub(super) struct Predictors {
     values: Array2<f64>,
     /// The track of each column.
     tracks: Vec<usize>,
-    /// Of each track, whether it is seen by frame.
+    /// Whether each track is seen, by frame.
     seen: Vec<Vec<bool>>,
     /// values' values, their sums and number: of all frames.
     sums: Sums,
@@ -83,7 +83,8 @@ impl Sums {
 }
 
 impl Predictors {
-    /// Of rotations, with whether they are seen, and their free axes (1: about x, or 3).
+    /// The predictors of rotations, with whether they are seen, and their free axes (1: about x, or
+    /// 3).
     pub(super) fn new(tracks: &[(&[DQuat], &[bool], usize)], frames: usize) -> Predictors {
         let mut columns: Vec<(f64, usize, Vec<f64>)> = Vec::new();
         for (j, (rotations, _, axes)) in tracks.iter().enumerate() {

@@ -69,14 +69,14 @@ pub struct CleanedRotations {
     pub tracks: Vec<CleanedTrack>,
 }
 
-/// What was done to a joint: its rotation, one of its angles, or its place.
+/// What was done to a joint: its rotation, one of its angles, or its position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CleanedTrack {
     /// The joint's index.
     pub joint: usize,
     /// Channels.
     pub channels: Vec<usize>,
-    /// Whether it is a place and no rotation.
+    /// Whether it is a position and no rotation.
     pub is_place: bool,
     /// The standard deviation of its noise, radians about an axis, or centimeters.
     pub noise: f64,
@@ -150,36 +150,36 @@ fn clean_frames(
     rate: f64,
     how: &RotationCleaning,
 ) -> CleanedRotations {
-    let (mut rotations, mut places) = tracks(joints, motion);
+    let (mut rotations, mut positions) = tracks(joints, motion);
     let pops = bridge_pops(&mut rotations, rate, how.pops);
     let held: Vec<Vec<Range<usize>>> = rotations.iter().map(|t| how.held_of(t.joint)).collect();
     let counts: Vec<Vec<bool>> = (rotations.iter().zip(pops.iter().zip(&held)))
         .map(|(track, (pops, held))| counting(&track.seen, pops, held))
         .collect();
-    let noise_of_all = measure(&rotations, &places, &counts);
+    let noise_of_all = measure(&rotations, &positions, &counts);
     let is_noise = noise_of_all.is_noise(rate);
     let measured = Measured::split(noise_of_all.variance, rotations.len());
     let moving = measured.rotations.iter().flatten().map(|v| v.sqrt());
     let noise = median(moving.collect()).unwrap_or(0.0);
     let strengths = if noise >= how.noise_limit && is_noise {
-        smooth(&mut rotations, &mut places, counts, &held, &measured)
+        smooth(&mut rotations, &mut positions, counts, &held, &measured)
     } else {
         Default::default()
     };
     let longest = how
         .max_gap
         .map_or(usize::MAX, |s| (s * rate + 1e-6) as usize);
-    let gaps = fill(&mut rotations, &mut places, 1.0 / rate, longest);
+    let gaps = fill(&mut rotations, &mut positions, 1.0 / rate, longest);
     let mut out = motion.to_owned();
     rotations.iter().for_each(|track| track.write(&mut out));
-    places.iter().for_each(|track| track.write(&mut out));
+    positions.iter().for_each(|track| track.write(&mut out));
     let mut report = Vec::new();
     for (i, track) in rotations.iter().enumerate() {
         let noise = measured.rotations[i];
         report.extend(track.report(noise, false, strengths.0.get(i), &pops[i], &gaps.0[i]));
     }
-    for (i, track) in places.iter().enumerate() {
-        let noise = measured.places[i];
+    for (i, track) in positions.iter().enumerate() {
+        let noise = measured.positions[i];
         report.extend(track.report(noise, true, strengths.1.get(i), &[], &gaps.1[i]));
     }
     CleanedRotations {
@@ -258,20 +258,23 @@ fn counting(seen: &[bool], pops: &[Range<usize>], held: &[Range<usize>]) -> Vec<
 /// The variance of each track that moves: rad² about an axis, or cm².
 struct Measured {
     rotations: Vec<Option<f64>>,
-    places: Vec<Option<f64>>,
+    positions: Vec<Option<f64>>,
 }
 
 impl Measured {
     fn split(mut rotations: Vec<Option<f64>>, count: usize) -> Measured {
-        let places = rotations.split_off(count);
-        Measured { rotations, places }
+        let positions = rotations.split_off(count);
+        Measured {
+            rotations,
+            positions,
+        }
     }
 }
 
-/// The noise of the rotations in the frames that count, and after them of the places.
+/// The noise of the rotations in the frames that count, and after them of the positions.
 fn measure(
     rotations: &[Track<DQuat>],
-    places: &[Track<DVec3>],
+    positions: &[Track<DVec3>],
     counts: &[Vec<bool>],
 ) -> TrackNoise {
     let track = |rows: Vec<[f64; 4]>, counts: &[bool], scale: f64, freedoms: usize| {
@@ -291,26 +294,26 @@ fn measure(
     // A quaternion moves by half the angle.
     let rotations = rotations.iter().zip(counts);
     let rotations = rotations.map(|(t, counts)| track(t.rows(), counts, 2.0, t.freedoms()));
-    let places = places.iter().map(|t| track(t.rows(), &t.seen, 1.0, 3));
-    TrackNoise::of(&rotations.chain(places).collect::<Vec<_>>())
+    let positions = positions.iter().map(|t| track(t.rows(), &t.seen, 1.0, 3));
+    TrackNoise::of(&rotations.chain(positions).collect::<Vec<_>>())
 }
 
 /// Smooths all that moves, by the frames that count; what was held stays.
 fn smooth(
     rotations: &mut [Track<DQuat>],
-    places: &mut [Track<DVec3>],
+    positions: &mut [Track<DVec3>],
     mut counts: Vec<Vec<bool>>,
     held: &[Vec<Range<usize>>],
     measured: &Measured,
 ) -> (Vec<Option<Strength>>, Vec<Option<Strength>>) {
-    counts.extend(places.iter().map(|track| track.seen.clone()));
-    let rows =
-        (rotations.iter().map(Track::<DQuat>::rows)).chain(places.iter().map(Track::<DVec3>::rows));
+    counts.extend(positions.iter().map(|track| track.seen.clone()));
+    let rows = (rotations.iter().map(Track::<DQuat>::rows))
+        .chain(positions.iter().map(Track::<DVec3>::rows));
     // Over all coordinates of a frame; a quaternion's are those of half the angle.
     let of_rotations = rotations.iter().zip(&measured.rotations);
     let noise = of_rotations
         .map(|(track, v)| v.unwrap_or(0.0) / 4.0 * track.freedoms() as f64)
-        .chain(measured.places.iter().map(|v| 3.0 * v.unwrap_or(0.0)));
+        .chain(measured.positions.iter().map(|v| 3.0 * v.unwrap_or(0.0)));
     let noisy: Vec<Noisy<'_>> = rows
         .zip(&counts)
         .zip(noise)
@@ -328,11 +331,11 @@ fn smooth(
         };
         match i.checked_sub(rotations.len()) {
             None => rotations[i].take(&smooth, &held[i], |q| DQuat::from_array(q).normalize()),
-            Some(i) => places[i].take(&smooth, &[], |p| DVec3::new(p[0], p[1], p[2])),
+            Some(i) => positions[i].take(&smooth, &[], |p| DVec3::new(p[0], p[1], p[2])),
         }
     }
-    let of_places = strengths.split_off(rotations.len());
-    (strengths, of_places)
+    let of_positions = strengths.split_off(rotations.len());
+    (strengths, of_positions)
 }
 
 impl<M: Copy> Track<M> {
@@ -349,17 +352,17 @@ impl<M: Copy> Track<M> {
 /// Fills the gaps of no more than `longest` frames; `step`: seconds a frame.
 fn fill(
     rotations: &mut [Track<DQuat>],
-    places: &mut [Track<DVec3>],
+    positions: &mut [Track<DVec3>],
     step: f64,
     longest: usize,
 ) -> (Vec<Vec<FilledGap>>, Vec<Vec<FilledGap>>) {
     let is_whole = |seen: &[bool]| !seen.contains(&false);
     let all_whole =
-        rotations.iter().all(|t| is_whole(&t.seen)) && places.iter().all(|t| is_whole(&t.seen));
+        rotations.iter().all(|t| is_whole(&t.seen)) && positions.iter().all(|t| is_whole(&t.seen));
     if all_whole {
         return (
             vec![Vec::new(); rotations.len()],
-            vec![Vec::new(); places.len()],
+            vec![Vec::new(); positions.len()],
         );
     }
     let frames = rotations.first().map_or(0, |t| t.seen.len());
@@ -370,10 +373,10 @@ fn fill(
     let of_rotations = parallel::map_chunks(rotations.len(), 1, |i| {
         rotations[i.start].filled(&predictors, Some(i.start), step, longest)
     });
-    let of_places = parallel::map_chunks(places.len(), 1, |i| {
-        places[i.start].filled(&predictors, None, step, longest)
+    let of_positions = parallel::map_chunks(positions.len(), 1, |i| {
+        positions[i.start].filled(&predictors, None, step, longest)
     });
-    (put(rotations, of_rotations), put(places, of_places))
+    (put(rotations, of_rotations), put(positions, of_positions))
 }
 
 impl<M: Movable> Track<M> {
@@ -395,7 +398,7 @@ impl<M: Movable> Track<M> {
     }
 }
 
-/// Puts what fills the gaps of each track in place.
+/// Puts what fills the gaps into each track.
 fn put<M: Copy>(
     tracks: &mut [Track<M>],
     filled: Vec<Vec<(FilledGap, Vec<M>)>>,
@@ -419,7 +422,7 @@ mod tests {
     use ndarray::s;
     use rand_distr::{Distribution, Normal};
 
-    /// A root with a place, five ball joints and a hinge.
+    /// A root with a position, five ball joints and a hinge.
     fn joints() -> Vec<JointChannels> {
         let ball = |first: usize| {
             let axes = [Axis::Z, Axis::X, Axis::Y].into_iter();

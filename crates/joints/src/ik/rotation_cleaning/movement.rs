@@ -1,10 +1,10 @@
-//! What moves: rotations and places, with steps from one to another as vectors.
+//! What moves: rotations and positions, with steps from one to another as vectors.
 
 use crate::pose::ranges;
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
-/// A rotation or a place.
+/// A rotation or a position.
 pub(super) trait Movable: Copy + Send + Sync {
     /// The step to another, in one's own frame: a rotation vector, radians, or a shift, cm.
     fn step_to(self, other: Self) -> DVec3;

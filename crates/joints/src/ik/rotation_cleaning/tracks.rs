@@ -1,5 +1,5 @@
-//! The tracks of a file's channels: rotations of ball joints, angles of hinges, places; and the way
-//! back to its own angles.
+//! The tracks of a file's channels: rotations of ball joints, angles of hinges, positions; and the
+//! way back to its own angles.
 
 use super::movement::{Movable, gaps, straight};
 use super::tuning::*;
@@ -13,7 +13,7 @@ pub(super) struct Track<M> {
     /// The joint's index.
     pub joint: usize,
     /// Channels among those of a frame, with their axes: of a ball joint three, in the order of
-    /// their product, of a hinge one, of a place one to three.
+    /// their product, of a hinge one, of a position one to three.
     pub channels: Vec<(usize, Axis)>,
     /// By frame; missing ones on the straight way.
     pub values: Vec<M>,
@@ -52,12 +52,12 @@ impl<M: Movable> Track<M> {
     }
 }
 
-/// The rotations and the places of joints.
+/// The rotations and the positions of joints.
 pub(super) fn tracks(
     joints: &[JointChannels],
     motion: ArrayView2<'_, f64>,
 ) -> (Vec<Track<DQuat>>, Vec<Track<DVec3>>) {
-    let (mut rotations, mut places) = (Vec::new(), Vec::new());
+    let (mut rotations, mut positions) = (Vec::new(), Vec::new());
     for (j, joint) in joints.iter().enumerate() {
         let parts = if three_axes(joint.angles.iter().map(|a| a.1)).is_some() {
             vec![joint.angles.clone()]
@@ -75,20 +75,20 @@ pub(super) fn tracks(
             make_continuous(&mut track.values);
             Some(track)
         }));
-        let place = |channels: &[(usize, Axis)], t: usize| {
+        let position = |channels: &[(usize, Axis)], t: usize| {
             let along = channels
                 .iter()
                 .map(|(c, axis)| axis.unit() * motion[[t, *c]]);
             along.sum::<DVec3>()
         };
         let channels = joint.positions.clone();
-        places.extend(
+        positions.extend(
             Some((j, channels))
                 .filter(|c| !c.1.is_empty())
-                .and_then(|c| Track::new(c, motion, place)),
+                .and_then(|c| Track::new(c, motion, position)),
         );
     }
-    (rotations, places)
+    (rotations, positions)
 }
 
 /// Gives each quaternion the sign that is nearer to the one before.
@@ -164,12 +164,12 @@ impl Track<DQuat> {
 }
 
 impl Track<DVec3> {
-    /// The places as rows.
+    /// The positions as rows.
     pub(super) fn rows(&self) -> Vec<[f64; 4]> {
         self.values.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect()
     }
 
-    /// Writes the new places; coordinates that are known stay where others of the frame are
+    /// Writes the new positions; coordinates that are known stay where others of the frame are
     /// missing.
     pub(super) fn write(&self, motion: &mut Array2<f64>) {
         for t in (0..self.values.len()).filter(|t| self.is_new[*t]) {
@@ -284,8 +284,8 @@ mod tests {
         let truth = Array2::from_shape_fn((30, 3), |(t, c)| row(t)[c]);
         let mut gappy = truth.clone();
         gappy.slice_mut(ndarray::s![10..14, ..]).fill(f64::NAN);
-        let (mut rotations, places) = tracks(&joints, gappy.view());
-        assert!(places.is_empty() && rotations[0].seen.iter().filter(|s| !**s).count() == 4);
+        let (mut rotations, positions) = tracks(&joints, gappy.view());
+        assert!(positions.is_empty() && rotations[0].seen.iter().filter(|s| !**s).count() == 4);
         rotations[0].is_new.fill(true);
         let mut written = gappy.clone();
         rotations[0].write(&mut written);

@@ -11,17 +11,17 @@ pub(crate) const NEGLIGIBLE: f64 = 6.0;
 pub struct Candidate {
     /// log (mixture weight × evidence), nats.
     pub log: f64,
-    /// Its cluster's place in [`Candidates::clusters`].
+    /// Its cluster's index in [`Candidates::clusters`].
     pub cluster: usize,
     /// The exemplar among the cluster's; `None` for the cluster itself.
     pub exemplar: Option<usize>,
-    /// Its sub-mixture's place in the part.
+    /// Its sub-mixture's index in the part.
     pub sub_mixture: usize,
 }
 
 impl Candidate {
     /// Where it stands among all components.
-    pub(crate) fn place(&self) -> (usize, Option<usize>, usize) {
+    pub(crate) fn indices(&self) -> (usize, Option<usize>, usize) {
         (self.cluster, self.exemplar, self.sub_mixture)
     }
 }
@@ -31,7 +31,7 @@ impl Candidate {
 pub(crate) struct EvaluatedCluster {
     /// Its level.
     pub level: usize,
-    /// Its place in the level.
+    /// Its index in the level.
     pub index: usize,
     /// The largest log evidence at any scale, with its proportion and fade, nats.
     pub best: f64,
@@ -96,10 +96,10 @@ impl Candidates {
         weights
     }
 
-    /// Places in [`best`](Candidates::best), sorted by cluster, exemplar and sub-mixture.
+    /// Indices in [`best`](Candidates::best), sorted by cluster, exemplar and sub-mixture.
     pub(crate) fn by_cluster(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.best.len()).collect();
-        order.sort_unstable_by_key(|&i| self.best[i].place());
+        order.sort_unstable_by_key(|&i| self.best[i].indices());
         order
     }
 }

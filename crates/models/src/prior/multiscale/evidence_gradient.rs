@@ -39,11 +39,11 @@ impl PartMixture {
         let responsibilities = candidates.responsibilities();
         let (best, order) = (&candidates.best, candidates.by_cluster());
         for of_cluster in order.chunk_by(|a, b| best[*a].cluster == best[*b].cluster) {
-            let place = best[of_cluster[0]].cluster;
-            let cluster = candidates.clusters[place];
+            let index = best[of_cluster[0]].cluster;
+            let cluster = candidates.clusters[index];
             let conditioned_cluster = conditioned.cluster(self, cluster.level, cluster.index);
             let (noisy, precisions) = (&conditioned_cluster.noisy, &conditioned_cluster.precisions);
-            let residual = candidates.z(place, conditioned_cluster);
+            let residual = candidates.z(index, conditioned_cluster);
             let mut projected = vec![Vec::new(); n];
             for (direction, z) in directions.iter().zip(&mut projected) {
                 noisy.project(direction, z);

@@ -96,7 +96,7 @@ impl PartMixture {
         &self.levels[self.levels.len() - 1]
     }
 
-    /// The sub-mixtures of a level, or (`None`) of the exemplars, each with its place among all.
+    /// The sub-mixtures of a level, or (`None`) of the exemplars, each with its index among all.
     pub(crate) fn sub_mixtures_of(
         &self,
         level: Option<usize>,

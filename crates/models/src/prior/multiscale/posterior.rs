@@ -129,7 +129,7 @@ impl<'a> PosteriorSum<'a> {
         (self.conditioned).cluster(self.part, cluster.level, cluster.index)
     }
 
-    /// The precisions of a candidate's cluster or exemplar, and the place of its scale.
+    /// The precisions of a candidate's cluster or exemplar, and the index of its scale.
     fn precisions(&self, candidate: &Candidate) -> (&'a ScaledPrecisions, usize) {
         let conditioned = self.conditioned(candidate.cluster);
         let precisions = match candidate.exemplar {
@@ -171,9 +171,9 @@ impl<'a> PosteriorSum<'a> {
             return;
         };
         let exemplars = self.part.exemplars_of(cluster.index);
-        let place = Some((candidate.cluster, exemplar));
-        if self.last_exemplar != place {
-            self.last_exemplar = place;
+        let index = Some((candidate.cluster, exemplar));
+        if self.last_exemplar != index {
+            self.last_exemplar = index;
             self.residual
                 .set(&conditioned.noisy, exemplars, &self.y, exemplar);
         }

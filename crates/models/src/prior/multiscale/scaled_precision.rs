@@ -95,7 +95,7 @@ impl ScaledPrecisions {
         &self.diagonals[at * self.stride..(at + 1) * self.stride]
     }
 
-    /// The place of a scale.
+    /// The index of a scale.
     pub(crate) fn at(&self, scale: f64) -> usize {
         self.scales.iter().position(|s| *s == scale).unwrap_or(0)
     }

@@ -94,8 +94,8 @@ pub(crate) struct ComponentSearch<'a> {
 /// A cluster of the finest level whose exemplars are evaluated.
 #[derive(Clone, Copy)]
 struct OpenCluster<'a> {
-    /// Its place among the evaluated clusters.
-    place: usize,
+    /// Its index among the evaluated clusters.
+    index: usize,
     noisy: &'a NoisyCovariance,
     exemplars: &'a ClusterExemplars,
     precisions: &'a ScaledPrecisions,
@@ -148,11 +148,11 @@ impl<'a> ComponentSearch<'a> {
             let best = logs.iter().fold(f64::NEG_INFINITY, |best, log| {
                 best.max(log + log_proportion)
             });
-            let place = self.found.clusters.len();
+            let evaluated = self.found.clusters.len();
             for (sub_mixture, scale) in part.sub_mixtures_of(Some(level)) {
                 self.add(Candidate {
                     log: logs[cluster.precisions.at(scale.scale)] + log_proportion,
-                    cluster: place,
+                    cluster: evaluated,
                     exemplar: None,
                     sub_mixture,
                 });
@@ -195,7 +195,7 @@ impl<'a> ComponentSearch<'a> {
             let mut best = f64::NEG_INFINITY;
             for near in batch {
                 let OpenCluster {
-                    place,
+                    index,
                     noisy,
                     exemplars,
                     precisions,
@@ -208,7 +208,7 @@ impl<'a> ComponentSearch<'a> {
                         precisions.log_evidence_along_step(at, step_forms.forms[at], s.step_scale);
                     best = best.max(self.add(Candidate {
                         log: log_proportion + near.fade + log,
-                        cluster: place,
+                        cluster: index,
                         exemplar: Some(near.exemplar),
                         sub_mixture,
                     }));
@@ -229,8 +229,8 @@ impl<'a> ComponentSearch<'a> {
         let evaluated = || evaluated.clone().filter(|(_, c)| c.level == finest);
         let best = evaluated().fold(f64::NEG_INFINITY, |best, (_, c)| best.max(c.best));
         let likely = evaluated().filter(|(_, c)| c.best >= best - OPEN_MARGIN);
-        let open = likely.map(|(place, cluster)| OpenCluster {
-            place,
+        let open = likely.map(|(index, cluster)| OpenCluster {
+            index,
             noisy: &conditioned.cluster(part, finest, cluster.index).noisy,
             exemplars: part.exemplars_of(cluster.index),
             precisions: conditioned.exemplar_precisions(part, cluster.index),
@@ -248,11 +248,11 @@ impl<'a> ComponentSearch<'a> {
             starts.push(distances.len());
         }
         let near = nearest(&distances, MAX_EXEMPLARS).into_iter();
-        let near = near.map(|(place, fade)| {
-            let open = starts.partition_point(|s| *s <= place) - 1;
+        let near = near.map(|(index, fade)| {
+            let open = starts.partition_point(|s| *s <= index) - 1;
             NearExemplar {
                 fade,
-                exemplar: place - starts[open],
+                exemplar: index - starts[open],
                 open,
             }
         });
@@ -281,7 +281,7 @@ impl<'a> ComponentSearch<'a> {
             best.select_nth_unstable_by(MAX_CANDIDATES - 1, |a, b| {
                 b.log
                     .total_cmp(&a.log)
-                    .then_with(|| a.place().cmp(&b.place()))
+                    .then_with(|| a.indices().cmp(&b.indices()))
             });
             best.truncate(MAX_CANDIDATES);
             self.worst = best[MAX_CANDIDATES - 1].log;

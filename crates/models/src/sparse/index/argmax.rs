@@ -104,7 +104,7 @@ impl StoredArgmax {
 
 #[cfg(test)]
 mod tests {
-    use super::super::packed_atoms::{PLACES, Row, WIDTH};
+    use super::super::packed_atoms::{INDICES, Row, WIDTH};
     use super::*;
     use crate::numeric::parallel;
     use crate::numeric::simd::dispatch_widest;
@@ -121,12 +121,12 @@ mod tests {
         fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
             let mut stored = StoredArgmax::NONE;
             for (panel, (over, under)) in self.0.iter().enumerate() {
-                let [over, under, places] =
-                    [over, under, &PLACES].map(|row| S::as_simd_f32s(&row.0).0);
+                let [over, under, indices] =
+                    [over, under, &INDICES].map(|row| S::as_simd_f32s(&row.0).0);
                 let from = simd.splat_f32s((panel * WIDTH) as f32);
                 let mut lanes = stored.load::<S>();
                 for v in 0..over.len() {
-                    lanes.compare(simd, over[v], under[v], simd.add_f32s(from, places[v]));
+                    lanes.compare(simd, over[v], under[v], simd.add_f32s(from, indices[v]));
                 }
                 stored.store(lanes);
             }

@@ -12,7 +12,7 @@ use ndarray::ArrayView2;
 pub(crate) const LEAF: usize = 16;
 /// The largest number of groups of balls in the top layer; a search visits all of them.
 const TOP: usize = 8;
-/// Marks an empty place in a leaf.
+/// Marks an empty slot in a leaf.
 pub(crate) const NO_ATOM: u32 = u32::MAX;
 /// The largest number of atoms from which a split is computed.
 const SPLIT_SAMPLE: usize = 1024;
@@ -52,7 +52,7 @@ pub(crate) struct LeafDetails {
 pub(crate) struct Balls {
     /// The first PCA coordinates of m, a row each; the others are 0.
     pub centers: [Lanes; LEADING],
-    /// |m|²; infinite for an empty place.
+    /// |m|²; infinite for an empty slot.
     pub norms: Lanes,
     /// All atoms of the ball are within this distance of m.
     pub radii: Lanes,
@@ -75,10 +75,10 @@ impl BallTree {
         let n = atoms.nrows();
         let projected = basis.project_all(atoms);
         let order = in_order(&projected);
-        let leaves = parallel::map_chunks(n, LEAF, |places| leaf(&order[places], &projected));
+        let leaves = parallel::map_chunks(n, LEAF, |range| leaf(&order[range], &projected));
         let (leaves, details) = leaves.into_iter().unzip();
         let layer = |atoms: usize| -> Vec<Balls> {
-            let balls = parallel::map_chunks(n, atoms, |places| ball(&order[places], &projected));
+            let balls = parallel::map_chunks(n, atoms, |range| ball(&order[range], &projected));
             balls.chunks(LEAF).map(group).collect()
         };
         let (mut layers, mut atoms_each) = (vec![layer(LEAF)], LEAF);
@@ -113,12 +113,12 @@ fn split(order: &mut [u32], projected: &[Projected]) {
         let point = projected[*atom as usize].leading();
         point.iter().zip(&widest).map(|(p, w)| p * w).sum()
     };
-    let mut placed: Vec<(f32, u32)> = order.iter().map(|a| (at(a), *a)).collect();
+    let mut keyed: Vec<(f32, u32)> = order.iter().map(|a| (at(a), *a)).collect();
     let half = (order.len() / 2).next_multiple_of(LEAF);
-    placed.select_nth_unstable_by(half.min(order.len() - 1), |a, b| {
+    keyed.select_nth_unstable_by(half.min(order.len() - 1), |a, b| {
         a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
     });
-    order.iter_mut().zip(&placed).for_each(|(o, p)| *o = p.1);
+    order.iter_mut().zip(&keyed).for_each(|(o, p)| *o = p.1);
     let large = order.len() > LARGE;
     let (low, high) = order.split_at_mut(half);
     if large {

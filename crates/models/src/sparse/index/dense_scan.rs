@@ -153,7 +153,7 @@ impl WithSimd for Reduce<'_> {
 #[derive(Default)]
 struct ObservedRows {
     rows: Vec<u32>,
-    /// The same as ranges, which are copied faster than one by one.
+    /// The rows as ranges, which are copied faster than one by one.
     runs: Vec<std::ops::Range<usize>>,
     /// These coordinates of each vector, one vector after the other.
     numbers: Vec<f32>,

@@ -5,7 +5,7 @@ use super::super::SelectionRule;
 use super::argmax::LaneArgmax;
 use super::dense_scan::DenseScan;
 use super::gram::Term;
-use super::packed_atoms::{PLACES, PackedAtoms, Row, WIDTH};
+use super::packed_atoms::{INDICES, PackedAtoms, Row, WIDTH};
 use super::panel_kernel::{self, Optimized, Plain, Update, Vectors};
 use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
@@ -97,7 +97,7 @@ impl Step<'_> {
     #[inline(always)]
     fn go<S: Simd, U: Update, const VECTORS: usize>(self, simd: S) -> Option<u32> {
         let part = simd.splat_f32s(self.part);
-        let places = vectors::<S>(&PLACES);
+        let indices = vectors::<S>(&INDICES);
         let mut best = [LaneArgmax::none(simd); VECTORS];
         let rows = self.correlations.iter_mut().zip(self.remainders);
         for (panel, (c, e)) in rows.enumerate() {
@@ -116,7 +116,7 @@ impl Step<'_> {
                     floor: None,
                 };
                 if let Some((over, under)) = U::update(simd, products[v], part, state) {
-                    best[v].compare(simd, over, under, simd.add_f32s(panel, places[v]));
+                    best[v].compare(simd, over, under, simd.add_f32s(panel, indices[v]));
                 }
             }
         }

@@ -16,15 +16,15 @@ impl Row {
     pub(crate) const ZERO: Row = Row([0.0; WIDTH]);
 }
 
-/// The places of a panel's atoms, in order.
-pub(crate) const PLACES: Row = {
-    let mut places = Row::ZERO;
+/// The indices of a panel's atoms, in order.
+pub(crate) const INDICES: Row = {
+    let mut indices = Row::ZERO;
     let mut i = 0;
     while i < WIDTH {
-        places.0[i] = i as f32;
+        indices.0[i] = i as f32;
         i += 1;
     }
-    places
+    indices
 };
 
 /// The number of lanes of the widest SIMD vectors.
@@ -35,7 +35,7 @@ const MOST: usize = 16;
 pub(crate) struct Wide(pub [f32; MOST]);
 
 impl Wide {
-    /// The same number in all lanes.
+    /// One number in all lanes.
     pub(crate) const fn of(value: f32) -> Wide {
         Wide([value; MOST])
     }

@@ -7,7 +7,7 @@
 
 use super::super::SelectionRule;
 use super::argmax::StoredArgmax;
-use super::packed_atoms::{PLACES, Row, WIDTH};
+use super::packed_atoms::{INDICES, Row, WIDTH};
 use pulp::{Simd, WithSimd};
 
 /// What is left of an atom counts as at least this share of its squared norm. Below it the
@@ -116,7 +116,7 @@ impl PanelKernel<'_> {
         for at in (0..WIDTH / lanes).step_by(VECTORS) {
             let tile =
                 products::<S, U, POSES, VECTORS>(simd, (self.atoms, self.used), directions, at);
-            let places = &S::as_simd_f32s(&PLACES.0).0[at..at + VECTORS];
+            let indices = &S::as_simd_f32s(&INDICES.0).0[at..at + VECTORS];
             let panel = simd.splat_f32s((self.panel * WIDTH) as f32);
             for (p, products) in tile.into_iter().enumerate() {
                 let pose = from + p;
@@ -132,7 +132,7 @@ impl PanelKernel<'_> {
                         floor: floor.map(|f| vector::<S>(f, at + v)),
                     };
                     if let Some((over, under)) = U::update(simd, product, part, state) {
-                        best.compare(simd, over, under, simd.add_f32s(panel, places[v]));
+                        best.compare(simd, over, under, simd.add_f32s(panel, indices[v]));
                     }
                 }
                 self.best[pose].store(best);

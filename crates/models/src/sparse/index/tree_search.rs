@@ -256,7 +256,7 @@ impl Search<'_> {
         self.passing::<S, V>(simd, &bounds)
     }
 
-    /// The mask of bounds that allow a score as good as the best so far. Empty places never pass:
+    /// The mask of bounds that allow a score as good as the best so far. Empty slots never pass:
     /// their |m|² is infinite.
     #[inline(always)]
     fn passing<S: Simd, const V: usize>(&self, simd: S, bounds: &ScoreBounds<S, V>) -> u32 {
@@ -336,7 +336,7 @@ impl Search<'_> {
     fn consider(&mut self, atom: u32, leaf: usize) {
         let d = self.residual.len();
         let Some(row) = (self.atoms.get(atom as usize * d..)).and_then(|rows| rows.get(..d)) else {
-            return; // an empty place
+            return; // an empty slot
         };
         let score = self.score(row);
         let is_first = self.best.atom.is_some_and(|best| atom < best);

@@ -104,7 +104,7 @@ impl Analyzers {
         let d = self.noise.len();
         MixtureParams {
             weights: mixture.iter().map(|g| g.weight).collect(),
-            // Of one width all.
+            // All have one width.
             means: ndarray::stack(Axis(0), &means).unwrap_or_default(),
             factors: concatenate(Axis(0), &factors).unwrap_or_default(),
             rest: Array2::from_shape_fn((mixture.len(), d), |(_, i)| self.noise[i]),

@@ -9,7 +9,7 @@ use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{calibrated, pose_prior};
 use super::tuning::LEAST_SD;
-use super::tuning::naming::*;
+use super::tuning::body_labels::*;
 use crate::ik::frame_solver::{FrameSolver, FrameState, Scratch};
 use crate::label::unlabeled::own_name;
 use crate::label::{FittedLabels, LabelModel, NamedFrame};
@@ -90,8 +90,8 @@ impl LabelModel for BodyModel {
         let fit = calibrated(&self.named, (&known, FRAMES), None, self.joints, None)?;
         Ok(FittedLabels {
             deviations: (0..self.labels.len()).map(|m| fit.deviations(m)).collect(),
-            places: fit.places()?,
-            sd: fit.place_deviations()?,
+            places: fit.positions()?,
+            sd: fit.position_deviations()?,
         })
     }
 }
@@ -175,7 +175,7 @@ impl Search<'_> {
     fn assigned(&self, points: &[DVec3], state: &FrameState, gate: f64) -> Vec<Option<usize>> {
         let markers = self.markers(state);
         let shares = self.shares(gate);
-        // Of two places as near the one that is better known is likelier.
+        // Where two positions are as near, the one that is better known is likelier.
         let vague = |share: f64| -3.0 * share.ln() * (gate / SIGMAS).powi(2);
         let cost = |m: usize, n: usize| {
             shares[m] * markers[m].distance_squared(points[n]) + vague(shares[m])
@@ -183,8 +183,8 @@ impl Search<'_> {
         assign(markers.len(), points.len(), gate * gate, cost)
     }
 
-    /// The share of its squared distance that counts of each marker: less of those whose place on
-    /// the body is little known.
+    /// The share of its squared distance that counts of each marker: less of those whose position
+    /// on the body is little known.
     fn shares(&self, gate: f64) -> Vec<f64> {
         let of = |marker: usize| {
             let own = BONES + 3 * marker..BONES + 3 * marker + 3;
@@ -198,8 +198,8 @@ impl Search<'_> {
     /// The points of the markers (3 a marker; NaN is missing).
     fn targets(&self, points: &[DVec3], state: &FrameState, gate: f64) -> Vec<f64> {
         let assigned = self.assigned(points, state, gate).into_iter();
-        let place = |n: Option<usize>| n.map_or([f64::NAN; 3], |n| points[n].to_array());
-        assigned.flat_map(place).collect()
+        let position = |n: Option<usize>| n.map_or([f64::NAN; 3], |n| points[n].to_array());
+        assigned.flat_map(position).collect()
     }
 }
 
@@ -209,7 +209,7 @@ mod tests {
     use crate::io::PointMove;
     use crate::label::naming::name_tracks;
     use crate::pose::{Poses, point_at};
-    use crate::solve::solver::tests::person;
+    use crate::solve::marker_solver::tests::person;
     use ndarray::Array2;
 
     /// The person's markers without names, in another order; pieces of some are tracks of their

@@ -1,20 +1,20 @@
-//! Pieces of tracks: what one point surely was, between the gaps and the jumps of a track.
+//! Fragments of tracks: what one point surely was, between the gaps and the jumps of a track.
 //!
 //! A track is cut at frame t where what comes before and what comes after, each fitted and carried
 //! on by half a frame, do not meet: `J = min |L − R|` over a parabola through five frames and a
 //! line through three. Too many cuts do no harm: what belongs together is linked again
 //! ([`super::links`]).
 
-use super::tuning::pieces::*;
+use super::tuning::fragments::*;
 use crate::numeric::statistics::median;
 use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
-/// A piece of a track.
+/// A fragment of a track.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Piece {
+pub(crate) struct Fragment {
     /// The track: a point of the take.
     pub track: usize,
     /// The frames, in all of which it is seen.
@@ -23,9 +23,14 @@ pub(crate) struct Piece {
     pub jumps: [bool; 2],
 }
 
-/// The pieces of the tracks of `xyz` (frames, 3 J; cm, NaN missing), track after track and in the
-/// order of their frames. `runs` are ranges of consecutive frames, `rate` is in frames a second.
-pub(crate) fn pieces(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>], rate: f64) -> Vec<Piece> {
+/// The fragments of the tracks of `xyz` (frames, 3 J; cm, NaN missing), track after track and in
+/// the order of their frames. `runs` are ranges of consecutive frames, `rate` is in frames a
+/// second.
+pub(crate) fn fragments(
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+) -> Vec<Fragment> {
     let found = crate::numeric::parallel::map_chunks(xyz.ncols() / 3, 4, |tracks| {
         let of_track = |track: usize| {
             let all = seen_ranges(xyz, track, runs).into_iter();
@@ -59,18 +64,23 @@ pub(crate) fn seen_ranges(
 }
 
 /// A range in which a track is seen, divided where it jumps.
-fn divided(xyz: ArrayView2<'_, f64>, track: usize, seen: &Range<usize>, rate: f64) -> Vec<Piece> {
+fn divided(
+    xyz: ArrayView2<'_, f64>,
+    track: usize,
+    seen: &Range<usize>,
+    rate: f64,
+) -> Vec<Fragment> {
     let path: Vec<DVec3> = seen.clone().map(|t| point_at(xyz, t, track)).collect();
     let mut bounds = vec![0];
     bounds.extend(cuts(&path, rate));
     bounds.push(path.len());
     let last = bounds.len() - 2;
-    let pieces = bounds.windows(2).enumerate().map(|(k, w)| Piece {
+    let fragments = bounds.windows(2).enumerate().map(|(k, w)| Fragment {
         track,
         frames: seen.start + w[0]..seen.start + w[1],
         jumps: [k > 0, k < last],
     });
-    pieces.collect()
+    fragments.collect()
 }
 
 /// The frames at which a path jumps, counted from its first.
@@ -168,9 +178,9 @@ impl Miss {
             };
         }
         let sides = |weights: &[f64]| {
-            let of = |place: &dyn Fn(usize) -> DVec3| {
+            let of = |position: &dyn Fn(usize) -> DVec3| {
                 let all = weights.iter().enumerate();
-                all.map(|(k, w)| *w * place(k)).sum::<DVec3>()
+                all.map(|(k, w)| *w * position(k)).sum::<DVec3>()
             };
             [of(&|k| path[t - 1 - k]), of(&|k| path[t + k])]
         };
@@ -215,7 +225,7 @@ mod tests {
 
     fn frames_of(xyz: &Array2<f64>, track: usize) -> Vec<Range<usize>> {
         let all = 0..xyz.nrows();
-        let found = pieces(xyz.view(), std::slice::from_ref(&all), RATE);
+        let found = fragments(xyz.view(), std::slice::from_ref(&all), RATE);
         let own = found.into_iter().filter(|p| p.track == track);
         own.map(|p| p.frames).collect()
     }
@@ -223,18 +233,18 @@ mod tests {
     #[test]
     fn fits_extrapolate_polynomials_exactly() {
         let at = |k: f64| 3.0 - 2.0 * k + 0.5 * k * k;
-        let place = |weights: &[f64]| {
+        let position = |weights: &[f64]| {
             let all = weights.iter().enumerate();
             all.map(|(k, w)| w * at(k as f64 + 0.5)).sum::<f64>()
         };
-        assert!((place(&PARABOLA) - 3.0).abs() < 1e-12);
+        assert!((position(&PARABOLA) - 3.0).abs() < 1e-12);
         let line = |k: f64| 3.0 - 2.0 * k;
         let found: f64 = (LINE.iter().enumerate())
             .map(|(k, w)| w * line(k as f64 + 0.5))
             .sum();
         assert!((found - 3.0).abs() < 1e-12);
         for rest in [&CUBIC[..], &QUARTIC] {
-            assert!(place(rest).abs() < 1e-12);
+            assert!(position(rest).abs() < 1e-12);
         }
     }
 

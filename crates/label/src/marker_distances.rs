@@ -1,6 +1,6 @@
 //! The distances between points of a take: how long they are, and how steady.
 
-use super::tuning::distances::*;
+use super::tuning::marker_distances::*;
 use crate::numeric::parallel;
 use crate::pose::point_at;
 use glam::DVec3;

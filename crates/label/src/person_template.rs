@@ -13,9 +13,9 @@
 //! one of both moves far less, a distance is some times as loose as it is in the other, as nobody
 //! walks as he stands; where both stand, their postures differ by a share of it.
 
-use super::distances::{Distance, Distances};
 use super::handedness::Hand;
-use super::tuning::template::*;
+use super::marker_distances::{Distance, Distances};
+use super::tuning::person_template::*;
 use super::tuning::whole_take::NEAR;
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;
@@ -41,7 +41,7 @@ pub(crate) struct Labels<'a> {
     /// Their names, with or without the subject's prefix.
     pub names: &'a [String],
     /// Where they are (frames, 3 L), cm; NaN is missing.
-    pub places: ArrayView2<'a, f64>,
+    pub positions: ArrayView2<'a, f64>,
     /// The distances between them.
     pub distances: &'a Distances,
 }
@@ -61,13 +61,13 @@ impl Template {
     /// Learns from the labels of a person.
     pub(crate) fn learn(
         names: &[String],
-        places: ArrayView2<'_, f64>,
+        positions: ArrayView2<'_, f64>,
         is_same_person: bool,
     ) -> Template {
         Template {
             labels: names.iter().map(|n| own_name(n).to_string()).collect(),
-            distances: Distances::measure(places),
-            hand: Hand::learn(places),
+            distances: Distances::measure(positions),
+            hand: Hand::learn(positions),
             unlike: if is_same_person {
                 SAME_PERSON
             } else {
@@ -94,7 +94,7 @@ impl Template {
             };
         }
         let has_sides = known.iter().any(|l| mirrored[*l] != *l);
-        let other_hand = has_sides && self.hand.is_other(&here, take.places) == Some(true);
+        let other_hand = has_sides && self.hand.is_other(&here, take.positions) == Some(true);
         let of = |k: usize| {
             if other_hand {
                 mirrored[both[k][0]]
@@ -144,13 +144,13 @@ impl Template {
     pub(crate) fn cost(
         &self,
         names: &[String],
-        places: ArrayView2<'_, f64>,
+        positions: ArrayView2<'_, f64>,
         labels: &[usize],
         frames: &[Range<usize>],
     ) -> Option<f64> {
         let here = |l: usize| names.iter().position(|n| own_name(n) == self.labels[l]);
         let there = |l: usize| self.labels.iter().position(|n| *n == own_name(&names[l]));
-        let whole = |a: usize, b: usize| Distance::measure(places, [a, b]);
+        let whole = |a: usize, b: usize| Distance::measure(positions, [a, b]);
         let mut steady: Vec<[usize; 2]> = (0..self.labels.len())
             .flat_map(|a| (a + 1..self.labels.len()).map(move |b| [a, b]))
             .filter(|[a, b]| {
@@ -171,7 +171,7 @@ impl Template {
             let all = there(*label).map_or_else(Vec::new, |l| self.distances.most_rigid(l));
             let seen = all.into_iter().filter_map(|(other, distance)| {
                 let other = here(other).filter(|o| !labels.contains(o))?;
-                let own = Distance::within(places, [*label, other], frames)?;
+                let own = Distance::within(positions, [*label, other], frames)?;
                 Some(beside.cost_of(&own, &distance))
             });
             seen.take(NEIGHBORS).collect::<Vec<f64>>()

@@ -1,4 +1,4 @@
-//! Small work on takes: frames and points chosen, another rate, a low-pass filter.
+//! Takes at another rate, and a low-pass filter for them.
 
 use super::poses::Poses;
 use crate::numeric::butterworth::{FEWEST, LowPass};
@@ -12,48 +12,6 @@ const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 const NEIGHBORS: f64 = 1.5;
 
 impl Poses {
-    /// The poses of some frames, in the order given.
-    #[must_use]
-    pub fn with_frames(&self, frames: &[usize]) -> Poses {
-        let time = self.time.as_ref();
-        let take = self.take.as_ref();
-        Poses {
-            points: self.points.clone(),
-            xyz: self.xyz.select(Axis(0), frames),
-            time: time.map(|time| frames.iter().map(|&t| time[t]).collect()),
-            take: take.map(|take| frames.iter().map(|&t| take[t].clone()).collect()),
-        }
-    }
-
-    /// The poses of some points, in the order given.
-    ///
-    /// ```
-    /// use posing_core::pose::Poses;
-    ///
-    /// let points = ["hip", "knee"].map(String::from).to_vec();
-    /// let xyz = ndarray::array![[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]];
-    /// let poses = Poses { points, xyz, ..Poses::default() };
-    /// let names = ["knee".to_string()];
-    /// assert_eq!(poses.with_points(&names)?.xyz, ndarray::array![[4.0, 5.0, 6.0]]);
-    /// # Ok::<(), String>(())
-    /// ```
-    ///
-    /// # Errors
-    /// The name of a point that there is not.
-    pub fn with_points<'n>(&self, names: &'n [String]) -> Result<Poses, &'n str> {
-        let find = |name: &'n String| {
-            let at = self.points.iter().position(|p| p == name);
-            at.ok_or(name.as_str())
-        };
-        let at = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
-        let columns: Vec<usize> = at.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-        Ok(Poses {
-            points: names.to_vec(),
-            xyz: self.xyz.select(Axis(1), &columns),
-            ..self.clone()
-        })
-    }
-
     /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up
     /// to its last. A coordinate is interpolated (PCHIP) between measured neighbors; across a
     /// gap or a pause it stays missing.
@@ -162,24 +120,9 @@ impl Poses {
     /// [`crate::Error::Unfit`], and nothing is filtered: a take has no rate, or the cutoff is not
     /// below .4 of it.
     pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> crate::Result<usize> {
-        let filter = |own: Option<f64>| {
-            let rate = own
-                .or(fps)
-                .ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
-            let low_pass = LowPass::new(cutoff, rate);
-            let low_pass = low_pass.ok_or_else(|| {
-                format!(
-                    "has {rate} frames per second: the option `butterworth {cutoff}` has to be \
-                     below .4 of that"
-                )
-            })?;
-            Ok((rate, low_pass))
-        };
-        let filters = self
-            .rates()
-            .into_iter()
-            .map(filter)
-            .collect::<crate::Result<Vec<_>>>()?;
+        let rates = self.rates().into_iter();
+        let filters = rates.map(|own| low_pass_filter(cutoff, own.or(fps)));
+        let filters = filters.collect::<crate::Result<Vec<_>>>()?;
         let mut short = 0;
         for (frames, (rate, filter)) in self.takes().into_iter().zip(filters) {
             for c in 0..self.xyz.ncols() {
@@ -214,6 +157,19 @@ impl Poses {
     }
 }
 
+/// The filter of a take, and the take's rate.
+fn low_pass_filter(cutoff: f64, rate: Option<f64>) -> crate::Result<(f64, LowPass)> {
+    let rate =
+        rate.ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
+    let filter = LowPass::new(cutoff, rate).ok_or_else(|| {
+        format!(
+            "has {rate} frames per second: the option `butterworth {cutoff}` has to be below .4 \
+             of that"
+        )
+    })?;
+    Ok((rate, filter))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -236,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn another_rate_keeps_takes_places_and_gaps() {
+    fn another_rate_keeps_takes_positions_and_gaps() {
         let at = poses().resampled(50.0).unwrap();
         assert_eq!(at.frames(), 30);
         assert_eq!(at.takes(), [0..15, 15..30]);
@@ -255,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn filters_and_chooses() {
+    fn filters_each_stretch_of_a_take() {
         let mut filtered = poses();
         assert_eq!(filtered.low_pass(6.0, None).unwrap(), 0);
         assert!(filtered.xyz[[12, 0]].is_nan());
@@ -270,6 +226,5 @@ mod tests {
                 .to_string()
                 .contains("frame 30")
         );
-        assert_eq!(poses().with_points(&["b".to_string()]).unwrap_err(), "b");
     }
 }
