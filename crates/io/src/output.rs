@@ -86,8 +86,8 @@ enum Target {
 /// Packs what is written as the name of the file says: `.gz`, `.zst`.
 enum Packer {
     Plain(BufWriter<UnfinishedFile>),
-    Gzip(Blocks<GzEncoder<BufWriter<UnfinishedFile>>>),
-    Zstd(Blocks<zstd::Encoder<'static, BufWriter<UnfinishedFile>>>),
+    Gzip(Box<Blocks<GzEncoder<BufWriter<UnfinishedFile>>>>),
+    Zstd(Box<Blocks<zstd::Encoder<'static, BufWriter<UnfinishedFile>>>>),
 }
 
 impl Packer {
@@ -98,9 +98,10 @@ impl Packer {
                 .is_some_and(|e| e.eq_ignore_ascii_case(end))
         };
         Ok(if ends_in("gz") {
-            Packer::Gzip(Blocks::new(GzEncoder::new(file, Compression::default())))
+            let packer = GzEncoder::new(file, Compression::default());
+            Packer::Gzip(Box::new(Blocks::new(packer)))
         } else if ends_in("zst") {
-            Packer::Zstd(Blocks::new(zstd::Encoder::new(file, 0)?))
+            Packer::Zstd(Box::new(Blocks::new(zstd::Encoder::new(file, 0)?)))
         } else {
             Packer::Plain(file)
         })
