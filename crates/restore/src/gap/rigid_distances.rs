@@ -118,94 +118,23 @@ impl TakeDistances {
         variance: &mut [f64],
         noise: impl Fn(usize) -> f64,
     ) {
-        let together = points.len() <= MOST_POINTS;
-        let mut places = vec![None; frame.len() / 3];
-        points
-            .iter()
-            .enumerate()
-            .for_each(|(k, p)| places[*p] = Some(k));
-        let at = |frame: &[f64], p: usize| DVec3::from_slice(&frame[3 * p..3 * p + 3]);
-        let noisy = |pair: &Pair| {
-            let seen = pair.points.iter().filter(|p| places[**p].is_none());
-            let noise: f64 = seen.map(|p| noise(*p)).filter(|v| v.is_finite()).sum();
-            Pair {
-                variance: pair.variance + noise,
-                ..*pair
-            }
-        };
-        let pairs: Vec<(Pair, [Option<usize>; 2])> = (self.0.iter())
-            .map(|pair| (noisy(pair), pair.points.map(|p| places[p])))
-            .filter(|(pair, places)| {
-                let missing = places.iter().flatten().count();
-                let is_known = pair.points.iter().all(|p| at(frame, *p).is_finite());
-                is_known && (missing == 1 || missing == 2 && together)
-            })
-            .collect();
-        if pairs.is_empty() {
+        let Some(update) = Update::new(&self.0, frame, points, noise) else {
             return;
-        }
-        let mean: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
-        // −2 log of the density, but for a constant.
-        let objective = |frame: &[f64]| {
-            let moved = points.iter().zip(&mean).enumerate().map(|(k, (p, m))| {
-                let off = at(frame, *p) - *m;
-                (0..3)
-                    .map(|axis| off[axis].powi(2) / variance[3 * k + axis])
-                    .sum::<f64>()
-            });
-            let missed = pairs.iter().map(|(pair, _)| {
-                let apart = at(frame, pair.points[0]) - at(frame, pair.points[1]);
-                (apart.length() - pair.length).powi(2) / pair.variance
-            });
-            moved.sum::<f64>() + missed.sum::<f64>()
         };
-        let mut reached = objective(frame);
+        let mut reached = update.objective(frame, variance);
         let mut last = None;
         for _ in 0..STEPS {
-            let mut jacobian = Array2::<f64>::zeros((pairs.len(), 3 * points.len()));
-            let mut rest = Array2::<f64>::zeros((pairs.len(), 1));
-            for (k, (pair, places)) in pairs.iter().enumerate() {
-                let apart = at(frame, pair.points[0]) - at(frame, pair.points[1]);
-                let length = apart.length().max(1e-9);
-                rest[[k, 0]] = pair.length - length;
-                for (place, sign) in places.iter().zip([1.0, -1.0]) {
-                    let Some(i) = *place else { continue };
-                    let direction = sign * apart / length;
-                    rest[[k, 0]] -= direction.dot(mean[i] - at(frame, points[i]));
-                    for axis in 0..3 {
-                        jacobian[[k, 3 * i + axis]] = direction[axis];
-                    }
-                }
-            }
-            let mut weighted = jacobian.clone();
-            for (c, mut column) in weighted.columns_mut().into_iter().enumerate() {
-                column *= variance[c];
-            }
-            let mut gain = weighted.dot(&jacobian.t());
-            (pairs.iter().enumerate()).for_each(|(k, (p, _))| gain[[k, k]] += p.variance);
-            let factor = Cholesky::new(gain);
-            let solved = factor.and_then(|f| Some((f.solve(&rest)?, f)));
-            let Some((solved, factor)) = solved else {
+            let Some(step) = update.step(frame, variance) else {
                 break;
             };
-            let change = weighted.t().dot(&solved);
-            let here: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
-            let stepped = |share: f64| {
-                let mut moved = frame.to_vec();
-                for (i, p) in points.iter().enumerate() {
-                    let full = DVec3::from_array([0, 1, 2].map(|a| change[[3 * i + a, 0]]));
-                    let to = here[i].lerp(mean[i] + full, share);
-                    moved[3 * p..3 * p + 3].copy_from_slice(&to.to_array());
-                }
-                moved
-            };
-            let halved = (0..HALVINGS).map(|k| stepped(0.5_f64.powi(k as i32)));
+            let halved =
+                (0..HALVINGS).map(|k| update.stepped(frame, &step, 0.5_f64.powi(k as i32)));
             let lower = halved
-                .map(|f| (objective(&f), f))
+                .map(|f| (update.objective(&f, variance), f))
                 .find(|(o, _)| *o < reached);
             let Some((found, moved)) = lower else { break };
             frame.copy_from_slice(&moved);
-            last = Some((factor, weighted));
+            last = Some((step.factor, step.weighted));
             let is_converged = reached - found < CONVERGED;
             reached = found;
             if is_converged {
@@ -217,6 +146,133 @@ impl TakeDistances {
         };
         let explained = half.map_axis(Axis(0), |column| column.dot(&column));
         (variance.iter_mut().zip(explained)).for_each(|(v, e)| *v = (*v - e).max(1e-3 * *v));
+    }
+}
+
+fn position(frame: &[f64], point: usize) -> DVec3 {
+    DVec3::from_slice(&frame[3 * point..3 * point + 3])
+}
+
+/// The update of a frame's missing points by their distances.
+struct Update<'a> {
+    points: &'a [usize],
+    /// Where the points were estimated to be, m.
+    mean: Vec<DVec3>,
+    /// The distances that tell something, with the noise of seen points, and which of the missing
+    /// points each ends at.
+    pairs: Vec<(Pair, [Option<usize>; 2])>,
+}
+
+/// A step of it.
+struct Step {
+    /// (3 missing points, 1), from the mean.
+    change: Array2<f64>,
+    /// Of H P Hᵀ + V.
+    factor: Cholesky,
+    /// H P (distances, 3 missing points).
+    weighted: Array2<f64>,
+}
+
+impl<'a> Update<'a> {
+    /// `None` where no distance tells anything.
+    fn new(
+        distances: &[Pair],
+        frame: &[f64],
+        points: &'a [usize],
+        noise: impl Fn(usize) -> f64,
+    ) -> Option<Update<'a>> {
+        let together = points.len() <= MOST_POINTS;
+        let mut missing = vec![None; frame.len() / 3];
+        for (k, p) in points.iter().enumerate() {
+            missing[*p] = Some(k);
+        }
+        let noisy = |pair: &Pair| {
+            let seen = pair.points.iter().filter(|p| missing[**p].is_none());
+            let noise: f64 = seen.map(|p| noise(*p)).filter(|v| v.is_finite()).sum();
+            Pair {
+                variance: pair.variance + noise,
+                ..*pair
+            }
+        };
+        let pairs = distances.iter();
+        let pairs: Vec<(Pair, [Option<usize>; 2])> = pairs
+            .map(|pair| (noisy(pair), pair.points.map(|p| missing[p])))
+            .filter(|(pair, ends)| {
+                let missing = ends.iter().flatten().count();
+                let is_known = pair.points.iter().all(|p| position(frame, *p).is_finite());
+                is_known && (missing == 1 || missing == 2 && together)
+            })
+            .collect();
+        (!pairs.is_empty()).then(|| Update {
+            points,
+            mean: points.iter().map(|p| position(frame, *p)).collect(),
+            pairs,
+        })
+    }
+
+    /// −2 log of the density, but for a constant.
+    fn objective(&self, frame: &[f64], variance: &[f64]) -> f64 {
+        let moved = self.points.iter().zip(&self.mean).enumerate();
+        let moved = moved.map(|(k, (p, m))| {
+            let off = position(frame, *p) - *m;
+            (0..3)
+                .map(|axis| off[axis].powi(2) / variance[3 * k + axis])
+                .sum::<f64>()
+        });
+        let missed = self.pairs.iter().map(|(pair, _)| {
+            let apart = position(frame, pair.points[0]) - position(frame, pair.points[1]);
+            (apart.length() - pair.length).powi(2) / pair.variance
+        });
+        moved.sum::<f64>() + missed.sum::<f64>()
+    }
+
+    /// The Jacobian H (distances, 3 missing points) at a frame, and d − g(x) − H (m − x).
+    fn linearized(&self, frame: &[f64]) -> (Array2<f64>, Array2<f64>) {
+        let mut jacobian = Array2::<f64>::zeros((self.pairs.len(), 3 * self.points.len()));
+        let mut rest = Array2::<f64>::zeros((self.pairs.len(), 1));
+        for (k, (pair, ends)) in self.pairs.iter().enumerate() {
+            let apart = position(frame, pair.points[0]) - position(frame, pair.points[1]);
+            let length = apart.length().max(1e-9);
+            rest[[k, 0]] = pair.length - length;
+            for (end, sign) in ends.iter().zip([1.0, -1.0]) {
+                let Some(i) = *end else { continue };
+                let direction = sign * apart / length;
+                rest[[k, 0]] -= direction.dot(self.mean[i] - position(frame, self.points[i]));
+                for axis in 0..3 {
+                    jacobian[[k, 3 * i + axis]] = direction[axis];
+                }
+            }
+        }
+        (jacobian, rest)
+    }
+
+    /// The step at a frame.
+    fn step(&self, frame: &[f64], variance: &[f64]) -> Option<Step> {
+        let (jacobian, rest) = self.linearized(frame);
+        let mut weighted = jacobian.clone();
+        for (c, mut column) in weighted.columns_mut().into_iter().enumerate() {
+            column *= variance[c];
+        }
+        let mut gain = weighted.dot(&jacobian.t());
+        (self.pairs.iter().enumerate()).for_each(|(k, (p, _))| gain[[k, k]] += p.variance);
+        let factor = Cholesky::new(gain)?;
+        let change = weighted.t().dot(&factor.solve(&rest)?);
+        Some(Step {
+            change,
+            factor,
+            weighted,
+        })
+    }
+
+    /// The frame after a share of a step.
+    fn stepped(&self, frame: &[f64], step: &Step, share: f64) -> Vec<f64> {
+        let mut moved = frame.to_vec();
+        for (i, p) in self.points.iter().enumerate() {
+            let full = DVec3::from_array([0, 1, 2].map(|a| step.change[[3 * i + a, 0]]));
+            let to = position(frame, *p).lerp(self.mean[i] + full, share);
+            moved[3 * p..3 * p + 3].copy_from_slice(&to.to_array());
+        }
+        moved
     }
 }
 
