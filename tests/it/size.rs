@@ -18,7 +18,7 @@ const BUDGET: [(&str, usize); 14] = [
     ("models", 10_800),
     ("papers", 6_250),
     ("posing", 12_500),
-    ("restore", 9_350),
+    ("restore", 9_400),
     ("score", 2_100),
 ];
 

@@ -217,6 +217,4 @@ impl Mesh {
 }
 
 #[cfg(test)]
-mod testdata;
-#[cfg(test)]
 mod tests;

@@ -101,7 +101,7 @@ pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testdata::{message, read};
+    use super::super::tests::testdata::{message, read};
 
     const POINTS: &str = "v 0 0 0\nv 1 0 0 0.5 0.5 0.5\r\nv 1 1 0 1\nv 0 1 -2.5e-1\n";
 

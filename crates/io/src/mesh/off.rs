@@ -96,7 +96,7 @@ pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testdata::{message, read};
+    use super::super::tests::testdata::{message, read};
 
     const TEXT: &str =
         "OFF # a square\n\n4 1 0\n0 0 0\n1 0 0 255 0 0\n1 1 0\n0 1 -2.5e-1\n4 0 1 2 3\n";

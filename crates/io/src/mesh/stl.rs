@@ -165,7 +165,7 @@ pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::super::MeshFormat;
-    use super::super::testdata::{cube, message, read};
+    use super::super::tests::testdata::{cube, message, read};
 
     const TEXT: &str = "solid a body
   facet normal 0 0 1

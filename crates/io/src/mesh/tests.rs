@@ -1,4 +1,6 @@
-use super::testdata::{cube, message, read};
+pub(super) mod testdata;
+
+use self::testdata::{cube, message, read};
 use super::*;
 use std::io::Write;
 

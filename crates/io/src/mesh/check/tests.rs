@@ -1,4 +1,4 @@
-use super::super::testdata::cube;
+use super::super::tests::testdata::cube;
 use super::*;
 
 /// The finding of a cube that `damage` changes.

@@ -1,5 +1,5 @@
 use super::super::MeshFormat;
-use super::super::testdata::{cube, message, read};
+use super::super::tests::testdata::{cube, message, read};
 
 const TEXT: &str = "ply
 format ascii 1.0

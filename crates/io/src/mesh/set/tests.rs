@@ -1,4 +1,4 @@
-use super::super::testdata::cube;
+use super::super::tests::testdata::cube;
 use super::*;
 use crate::npy::header_of;
 use std::io::Write;

@@ -5,7 +5,7 @@ use crate::Input;
 use crate::{Error, Result};
 
 /// A closed cube of edge 1, faces anticlockwise as seen from outside.
-pub(super) fn cube() -> Mesh {
+pub(in crate::mesh) fn cube() -> Mesh {
     let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2].map(f64::from);
     let quads = [
         [0, 2, 3, 1],
@@ -26,13 +26,13 @@ pub(super) fn cube() -> Mesh {
 }
 
 /// Reads bytes as the file of a name.
-pub(super) fn read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Mesh> {
+pub(in crate::mesh) fn read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Mesh> {
     let bytes = std::io::Cursor::new(bytes.as_ref().to_vec());
     Mesh::read(Input::new(name, bytes)?)
 }
 
 /// The message of reading bytes that are no sound mesh: one line.
-pub(super) fn message(name: &str, bytes: impl AsRef<[u8]>) -> String {
+pub(in crate::mesh) fn message(name: &str, bytes: impl AsRef<[u8]>) -> String {
     let error = read(name, bytes).unwrap_err();
     assert!(matches!(error, Error::Data { .. }), "{error}");
     let text = error.to_string();
