@@ -1,0 +1,309 @@
+//! Six people of a sample study, with Vicon's own values in their files (`data/gait` of the larger
+//! collection beside the repository; where it is not there, nothing is tested).
+
+use glam::DVec3;
+use posing_gait::{
+    ANGLES, Event, EventChoice, EventKind, EventSource, GaitSettings, GaitTrial, Side, Trial,
+};
+use posing_io::C3d;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const PEOPLE: [&str; 6] = ["HC030A", "HC031A", "HC036A", "HC038A", "HC040A", "HC055A"];
+
+/// A file, and its trial.
+struct Take {
+    file: C3d,
+    trial: Trial,
+}
+
+impl Take {
+    fn open(folder: &Path, person: &str, kind: &str) -> Take {
+        let file = C3d::open(folder.join(format!("{person}_{kind}.c3d"))).unwrap();
+        let trial = Trial::from_c3d(&file, None, None).unwrap();
+        Take { file, trial }
+    }
+
+    /// Vicon's values of a point; NaN where it has none.
+    fn stored(&self, name: &str) -> Vec<DVec3> {
+        let take = &self.file.take;
+        let at = take.points.iter().position(|p| p == name).unwrap();
+        let xyz = |t: usize, c: usize| take.xyz[[t, 3 * at + c]];
+        let point = |t: usize| DVec3::new(xyz(t, 0), xyz(t, 1), xyz(t, 2));
+        let missing = |p: DVec3| if p == DVec3::ZERO { DVec3::NAN } else { p };
+        (0..take.xyz.nrows()).map(|t| missing(point(t))).collect()
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.file.take.points.iter().any(|p| p == name)
+    }
+}
+
+fn folder() -> Option<PathBuf> {
+    let own = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?);
+    let folder = own.join("../../../shared/data/gait");
+    if !folder.exists() {
+        println!("skipped: no {}", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// The worst figure of each kind.
+#[derive(Default)]
+struct Worst(BTreeMap<String, Vec<f64>>);
+
+impl Worst {
+    fn add(&mut self, name: impl Into<String>, value: f64) {
+        self.0.entry(name.into()).or_default().push(value);
+    }
+
+    /// Prints mean and worst of each; checks the worst.
+    fn check(&self, limit: impl Fn(&str) -> f64) {
+        let mut wrong = Vec::new();
+        for (name, values) in &self.0 {
+            let worst = values.iter().copied().fold(0.0, f64::max);
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            println!(
+                "{name:34} n {:3}  mean {mean:.6}  worst {worst:.6}",
+                values.len()
+            );
+            if worst.is_nan() || worst > limit(name) {
+                wrong.push(format!("{name} {worst}, at most {}", limit(name)));
+            }
+        }
+        assert!(wrong.is_empty(), "{wrong:?}");
+    }
+}
+
+/// The largest distance in the frames that Vicon has; they must be there.
+fn largest(own: &[DVec3], stored: &[DVec3], apart: impl Fn(DVec3) -> f64) -> f64 {
+    let pairs = own.iter().zip(stored).filter(|(_, s)| s.is_finite());
+    pairs
+        .map(|(a, b)| apart(*a - *b))
+        .fold(0.0, |m, v| if v.is_nan() { v } else { m.max(v) })
+}
+
+fn wrapped(v: DVec3) -> f64 {
+    v.map(|d| ((d + 180.0).rem_euclid(360.0) - 180.0).abs())
+        .max_element()
+}
+
+#[test]
+fn centers_and_angles_are_vicon_s() {
+    let Some(folder) = folder() else { return };
+    let mut worst = Worst::default();
+    for person in PEOPLE {
+        let statics = Take::open(&folder, person, "Static").trial;
+        for kind in ["Straight", "Turn"] {
+            let mut take = Take::open(&folder, person, kind);
+            let settings = GaitSettings {
+                vicon_quirks: true,
+                ..GaitSettings::default()
+            };
+            let gait = GaitTrial::new(&take.trial, None, &settings).unwrap();
+            for side in ["L", "R"] {
+                for (own, vicon) in [("HJC", "FEP"), ("KJC", "FEO"), ("AJC", "TIO")] {
+                    let stored = take.stored(&format!("{side}{vicon}"));
+                    let own = &gait.curves[&format!("{side}{own}")];
+                    worst.add("center, mm", largest(own, &stored, DVec3::length));
+                }
+            }
+            // The same without the offsets that are stored with the trial.
+            for name in ["StaticPlantFlex", "StaticRotOff"] {
+                for side in ["L", "R"] {
+                    take.trial.given.set(&format!("{side}{name}"), f64::NAN);
+                }
+            }
+            let by_static = GaitTrial::new(&take.trial, Some(&statics), &settings).unwrap();
+            for (name, side) in ANGLES[..5]
+                .iter()
+                .flat_map(|name| [(name, "L"), (name, "R")])
+            {
+                let name = format!("{side}{name}");
+                if !take.has(&name) {
+                    continue;
+                }
+                let stored = take.stored(&name);
+                let own = largest(&gait.curves[&name], &stored, wrapped);
+                worst.add(format!("{}, degrees", &name[1..]), own);
+                let own = largest(&by_static.curves[&name], &stored, wrapped);
+                worst.add(format!("{} by static, degrees", &name[1..]), own);
+            }
+        }
+    }
+    worst.check(|name| match name {
+        "center, mm" => 0.000_52,
+        "FootProgressAngles by static, degrees" => 0.004,
+        name if name.contains("static") => 0.000_051,
+        _ => 0.000_03,
+    });
+}
+
+#[test]
+fn forces_and_moments_are_vicon_s() {
+    let Some(folder) = folder() else { return };
+    let mut worst = Worst::default();
+    for person in PEOPLE {
+        let take = Take::open(&folder, person, "Straight");
+        let gait = GaitTrial::new(&take.trial, None, &GaitSettings::default()).unwrap();
+        for side in ["L", "R"] {
+            let of = |name: &str| {
+                let name = format!("{side}{name}");
+                (gait.curves[&name].clone(), take.stored(&name))
+            };
+            let (own, stored) = of("GroundReactionForce");
+            let on = own.iter().map(|v| if v.z == 0.0 { DVec3::NAN } else { *v });
+            worst.add(
+                "ground reaction, N/kg",
+                largest(&stored, &on.collect::<Vec<_>>(), DVec3::length),
+            );
+            for joint in ["Ankle", "Knee", "Hip"] {
+                let (own, stored) = of(&format!("{joint}Force"));
+                let known = own
+                    .iter()
+                    .zip(stored)
+                    .map(|(o, s)| if o.is_finite() { s } else { DVec3::NAN });
+                let apart = |v: DVec3| v.abs().max_element();
+                worst.add(
+                    "force, N/kg",
+                    largest(&own, &known.collect::<Vec<_>>(), apart),
+                );
+                for (kind, axes) in [("Moment", 0..3), ("Power", 2..3)] {
+                    let (own, stored) = of(&format!("{joint}{kind}"));
+                    for axis in axes {
+                        let pairs = own.iter().zip(&stored).map(|(a, b)| (a[axis], b[axis]));
+                        let pairs: Vec<_> = pairs.filter(|(a, b)| (a + b).is_finite()).collect();
+                        let square: f64 = pairs.iter().map(|(a, b)| (a - b).powi(2)).sum();
+                        let most = pairs.iter().map(|(_, b)| *b).fold(f64::MIN, f64::max);
+                        let least = pairs.iter().map(|(_, b)| *b).fold(f64::MAX, f64::min);
+                        let rms = (square / pairs.len() as f64).sqrt();
+                        let name = format!("{joint} {kind} {}, % of range", ["x", "y", "z"][axis]);
+                        worst.add(name, 100.0 * rms / (most - least));
+                    }
+                }
+            }
+        }
+    }
+    worst.check(|name| match name {
+        "ground reaction, N/kg" => 1e-5,
+        "force, N/kg" => 0.0045,
+        _ => 2.3,
+    });
+}
+
+#[test]
+fn events_are_those_of_plates_and_near_to_them_by_markers() {
+    let Some(folder) = folder() else { return };
+    let mut apart: BTreeMap<(&str, bool), Vec<f64>> = BTreeMap::new();
+    for person in PEOPLE {
+        for kind in ["Straight", "Turn"] {
+            let take = Take::open(&folder, person, kind);
+            let of = |events| {
+                let settings = GaitSettings {
+                    events,
+                    ..GaitSettings::default()
+                };
+                GaitTrial::new(&take.trial, None, &settings).unwrap()
+            };
+            let (auto, markers) = (of(EventChoice::Auto), of(EventChoice::Markers));
+            for plate in auto
+                .events
+                .iter()
+                .filter(|e| e.source == EventSource::Plate)
+            {
+                let own = markers
+                    .events
+                    .iter()
+                    .filter(|e| e.side == plate.side && e.kind == plate.kind);
+                let own = own
+                    .map(|e| 1e3 * (e.time_s - plate.time_s))
+                    .filter(|d| d.abs() < 120.0);
+                let name = if plate.kind == EventKind::FootStrike {
+                    "strike"
+                } else {
+                    "off"
+                };
+                match own.min_by(|a, b| a.abs().total_cmp(&b.abs())) {
+                    Some(own) => apart.entry((name, kind == "Turn")).or_default().push(own),
+                    None => println!(
+                        "{person} {kind}: no {name} {:?} at {:.3}",
+                        plate.side, plate.time_s
+                    ),
+                }
+            }
+            for side in Side::BOTH {
+                let own = auto
+                    .events
+                    .iter()
+                    .filter(|e| e.side == side)
+                    .collect::<Vec<_>>();
+                assert!(own.windows(2).all(|e| e[1].time_s - e[0].time_s > 0.05));
+            }
+            let (missed, alone) = unlike_the_file(&take, &markers.events);
+            assert!(missed.is_empty(), "{person} {kind} missed {missed:?}");
+            assert!(alone.is_empty(), "{person} {kind} false {alone:?}");
+        }
+    }
+    for ((name, turn), values) in &apart {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
+        println!(
+            "{name} by markers less by plate, turn {turn}: n {count} mean {mean:.1} sd {sd:.1} ms"
+        );
+        if !turn {
+            let (most, spread) = if *name == "strike" {
+                (2.0, 7.0)
+            } else {
+                (3.0, 9.0)
+            };
+            assert!(mean.abs() < most && sd < spread);
+        }
+    }
+}
+
+/// An event as side, kind and seconds.
+type Told = (Side, EventKind, f64);
+
+/// The file's events within the markers' span that events by markers miss by .1 s, and those by
+/// markers between the file's events that it has not.
+fn unlike_the_file(take: &Take, events: &[Event]) -> (Vec<Told>, Vec<Told>) {
+    let settings = GaitSettings {
+        events: EventChoice::File,
+        ..GaitSettings::default()
+    };
+    let file = GaitTrial::new(&take.trial, None, &settings).unwrap().events;
+    let told = |e: &Event| (e.side, e.kind, e.time_s);
+    let is_near = |a: &Event, b: &Event| {
+        (a.side, a.kind) == (b.side, b.kind) && (a.time_s - b.time_s).abs() < 0.1
+    };
+    let (mut missed, mut alone) = (Vec::new(), Vec::new());
+    for side in Side::BOTH {
+        let own = ["HEE", "TOE", "ANK"].map(|m| format!("{}{m}", side.letter()));
+        let names = || own.iter().map(String::as_str).chain(["LASI", "RASI"]);
+        let seen = |t: &usize| names().all(|m| take.trial.markers.get(m).unwrap()[*t].is_finite());
+        let frames = 0..take.trial.markers.frames();
+        let Some(low) = frames.clone().find(seen) else {
+            continue;
+        };
+        let high = frames.rev().find(seen).unwrap();
+        let (low, high) = (take.trial.time(low) + 0.1, take.trial.time(high) - 0.1);
+        let file: Vec<&Event> = file.iter().filter(|e| e.side == side).collect();
+        let inside = file.iter().filter(|e| low < e.time_s && e.time_s < high);
+        let lacking = inside.filter(|e| !events.iter().any(|own| is_near(own, e)));
+        missed.extend(lacking.map(|e| told(e)));
+        let (Some(first), Some(last)) = (file.first(), file.last()) else {
+            continue;
+        };
+        let span = low.max(first.time_s - 0.05)..high.min(last.time_s + 0.05);
+        let own = events
+            .iter()
+            .filter(|e| e.side == side && span.contains(&e.time_s));
+        alone.extend(
+            own.filter(|e| !file.iter().any(|f| is_near(e, f)))
+                .map(told),
+        );
+    }
+    (missed, alone)
+}
