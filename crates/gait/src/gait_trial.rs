@@ -101,14 +101,12 @@ impl GaitTrial {
         findings.of_events(trial, &events);
         if subject.mass.is_finite() && !trial.plates.is_empty() {
             for side in Side::BOTH {
-                add_kinetics(
-                    &mut curves,
+                let loads = Loads {
                     side,
-                    trial,
-                    &bodies,
-                    &subject,
-                    (&alone, &events),
-                );
+                    contacts: &contacts,
+                    events: &events,
+                };
+                loads.add_kinetics(&mut curves, trial, &bodies, &subject);
             }
         }
         let last = trial.time(markers.frames() - 1);
@@ -217,79 +215,82 @@ fn kinematics(bodies: &[Body], direction: Direction, quirks: bool) -> Curves {
     curves
 }
 
-/// Adds the forces, moments and powers of a side, empty where its foot is on the floor and what
-/// acts on it is not known.
-fn add_kinetics(
-    curves: &mut Curves,
-    side: Side,
-    trial: &Trial,
-    bodies: &[Body],
-    subject: &Subject,
-    (alone, events): (&[Contact], &[Event]),
-) {
-    let own: Vec<Contact> = alone.iter().filter(|c| c.side == side).copied().collect();
-    let mut loads = on_foot(&trial.plates, &own, bodies.len(), trial.rate);
-    loads.iter_mut().flatten().for_each(|v| *v /= subject.mass);
-    let foot = |frame: &Frame| {
-        let [.., hee, toe] = frame.leg(side);
-        hee.distance(toe)
-    };
-    let foot = mean_length(&trial.markers, &foot).map_or(f64::NAN, |(mean, _)| mean);
-    let joints = kinetics::leg(bodies, side, &loads, foot - subject.radius, trial.rate);
-    let known = known(trial, &own, events, side);
-    let mut add = |name: &str, curve: Vec<DVec3>| {
-        let shown = curve.into_iter().zip(&known);
-        let shown = shown
-            .map(|(v, known)| if *known { v } else { DVec3::NAN })
-            .collect();
-        curves.insert(format!("{}{name}", side.letter()), shown);
-    };
-    add(
-        "GroundReactionForce",
-        loads.iter().map(|load| load[0]).collect(),
-    );
-    for (
-        name,
-        JointKinetics {
-            force,
-            moment,
-            power,
-        },
-    ) in JOINTS.iter().zip(joints)
-    {
-        add(&format!("{name}Force"), force);
-        add(&format!("{name}Moment"), moment);
-        add(&format!("{name}Power"), power);
-    }
-}
-
-/// In which frames it is known what acts on a foot: it is alone on a plate, or swings.
-fn known(trial: &Trial, own: &[Contact], events: &[Event], side: Side) -> Vec<bool> {
-    let mut swings = Vec::new();
-    let own_events: Vec<&Event> = events.iter().filter(|e| e.side == side).collect();
-    if let Some(first) = own_events
-        .first()
-        .filter(|e| e.kind == EventKind::FootStrike)
-    {
-        swings.push(first.time_s - LONGEST_SWING..first.time_s);
-    }
-    for pair in own_events.windows(2) {
-        if (pair[0].kind, pair[1].kind) == (EventKind::FootOff, EventKind::FootStrike) {
-            swings.push(pair[0].time_s..pair[1].time_s);
-        }
-    }
-    if let Some(last) = own_events.last().filter(|e| e.kind == EventKind::FootOff) {
-        swings.push(last.time_s..last.time_s + LONGEST_SWING);
-    }
-    let on_plate = own
-        .iter()
-        .map(|c| trial.first() + c.on..trial.first() + c.off);
-    let spans: Vec<_> = swings.into_iter().chain(on_plate).collect();
-    let times = (0..trial.markers.frames()).map(|t| trial.time(t));
-    times
-        .map(|t| spans.iter().any(|span| span.contains(&t)))
-        .collect()
-}
-
 /// A foot that is off at an end of the trial is so for at most this, seconds.
 const LONGEST_SWING: f64 = 0.5;
+/// A plate's load reaches so far beyond its contact, seconds: into the mean of a frame's samples.
+const EDGE: f64 = 0.04;
+
+/// What tells the loads of a side's foot.
+struct Loads<'a> {
+    side: Side,
+    contacts: &'a [Contact],
+    events: &'a [Event],
+}
+
+impl Loads<'_> {
+    /// Adds the forces, moments and powers of the side, empty where its foot is on the floor and
+    /// what acts on it is not known, and in a trial in which it is on no plate.
+    fn add_kinetics(&self, curves: &mut Curves, trial: &Trial, bodies: &[Body], subject: &Subject) {
+        let side = self.side;
+        let alone = self.contacts.iter().filter(|c| c.side == side && !c.of_two);
+        let alone: Vec<Contact> = alone.copied().collect();
+        let is_told = !alone.is_empty();
+        let mut loads = on_foot(&trial.plates, &alone, bodies.len(), trial.rate);
+        loads.iter_mut().flatten().for_each(|v| *v /= subject.mass);
+        let foot = |frame: &Frame| {
+            let [.., hee, toe] = frame.leg(side);
+            hee.distance(toe)
+        };
+        let foot = mean_length(&trial.markers, &foot).map_or(f64::NAN, |(mean, _)| mean);
+        let joints = kinetics::leg(bodies, side, &loads, foot - subject.radius, trial.rate);
+        let known: Vec<bool> = (0..bodies.len())
+            .map(|t| is_told && self.is_known(trial, t))
+            .collect();
+        let mut add = |name: &str, curve: Vec<DVec3>| {
+            let shown = curve.into_iter().zip(&known);
+            let shown = shown.map(|(v, known)| if *known { v } else { DVec3::NAN });
+            curves.insert(format!("{}{name}", side.letter()), shown.collect());
+        };
+        add(
+            "GroundReactionForce",
+            loads.iter().map(|load| load[0]).collect(),
+        );
+        for (
+            name,
+            JointKinetics {
+                force,
+                moment,
+                power,
+            },
+        ) in JOINTS.iter().zip(joints)
+        {
+            add(&format!("{name}Force"), force);
+            add(&format!("{name}Moment"), moment);
+            add(&format!("{name}Power"), power);
+        }
+    }
+
+    /// Whether it is known in a frame what acts on the foot: it is alone on a plate, or swings
+    /// while no plate is under two feet.
+    fn is_known(&self, trial: &Trial, frame: usize) -> bool {
+        let time = trial.time(frame);
+        let is_under =
+            |c: &Contact, edge: f64| (c.on - edge..c.off + edge).contains(&(time - trial.first()));
+        let mut alone = self
+            .contacts
+            .iter()
+            .filter(|c| c.side == self.side && !c.of_two);
+        if alone.any(|c| is_under(c, 0.0)) {
+            return true;
+        }
+        let mut own = self.events.iter().filter(|e| e.side == self.side);
+        let after = own.clone().find(|e| e.time_s > time);
+        let before = own.rfind(|e| e.time_s <= time);
+        let is_off = before.is_none_or(|e| e.kind == EventKind::FootOff);
+        let strikes = after.is_none_or(|e| e.kind == EventKind::FootStrike);
+        let is_near = |e: &Event| (e.time_s - time).abs() < LONGEST_SWING;
+        let is_swing = before.and(after).is_some() || before.or(after).is_some_and(is_near);
+        let is_shared = |c: &Contact| c.of_two && is_under(c, EDGE);
+        is_off && strikes && is_swing && !self.contacts.iter().any(is_shared)
+    }
+}

@@ -1,7 +1,7 @@
 //! Strikes and offs of feet from markers alone.
 //!
 //! A strike is near where the heel's speed falls through .15 √(g L), an off near where the toe's
-//! rises through .30 √(g L), L the leg's length. Both are then moved towards other signs of the
+//! rises through .30 √(g L), L the leg's length. Both are then moved toward other signs of the
 //! same event, with weights that were fitted to force plates.
 
 use crate::markers::Markers;
