@@ -18,7 +18,7 @@ const OTHER_OFFSET: f64 = 0.035;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// `marker_missing`, `marker_at_zero`, `estimated`, `default`, `no_mass`, `static_differs`,
-    /// `two_feet`, `plate_unread` or `event_alone`.
+    /// `two_feet`, `plate_unread`, `no_events` or `event_alone`.
     pub kind: &'static str,
     /// The markers or parameters it is about.
     pub points: Vec<String>,
@@ -169,8 +169,13 @@ impl Findings {
         }
     }
 
-    /// The file's own events that none of ours is near to.
+    /// No events, and the file's own that none of ours is near to.
     pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event]) {
+        if events.is_empty() {
+            let what = "no strikes and offs, so no cycles: the person stands, feet or pelvis lack \
+                        markers, or the rate is below 40 Hz";
+            self.add("no_events", Vec::new(), what.into());
+        }
         for own in of_file(&trial.file_events) {
             let is_it = |e: &&Event| {
                 e.side == own.side && e.kind == own.kind && e.file_time_s == Some(own.time_s)

@@ -1,14 +1,15 @@
 //! A trial computed: curves, events, cycles and values.
 
 use crate::angles::{ANGLES, Body, Direction};
+use crate::curves::{CENTERS, Curves, is_angle, kinematics};
 use crate::cycles::{Cycle, cycles, resampled};
 use crate::deviations::deviations;
-use crate::events::{Event, EventChoice, EventKind, events};
+use crate::events::{Event, EventChoice, events};
 use crate::findings::{Finding, Findings};
-use crate::kinetics::{self, JOINTS, JointKinetics};
-use crate::markers::{Frame, MARKERS};
-use crate::parameters::{Given, GivenValues, Parameters, Subject, mean_length};
-use crate::plates::{Contact, contacts, on_foot};
+use crate::loads::Loads;
+use crate::markers::MARKERS;
+use crate::parameters::{Given, GivenValues, Parameters};
+use crate::plates::{Contact, contacts};
 use crate::side::Side;
 use crate::statics::{FlatFoot, StaticOffsets};
 use crate::trial::Trial;
@@ -16,7 +17,6 @@ use crate::values::{CycleValues, values};
 use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::Array2;
-use std::collections::BTreeMap;
 
 /// How a trial is computed.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -31,14 +31,6 @@ pub struct GaitSettings {
     /// Which events are taken.
     pub events: EventChoice,
 }
-
-/// Curves by Plug-in Gait's names, a value of three numbers a frame; NaN where it is not known.
-///
-/// `LKneeAngles` and so on are degrees in [-180, 180). `LHJC`, `LKJC` and `LAJC` are the centers of
-/// hip, knee and ankle, millimeters in the laboratory's axes with z up; `LGroundReactionForce` is
-/// N/kg in these axes. `LKneeForce` is N/kg, `LKneeMoment` N mm/kg, `LKneePower` W/kg in the third
-/// number.
-pub type Curves = BTreeMap<String, Vec<DVec3>>;
 
 /// What is computed of a trial.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,14 +49,6 @@ pub struct GaitTrial {
     pub cycles: Vec<(Cycle, CycleValues)>,
     /// What is estimated, missing or unsure.
     pub findings: Vec<Finding>,
-}
-
-/// The centers, as [`Curves`] name them.
-pub(crate) const CENTERS: [&str; 3] = ["HJC", "KJC", "AJC"];
-
-/// Whether a curve is of angles, which go around.
-pub fn is_angle(curve: &str) -> bool {
-    curve.ends_with("Angles")
 }
 
 impl GaitTrial {
@@ -110,14 +94,14 @@ impl GaitTrial {
             }
         }
         let last = trial.time(markers.frames() - 1);
-        let cycles = cycles(&events, trial.first(), last)
-            .into_iter()
-            .map(|cycle| {
-                let values = values(&cycle, &events, markers, trial.rate, trial.first());
-                (cycle, values)
-            });
+        let with_values = |cycle: Cycle| {
+            let values = values(&cycle, &events, markers, trial.rate, trial.first());
+            (cycle, values)
+        };
+        let cycles = cycles(&events, trial.first(), last).into_iter();
+        let cycles = cycles.map(with_values).collect();
         Ok(GaitTrial {
-            cycles: cycles.collect(),
+            cycles,
             direction,
             parameters,
             curves,
@@ -181,116 +165,4 @@ fn parameters(
         findings.of_static(trial, other, &measured);
     }
     parameters
-}
-
-/// Angles and centers; the upper body's where it has any.
-fn kinematics(bodies: &[Body], direction: Direction, quirks: bool) -> Curves {
-    let (mut curves, lab) = (Curves::new(), direction.axes());
-    for side in Side::BOTH {
-        let all: Vec<_> = bodies.iter().map(|body| body.angles(side, lab)).collect();
-        for (i, name) in ANGLES.into_iter().enumerate() {
-            let mut curve: Vec<DVec3> = all.iter().map(|angles| angles[i]).collect();
-            if quirks
-                && name == "FootProgressAngles"
-                && side == Side::Left
-                && direction.name() == "+x"
-            {
-                curve
-                    .iter_mut()
-                    .for_each(|v| *v = crate::angles::with_quirk(*v));
-            }
-            if i < 5 || curve.iter().any(|v| v.is_finite()) {
-                curves.insert(format!("{}{name}", side.letter()), curve);
-            }
-        }
-        for (i, name) in CENTERS.into_iter().enumerate() {
-            let center = |body: &Body| {
-                let leg = &body.legs[side as usize];
-                [leg.hip, leg.knee, leg.ankle][i]
-            };
-            let curve = bodies.iter().map(center).collect();
-            curves.insert(format!("{}{name}", side.letter()), curve);
-        }
-    }
-    curves
-}
-
-/// A foot that is off at an end of the trial is so for at most this, seconds.
-const LONGEST_SWING: f64 = 0.5;
-/// A plate's load reaches so far beyond its contact, seconds: into the mean of a frame's samples.
-const EDGE: f64 = 0.04;
-
-/// What tells the loads of a side's foot.
-struct Loads<'a> {
-    side: Side,
-    contacts: &'a [Contact],
-    events: &'a [Event],
-}
-
-impl Loads<'_> {
-    /// Adds the forces, moments and powers of the side, empty where its foot is on the floor and
-    /// what acts on it is not known, and in a trial in which it is on no plate.
-    fn add_kinetics(&self, curves: &mut Curves, trial: &Trial, bodies: &[Body], subject: &Subject) {
-        let side = self.side;
-        let alone = self.contacts.iter().filter(|c| c.side == side && !c.of_two);
-        let alone: Vec<Contact> = alone.copied().collect();
-        let is_told = !alone.is_empty();
-        let mut loads = on_foot(&trial.plates, &alone, bodies.len(), trial.rate);
-        loads.iter_mut().flatten().for_each(|v| *v /= subject.mass);
-        let foot = |frame: &Frame| {
-            let [.., hee, toe] = frame.leg(side);
-            hee.distance(toe)
-        };
-        let foot = mean_length(&trial.markers, &foot).map_or(f64::NAN, |(mean, _)| mean);
-        let joints = kinetics::leg(bodies, side, &loads, foot - subject.radius, trial.rate);
-        let known: Vec<bool> = (0..bodies.len())
-            .map(|t| is_told && self.is_known(trial, t))
-            .collect();
-        let mut add = |name: &str, curve: Vec<DVec3>| {
-            let shown = curve.into_iter().zip(&known);
-            let shown = shown.map(|(v, known)| if *known { v } else { DVec3::NAN });
-            curves.insert(format!("{}{name}", side.letter()), shown.collect());
-        };
-        add(
-            "GroundReactionForce",
-            loads.iter().map(|load| load[0]).collect(),
-        );
-        for (
-            name,
-            JointKinetics {
-                force,
-                moment,
-                power,
-            },
-        ) in JOINTS.iter().zip(joints)
-        {
-            add(&format!("{name}Force"), force);
-            add(&format!("{name}Moment"), moment);
-            add(&format!("{name}Power"), power);
-        }
-    }
-
-    /// Whether it is known in a frame what acts on the foot: it is alone on a plate, or swings
-    /// while no plate is under two feet.
-    fn is_known(&self, trial: &Trial, frame: usize) -> bool {
-        let time = trial.time(frame);
-        let is_under =
-            |c: &Contact, edge: f64| (c.on - edge..c.off + edge).contains(&(time - trial.first()));
-        let mut alone = self
-            .contacts
-            .iter()
-            .filter(|c| c.side == self.side && !c.of_two);
-        if alone.any(|c| is_under(c, 0.0)) {
-            return true;
-        }
-        let mut own = self.events.iter().filter(|e| e.side == self.side);
-        let after = own.clone().find(|e| e.time_s > time);
-        let before = own.rfind(|e| e.time_s <= time);
-        let is_off = before.is_none_or(|e| e.kind == EventKind::FootOff);
-        let strikes = after.is_none_or(|e| e.kind == EventKind::FootStrike);
-        let is_near = |e: &Event| (e.time_s - time).abs() < LONGEST_SWING;
-        let is_swing = before.and(after).is_some() || before.or(after).is_some_and(is_near);
-        let is_shared = |c: &Contact| c.of_two && is_under(c, EDGE);
-        is_off && strikes && is_swing && !self.contacts.iter().any(is_shared)
-    }
 }

@@ -120,14 +120,14 @@ pub(crate) fn leg(
     let axes = segments.iter().map(|s| &s.axes).chain([&pelvis]);
     let turning: Vec<Vec<DVec3>> = axes.map(|axes| angular_velocity(axes, rate)).collect();
     let mut loads = loads.to_vec();
-    let mut joints = [const { None }; 3];
+    let mut joints: [JointKinetics; 3] = Default::default();
     for (i, segment) in segments.iter().enumerate() {
         let [mass, place, gyration] = SEGMENTS[i];
         let ends = segment.proximal.iter().zip(&segment.distal);
         let centers: Vec<DVec3> = ends.map(|(p, d)| *p + place * (*d - *p)).collect();
         let acceleration = filtered(&centers, &SECOND, DVec3::NAN);
         let angular = filtered(&turning[i], &SLOPE, DVec3::NAN);
-        let mut joint = JointKinetics::default();
+        let joint = &mut joints[i];
         for t in 0..bodies.len() {
             let (p, axes) = (segment.proximal[t], segment.axes[t]);
             let weight = mass * (GRAVITY - acceleration[t] * rate * rate / 1e3);
@@ -147,9 +147,8 @@ pub(crate) fn leg(
             joint.moment.push(shown_moment(i, m, side.sign()));
             joint.power.push(DVec3::new(0.0, 0.0, power));
         }
-        joints[i] = Some(joint);
     }
-    joints.map(Option::unwrap_or_default)
+    joints
 }
 
 /// A force in the distal segment's axes with the signs of Plug-in Gait.

@@ -39,8 +39,8 @@
 //! |---|---|
 //! | `markers`, `trial` | what is given |
 //! | `parameters`, `statics` | the subject: widths, lengths, offsets, each with its source |
-//! | `axes`, `lower`, `upper`, `angles` | the model |
-//! | `plates`, `kinetics` | what acts on a foot, and on the joints |
+//! | `axes`, `lower`, `upper`, `angles`, `curves` | the model |
+//! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
 //! | `deviations` | what doubt about markers does to angles |
@@ -53,12 +53,14 @@ use posing_io as io;
 
 mod angles;
 mod axes;
+mod curves;
 mod cycles;
 mod deviations;
 mod events;
 mod findings;
 mod gait_trial;
 mod kinetics;
+mod loads;
 mod lower;
 mod marker_events;
 mod markers;
@@ -73,10 +75,11 @@ mod upper;
 mod values;
 
 pub use angles::{ANGLES, Direction};
+pub use curves::{Curves, is_angle};
 pub use cycles::{Cycle, POINTS, mean_and_sd, resampled};
 pub use events::{Event, EventChoice, EventKind, EventSource};
 pub use findings::Finding;
-pub use gait_trial::{Curves, GaitSettings, GaitTrial, is_angle};
+pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};
 pub use parameters::{GivenValues, Parameter, Parameters, Source};

@@ -37,53 +37,50 @@ impl Markers {
     /// # Errors
     /// [`Error::Unfit`]: a track is longer or shorter than the first.
     pub fn new<'a>(given: impl IntoIterator<Item = (&'a str, Vec<DVec3>)>) -> Result<Markers> {
-        let (mut frames, mut at_zero) = (None, Vec::new());
-        let mut tracks = vec![None; MARKERS.len()];
+        let given: Vec<_> = given.into_iter().collect();
+        let frames = given.first().map_or(0, |(_, track)| track.len());
+        if let Some((name, _)) = given.iter().find(|(_, track)| track.len() != frames) {
+            let what = format!("the track of {name} has another length than the first");
+            return Err(Error::unfit(what));
+        }
+        Ok(Markers::of_tracks(frames, given.into_iter()))
+    }
+
+    /// The markers of poses, which are in centimeters with y up; [`Markers::new`] says of which
+    /// names.
+    pub fn from_poses(poses: &Poses) -> Markers {
+        let to_lab = |p: DVec3| 10.0 * DVec3::new(p.x, -p.z, p.y);
+        let frames = poses.frames();
+        let at = |point: usize, t: usize| to_lab(point_at(poses.xyz.view(), t, point));
+        let names = poses.points.iter().enumerate();
+        let tracks = names.map(|(p, name)| (&**name, (0..frames).map(|t| at(p, t)).collect()));
+        Markers::of_tracks(frames, tracks)
+    }
+
+    fn of_tracks<'a>(frames: usize, given: impl Iterator<Item = (&'a str, Vec<DVec3>)>) -> Markers {
+        let mut tracks: Vec<Option<Vec<DVec3>>> = vec![None; MARKERS.len()];
+        let mut at_zero = Vec::new();
         for (name, mut track) in given {
-            if *frames.get_or_insert(track.len()) != track.len() {
-                let what = format!("the track of {name} has another length than those before it");
-                return Err(Error::unfit(what));
-            }
             let name = name.rsplit(':').next().unwrap_or_default().trim();
-            let Some(at) = MARKERS.iter().position(|marker| *marker == name) else {
+            let at = MARKERS.iter().position(|marker| *marker == name);
+            let Some(at) = at.filter(|at| tracks[*at].is_none()) else {
                 continue;
             };
-            if tracks[at].is_some() {
-                continue;
-            }
             if track.contains(&DVec3::ZERO) {
                 at_zero.push(MARKERS[at]);
-                track
-                    .iter_mut()
-                    .filter(|p| **p == DVec3::ZERO)
-                    .for_each(|p| *p = DVec3::NAN);
+                let zeros = track.iter_mut().filter(|p| **p == DVec3::ZERO);
+                zeros.for_each(|p| *p = DVec3::NAN);
             }
             tracks[at] = Some(track);
         }
         if tracks[2].is_some() {
             tracks[3..5].fill(None);
         }
-        Ok(Markers {
-            frames: frames.unwrap_or_default(),
+        Markers {
+            frames,
             tracks,
             at_zero,
-        })
-    }
-
-    /// The markers of poses, which are in centimeters with y up.
-    ///
-    /// # Errors
-    /// None: the tracks of poses have one length.
-    pub fn from_poses(poses: &Poses) -> Result<Markers> {
-        let to_lab = |p: DVec3| 10.0 * DVec3::new(p.x, -p.z, p.y);
-        let track = |point: usize| {
-            let frames = 0..poses.frames();
-            frames
-                .map(|t| to_lab(point_at(poses.xyz.view(), t, point)))
-                .collect()
-        };
-        let names = poses.points.iter().enumerate();
-        Markers::new(names.map(|(p, name)| (name.as_str(), track(p))))
+        }
     }
 
     /// The number of frames.

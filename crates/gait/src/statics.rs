@@ -41,13 +41,18 @@ impl StaticOffsets {
         stored: &GivenValues,
     ) -> StaticOffsets {
         let of = |flat: bool| StaticOffsets::of(markers, subject, flat);
+        let in_radians = |v: &f64| v.abs() <= 1.0;
         let apart = |offsets: &StaticOffsets| {
             let name = |side: Side, i: usize| format!("{}{}", side.letter(), OFFSETS[i]);
             let all = Side::BOTH
                 .into_iter()
                 .flat_map(|side| [(side, 0), (side, 1)]);
             all.filter_map(|(side, i)| {
-                Some((offsets.feet[side as usize][i] - stored.get(&name(side, i))?).abs())
+                Some(
+                    (offsets.feet[side as usize][i]
+                        - stored.get(&name(side, i)).filter(in_radians)?)
+                    .abs(),
+                )
             })
             .fold(0.0, f64::max)
         };

@@ -61,7 +61,7 @@ impl Trial {
             plates: plates(file, units),
             given,
             file_events: file.events(),
-            ..Trial::new(Markers::from_poses(&poses)?, rate)
+            ..Trial::new(Markers::from_poses(&poses), rate)
         })
     }
 
