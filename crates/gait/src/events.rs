@@ -111,6 +111,26 @@ pub(crate) fn events(
     all
 }
 
+impl Event {
+    pub(crate) fn new(
+        time_s: f64,
+        side: Side,
+        kind: EventKind,
+        source: EventSource,
+        sd_ms: f64,
+    ) -> Event {
+        Event {
+            time_s,
+            side,
+            kind,
+            source,
+            sd_ms,
+            plate: None,
+            file_time_s: None,
+        }
+    }
+}
+
 /// The strikes and offs of a file's left and right feet.
 pub(crate) fn of_file(events: &[FileEvent]) -> Vec<Event> {
     let of = |event: &FileEvent| {
@@ -125,59 +145,42 @@ pub(crate) fn of_file(events: &[FileEvent]) -> Vec<Event> {
         let (_, kind) = kinds
             .into_iter()
             .find(|(label, _)| is(&event.label, label))?;
-        Some(Event {
-            time_s: event.time,
+        Some(Event::new(
+            event.time,
             side,
             kind,
-            source: EventSource::File,
-            sd_ms: FILE_SD,
-            plate: None,
-            file_time_s: None,
-        })
+            EventSource::File,
+            FILE_SD,
+        ))
     };
     events.iter().filter_map(of).collect()
 }
 
 fn of_plates(contacts: &[Contact], first: f64) -> Vec<Event> {
     let of = |contact: &Contact| {
+        let (side, plate) = (contact.side, Some(contact.plate));
         let ends = [
             (contact.on, EventKind::FootStrike),
             (contact.off, EventKind::FootOff),
         ];
         ends.map(|(time, kind)| Event {
-            time_s: first + time,
-            side: contact.side,
-            kind,
-            source: EventSource::Plate,
-            sd_ms: PLATE_SD,
-            plate: Some(contact.plate),
-            file_time_s: None,
+            plate,
+            ..Event::new(first + time, side, kind, EventSource::Plate, PLATE_SD)
         })
     };
     contacts.iter().flat_map(of).collect()
 }
 
 fn of_markers(markers: &Markers, legs: f64, rate: f64, first: f64) -> Vec<Event> {
+    let event = |side: Side, frame: f64, kind: EventKind| {
+        let sd = MARKER_SD[usize::from(turns(markers, frame, rate))][kind as usize];
+        Event::new(first + frame / rate, side, kind, EventSource::Markers, sd)
+    };
     let of = |side: Side| {
-        let found = marker_events::events(markers, side, legs, rate);
-        let event = move |(frame, is_strike): (f64, bool)| {
-            let kind = if is_strike {
-                EventKind::FootStrike
-            } else {
-                EventKind::FootOff
-            };
-            let turning = usize::from(turns(markers, frame, rate));
-            Event {
-                time_s: first + frame / rate,
-                side,
-                kind,
-                source: EventSource::Markers,
-                sd_ms: MARKER_SD[turning][kind as usize],
-                plate: None,
-                file_time_s: None,
-            }
-        };
-        found.into_iter().map(event)
+        let found = marker_events::events(markers, side, legs, rate).into_iter();
+        let kind =
+            |is_strike: bool| [EventKind::FootOff, EventKind::FootStrike][is_strike as usize];
+        found.map(move |(frame, is_strike)| event(side, frame, kind(is_strike)))
     };
     Side::BOTH.into_iter().flat_map(of).collect()
 }

@@ -5,6 +5,7 @@
 //! segment.
 
 use crate::angles::Body;
+use crate::lower::Leg;
 use crate::side::Side;
 use glam::{DMat3, DVec3};
 use std::ops::{Add, Mul};
@@ -75,37 +76,6 @@ pub(crate) struct JointKinetics {
     pub power: Vec<DVec3>,
 }
 
-/// A segment over time.
-struct Segment {
-    proximal: Vec<DVec3>,
-    distal: Vec<DVec3>,
-    axes: Vec<DMat3>,
-}
-
-impl Segment {
-    /// Foot, shank and thigh of a side. `foot` is the foot's length.
-    fn of(bodies: &[Body], side: Side, foot: f64) -> [Segment; 3] {
-        let legs = || bodies.iter().map(|body| &body.legs[side as usize]);
-        [
-            Segment {
-                proximal: legs().map(|l| l.ankle).collect(),
-                distal: legs().map(|l| l.ankle - foot * l.foot.z_axis).collect(),
-                axes: legs().map(|l| l.foot).collect(),
-            },
-            Segment {
-                proximal: legs().map(|l| l.knee).collect(),
-                distal: legs().map(|l| l.ankle).collect(),
-                axes: legs().map(|l| l.shank).collect(),
-            },
-            Segment {
-                proximal: legs().map(|l| l.hip).collect(),
-                distal: legs().map(|l| l.knee).collect(),
-                axes: legs().map(|l| l.thigh).collect(),
-            },
-        ]
-    }
-}
-
 /// Ankle, knee and hip of a side. `loads` are force and moment about the laboratory's origin on
 /// the foot, N/kg and N mm/kg; `foot` is the foot's length.
 pub(crate) fn leg(
@@ -115,23 +85,28 @@ pub(crate) fn leg(
     foot: f64,
     rate: f64,
 ) -> [JointKinetics; 3] {
-    let segments = Segment::of(bodies, side, foot);
-    let pelvis: Vec<DMat3> = bodies.iter().map(|body| body.pelvis.axes).collect();
-    let axes = segments.iter().map(|s| &s.axes).chain([&pelvis]);
-    let turning: Vec<Vec<DVec3>> = axes.map(|axes| angular_velocity(axes, rate)).collect();
+    let legs = || bodies.iter().map(|body| &body.legs[side as usize]);
+    let axes = |i: usize| legs().map(move |leg| [leg.foot, leg.shank, leg.thigh][i]);
+    let ends = |leg: &Leg| {
+        let tip = leg.ankle - foot * leg.foot.z_axis;
+        [[leg.ankle, tip], [leg.knee, leg.ankle], [leg.hip, leg.knee]]
+    };
+    let mut all: Vec<Vec<DMat3>> = (0..3).map(|i| axes(i).collect()).collect();
+    all.push(bodies.iter().map(|body| body.pelvis.axes).collect());
+    let axes = all;
+    let turning: Vec<Vec<DVec3>> = axes.iter().map(|a| angular_velocity(a, rate)).collect();
     let mut loads = loads.to_vec();
     let mut joints: [JointKinetics; 3] = Default::default();
-    for (i, segment) in segments.iter().enumerate() {
-        let [mass, place, gyration] = SEGMENTS[i];
-        let ends = segment.proximal.iter().zip(&segment.distal);
-        let centers: Vec<DVec3> = ends.map(|(p, d)| *p + place * (*d - *p)).collect();
+    for (i, [mass, place, gyration]) in SEGMENTS.into_iter().enumerate() {
+        let ends: Vec<[DVec3; 2]> = legs().map(|leg| ends(leg)[i]).collect();
+        let centers: Vec<DVec3> = ends.iter().map(|[p, d]| *p + place * (*d - *p)).collect();
         let acceleration = filtered(&centers, &SECOND, DVec3::NAN);
         let angular = filtered(&turning[i], &SLOPE, DVec3::NAN);
         let joint = &mut joints[i];
         for t in 0..bodies.len() {
-            let (p, axes) = (segment.proximal[t], segment.axes[t]);
+            let ([p, d], axes) = (ends[t], axes[i][t]);
             let weight = mass * (GRAVITY - acceleration[t] * rate * rate / 1e3);
-            let inertia = mass * (gyration * (segment.distal[t] - p).length()).powi(2) / 1e3;
+            let inertia = mass * (gyration * (d - p).length()).powi(2) / 1e3;
             // None about z.
             let turned = |v: DVec3| axes * (inertia * (axes.transpose() * v).with_z(0.0));
             let w = turning[i][t];

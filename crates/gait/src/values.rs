@@ -95,6 +95,7 @@ pub fn range(cycle: &[DVec3]) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::events::EventSource;
 
     #[test]
     fn values_are_those_by_hand() {
@@ -105,15 +106,7 @@ mod tests {
         };
         let tracks = [("LTOE", line(100.0, 0.0)), ("RTOE", line(-50.0, 40.0))];
         let markers = Markers::new(tracks).unwrap();
-        let event = |side, kind, time: f64| Event {
-            time_s: time,
-            side,
-            kind,
-            source: crate::events::EventSource::Plate,
-            sd_ms: 2.0,
-            plate: None,
-            file_time_s: None,
-        };
+        let event = |side, kind, time| Event::new(time, side, kind, EventSource::Plate, 2.0);
         let events = [
             event(Side::Right, EventKind::FootOff, 1.2),
             event(Side::Right, EventKind::FootStrike, 1.6),

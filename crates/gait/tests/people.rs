@@ -3,11 +3,12 @@
 
 use glam::DVec3;
 use ndarray::Array2;
+use posing_core::pose::{LengthUnit, UpAxis};
 use posing_gait::{
     ANGLES, Event, EventChoice, EventKind, EventSource, GaitSettings, GaitTrial, MARKERS, Markers,
     Side, Trial,
 };
-use posing_io::C3d;
+use posing_io::{C3d, Input};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -500,4 +501,34 @@ fn bands_hold_the_truth() {
     let share = inside as f64 / all as f64;
     println!("the 95% band of {} gaps holds {share:.3}", starts.len());
     assert!(share > 0.85);
+}
+
+/// A file with bytes of its head and parameters exchanged gives a trial or an error.
+#[test]
+fn damaged_files_do_not_panic() {
+    let Some(folder) = folder() else { return };
+    let whole = std::fs::read(folder.join("HC030A_Straight.c3d")).unwrap();
+    let (mut state, mut computed) = (1_u64, 0);
+    let mut next = |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    for _ in 0..200 {
+        let mut bytes = whole.clone();
+        for _ in 0..4 {
+            bytes[next(8000)] = next(256) as u8;
+        }
+        let input = Input::new("walk.c3d", std::io::Cursor::new(bytes)).unwrap();
+        let Ok(file) = C3d::read(input, true) else {
+            continue;
+        };
+        let Ok(trial) = Trial::from_c3d(&file, Some(LengthUnit::Mm), Some(UpAxis::Z)) else {
+            continue;
+        };
+        let gait = GaitTrial::new(&trial, Some(&trial), &GaitSettings::default());
+        computed += usize::from(gait.is_ok());
+    }
+    assert!(computed > 100, "{computed}");
 }
