@@ -8,6 +8,7 @@ use crate::events::{Event, EventChoice, events};
 use crate::findings::{Finding, Findings};
 use crate::loads::Loads;
 use crate::markers::MARKERS;
+use crate::norm::{GVS, NineAngles};
 use crate::parameters::{Given, GivenValues, Parameters};
 use crate::plates::{Contact, contacts};
 use crate::side::Side;
@@ -117,6 +118,14 @@ impl GaitTrial {
         let curve = self.curves.get(&format!("{}{name}", cycle.side.letter()))?;
         let [from, to] = [cycle.start_s, cycle.end_s].map(|t| trial.place(t));
         Some(resampled(curve, from, to, is_angle(name)))
+    }
+
+    /// The nine angles of [`Norm`](crate::Norm) in a cycle.
+    pub fn nine_angles(&self, trial: &Trial, cycle: &Cycle) -> NineAngles {
+        GVS.map(|(_, curve, axis)| {
+            let points = self.in_cycle(trial, cycle, curve).unwrap_or_default();
+            points.iter().map(|v| v[axis]).collect()
+        })
     }
 
     /// The deviations of angles (degrees) and centers (mm) by the curves' names, where markers have

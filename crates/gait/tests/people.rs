@@ -6,7 +6,7 @@ use ndarray::Array2;
 use posing_core::pose::{LengthUnit, UpAxis};
 use posing_gait::{
     ANGLES, Event, EventChoice, EventKind, EventSource, GaitSettings, GaitTrial, MARKERS, Markers,
-    Side, Trial,
+    Norm, ProfileScores, Side, Trial,
 };
 use posing_io::{C3d, Input};
 use std::collections::BTreeMap;
@@ -501,6 +501,35 @@ fn bands_hold_the_truth() {
     let share = inside as f64 / all as f64;
     println!("the 95% band of {} gaps holds {share:.3}", starts.len());
     assert!(share > 0.85);
+}
+
+/// Each person's walk against the norm of the five others.
+#[test]
+fn scores_are_those_of_healthy_children() {
+    let Some(folder) = folder() else { return };
+    let walks = PEOPLE.map(|person| {
+        let take = Take::open(&folder, person, "Straight");
+        let gait = GaitTrial::new(&take.trial, None, &GaitSettings::default()).unwrap();
+        let of = |side: Side| {
+            let own = gait.cycles.iter().filter(|(cycle, _)| cycle.side == side);
+            own.map(|(cycle, _)| gait.nine_angles(&take.trial, cycle))
+                .collect::<Vec<_>>()
+        };
+        Side::BOTH.map(of)
+    });
+    let mut overall = Vec::new();
+    for (i, walk) in walks.iter().enumerate() {
+        let others = walks.iter().enumerate().filter(|(k, _)| *k != i);
+        let others: Vec<_> = others.flat_map(|(_, walk)| walk.concat()).collect();
+        let norm = Norm::of_cycles(&others).unwrap();
+        let sides = [&walk[0], &walk[1]].map(|cycles| Norm::of_cycles(cycles));
+        if let [Some(left), Some(right)] = sides {
+            let scores = [left, right].map(|own| norm.variable_scores(&own.mean));
+            overall.push(ProfileScores::new(scores).overall);
+        }
+    }
+    println!("GPS {overall:.2?}");
+    assert!(overall.len() > 3 && overall.iter().all(|gps| (3.0..11.0).contains(gps)));
 }
 
 /// A file with bytes of its head and parameters exchanged gives a trial or an error.
