@@ -124,6 +124,7 @@
 //! | [`solve`] | joints and their angles under markers |
 //! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps |
 //! | [`clean`] | whole takes of any format, cleaned, with a record beside each |
+//! | [`gait`] | Plug-in Gait: angles, moments, events, cycles, values |
 //! | [`metric`] | pose descriptors, how alike two poses are, transitions |
 //! | [`body`] | body meshes: parts, pose and shape, skinning |
 //! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs |
@@ -144,6 +145,7 @@
 //! | posing-restore | restore | core, io, label, models |
 //! | posing-joints | ik, solve | core, draw, io, label, models |
 //! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
+//! | posing-gait | gait | core, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
 //! | posing-body | body | core, io |
 //! | posing-edit | edit, server | core, draw, io, joints, models, restore |
@@ -230,6 +232,8 @@ pub use posing_edit::edit;
 #[cfg(feature = "server")]
 #[doc(inline)]
 pub use posing_edit::server;
+#[doc(inline)]
+pub use posing_gait as gait;
 #[doc(inline)]
 pub use posing_io as io;
 #[doc(inline)]

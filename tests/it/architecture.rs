@@ -15,6 +15,7 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         &["io::Model", "io::model", "io::Table", "io::Output"],
     ),
     ("edit/edit/", &["io::Model"]),
+    ("gait/", &["io::C3d", "io::FileEvent", "io::ForcePlate"]),
 ];
 
 /// Words, and the only places that may hold them.

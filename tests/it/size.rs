@@ -5,13 +5,14 @@ use crate::architecture::sources;
 use std::collections::BTreeMap;
 
 /// Lines of code that a crate may have, `posing` being the facade and the program.
-const BUDGET: [(&str, usize); 14] = [
+const BUDGET: [(&str, usize); 15] = [
     ("body", 4_400),
     ("clean", 4_700),
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),
-    ("io", 16_000),
+    ("gait", 2_400),
+    ("io", 16_200),
     ("joints", 7_850),
     ("label", 4_700),
     ("likeness", 4_550),

@@ -81,7 +81,7 @@ pub mod zeros;
 pub use amc::Amc;
 pub use asf::Asf;
 pub use bvh::Bvh;
-pub use c3d::C3d;
+pub use c3d::{Analog, C3d, FileEvent, ForcePlate};
 pub use columns::{Columns, parse_point_names};
 pub use glb::SkinnedMesh;
 pub use input::Input;

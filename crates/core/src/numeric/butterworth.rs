@@ -8,11 +8,11 @@
 use std::f64::consts::{PI, SQRT_2};
 
 /// Fewer values are not filtered: the ends would be all there is.
-pub(crate) const FEWEST: usize = 10;
+pub const FEWEST: usize = 10;
 
 /// A low-pass filter for values at one rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LowPass {
+pub struct LowPass {
     /// The weights of the last three inputs.
     inputs: [f64; 3],
     /// The weights of the last two outputs.
@@ -22,7 +22,7 @@ pub(crate) struct LowPass {
 impl LowPass {
     /// A filter whose two runs pass half the power at `cutoff`, for `rate` values a second; `None`
     /// unless 0 < cutoff < .4 rate.
-    pub(crate) fn new(cutoff: f64, rate: f64) -> Option<LowPass> {
+    pub fn new(cutoff: f64, rate: f64) -> Option<LowPass> {
         if !(cutoff > 0.0 && cutoff < 0.4 * rate) {
             return None;
         }
@@ -39,7 +39,7 @@ impl LowPass {
 
     /// Filters values on end, which go on beyond their ends as their point reflections do; fewer
     /// than [`FEWEST`] stay as they are.
-    pub(crate) fn apply(&self, values: &mut [f64]) {
+    pub fn apply(&self, values: &mut [f64]) {
         let n = values.len();
         if n < FEWEST {
             return;

@@ -3,7 +3,8 @@
 
 #[doc(hidden)]
 pub mod assignment;
-pub(crate) mod butterworth;
+#[doc(hidden)]
+pub mod butterworth;
 #[doc(hidden)]
 pub mod gaussian;
 #[doc(hidden)]

@@ -5,8 +5,11 @@
 //! followed by that frame's samples of analog channels. Written as the C3D Format User Guide
 //! (Motion Lab Systems, 2008) has it; what is known to be written otherwise is read with a note.
 
+mod analog;
 mod axes;
+mod events;
 mod extent;
+mod force_plates;
 mod header;
 mod numbers;
 mod parameters;
@@ -14,6 +17,9 @@ mod points;
 mod rename;
 mod write;
 
+pub use analog::Analog;
+pub use events::FileEvent;
+pub use force_plates::ForcePlate;
 pub(crate) use write::NewC3d;
 
 use self::header::Layout;
@@ -40,12 +46,30 @@ pub struct C3d {
     pub take: MarkerTake,
     bytes: Vec<u8>,
     layout: Layout,
+    parameters: Parameters,
 }
 
 impl C3d {
     /// Whether the numbers of the file hold a point (in its units and axes).
     pub(crate) fn holds(&self, point: [f64; 3]) -> bool {
         points::encode(Some(point), &self.layout).is_ok()
+    }
+
+    /// The numbers of a parameter, by its name in capitals (`PROCESSING:LLEGLENGTH`); none where it
+    /// is not there. Integers of 16 bits are without their sign.
+    pub fn numbers(&self, name: &str) -> &[f64] {
+        self.parameters.numbers(name)
+    }
+
+    /// The parameters of a group that are numbers, by their names in the group: both in capitals.
+    pub fn group<'a>(&'a self, group: &'a str) -> impl Iterator<Item = (&'a str, &'a [f64])> {
+        self.parameters.numbers_of(group)
+    }
+
+    /// The texts of a parameter, by its name in capitals (`SUBJECTS:NAMES`), without the blanks at
+    /// their ends; none where it is not there.
+    pub fn texts(&self, name: &str) -> &[String] {
+        self.parameters.texts(name)
     }
 
     /// Opens a file.
@@ -123,6 +147,7 @@ impl C3d {
             take,
             bytes,
             layout,
+            parameters,
         })
     }
 }
@@ -190,20 +215,9 @@ fn rate(header: f64, parameters: &Parameters, notes: &mut Vec<String>) -> Option
 
 /// The labels of the points: POINT:LABELS, POINT:LABELS2 and so on.
 fn labels(parameters: &Parameters, points: usize) -> Vec<&str> {
-    let mut labels: Vec<&str> = texts(parameters, "POINT:LABELS".to_string()).collect();
+    let mut labels: Vec<&str> = parameters.all_texts("POINT:LABELS").collect();
     labels.resize(points, "");
     labels
-}
-
-/// The texts of a parameter, and of those that continue it: NAME2 and so on.
-fn texts(parameters: &Parameters, name: String) -> impl Iterator<Item = &str> {
-    let more = (2..).map(move |i| i.to_string());
-    std::iter::once(String::new())
-        .chain(more)
-        .map(move |number| parameters.texts(&format!("{name}{number}")))
-        .take_while(|texts| !texts.is_empty())
-        .flatten()
-        .map(String::as_str)
 }
 
 /// What each point is: the parameters list angles and so on, as Vicon writes what its models
@@ -223,7 +237,8 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
     ];
     let mut listed: HashMap<&str, Quantity> = HashMap::new();
     for (group, quantity) in groups {
-        let labels = texts(parameters, format!("POINT:{group}")).map(str::trim);
+        let name = format!("POINT:{group}");
+        let labels = parameters.all_texts(&name).map(str::trim);
         for label in labels.filter(|label| !label.is_empty()) {
             listed.entry(label).or_insert(quantity);
         }

@@ -76,6 +76,21 @@ impl Parameters {
         }
     }
 
+    /// The parameters of a group that are numbers, by their names in the group, in no order.
+    pub(crate) fn numbers_of<'a>(
+        &'a self,
+        group: &'a str,
+    ) -> impl Iterator<Item = (&'a str, &'a [f64])> {
+        let of = move |(name, value): (&'a String, &'a Value)| {
+            let own = name.strip_prefix(group)?.strip_prefix(':')?;
+            match value {
+                Value::Numbers(numbers) => Some((own, numbers.as_slice())),
+                Value::Text(_) => None,
+            }
+        };
+        self.values.iter().filter_map(of)
+    }
+
     /// The first string of a parameter, if it says anything.
     pub(crate) fn text(&self, name: &str) -> Option<&str> {
         let first = self.texts(name).first()?;
@@ -89,6 +104,29 @@ impl Parameters {
             _ => &[],
         }
     }
+
+    /// The strings of a parameter, and of those that continue it: NAME2 and so on.
+    pub(crate) fn all_texts<'a>(&'a self, name: &str) -> impl Iterator<Item = &'a str> + use<'a> {
+        let names = continued(name);
+        let texts = names.map(|name| self.texts(&name));
+        let texts = texts.take_while(|texts| !texts.is_empty());
+        texts.flatten().map(String::as_str)
+    }
+
+    /// The numbers of a parameter, and of those that continue it: NAME2 and so on.
+    pub(crate) fn all_numbers(&self, name: &str) -> Vec<f64> {
+        let numbers = continued(name).map(|name| self.numbers(&name));
+        let numbers = numbers.take_while(|numbers| !numbers.is_empty());
+        numbers.flatten().copied().collect()
+    }
+}
+
+/// The names of a parameter and of those that continue it, without end.
+fn continued(name: &str) -> impl Iterator<Item = String> + use<> {
+    let name = name.to_string();
+    let more = (2..).map(|i| i.to_string());
+    let numbers = std::iter::once(String::new()).chain(more);
+    numbers.map(move |number| format!("{name}{number}"))
 }
 
 /// A group, which has no value, or a parameter.

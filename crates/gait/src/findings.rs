@@ -1,0 +1,207 @@
+//! What is estimated, missing or unsure in a trial.
+
+use crate::events::{Event, EventKind, of_file};
+use crate::markers::{Frame, MARKERS, Markers};
+use crate::parameters::{Parameters, Source, mean_length};
+use crate::plates::Contact;
+use crate::side::Side;
+use crate::statics::{OFFSETS, StaticOffsets};
+use crate::trial::Trial;
+use serde::Serialize;
+
+/// A static trial whose shank is longer or shorter by more is of another person, mm.
+const OTHER_SHANK: f64 = 15.0;
+/// Static offsets further from those stored do not fit, radians.
+const OTHER_OFFSET: f64 = 0.035;
+
+/// Something to know before the values are used.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// `marker_missing`, `marker_at_zero`, `estimated`, `default`, `no_mass`, `static_differs`,
+    /// `two_feet`, `plate_unread`, `no_events` or `event_alone`.
+    pub kind: &'static str,
+    /// The markers or parameters it is about.
+    pub points: Vec<String>,
+    /// What it is, and what it costs.
+    pub what: String,
+}
+
+/// Adds findings.
+#[derive(Debug, Default)]
+pub(crate) struct Findings(pub Vec<Finding>);
+
+impl Findings {
+    fn add(&mut self, kind: &'static str, points: Vec<String>, what: String) {
+        self.0.push(Finding { kind, points, what });
+    }
+
+    /// What the markers lack.
+    pub(crate) fn of_markers(&mut self, markers: &Markers) {
+        let lower = MARKERS[..17]
+            .iter()
+            .filter(|m| !["SACR", "LPSI", "RPSI"].contains(m));
+        let is_missing = |m: &str| markers.get(m).is_none_or(|t| t.iter().all(|p| p.is_nan()));
+        let mut missing: Vec<String> = lower
+            .filter(|m| is_missing(m))
+            .map(|m| m.to_string())
+            .collect();
+        if is_missing("SACR") && (is_missing("LPSI") || is_missing("RPSI")) {
+            missing.push("SACR".into());
+        }
+        if !missing.is_empty() {
+            let what = format!("{} missing: what needs it is empty", joined(&missing));
+            self.add("marker_missing", missing, what);
+        }
+        if !markers.at_zero.is_empty() {
+            let points: Vec<String> = markers.at_zero.iter().map(|m| m.to_string()).collect();
+            let what = format!(
+                "{} at exactly 0 0 0 in some frames, taken for missing",
+                joined(&points)
+            );
+            self.add("marker_at_zero", points, what);
+        }
+    }
+
+    /// Which parameters nobody gave.
+    pub(crate) fn of_parameters(&mut self, parameters: &Parameters) {
+        let of = |source: Source, words: &[&str]| -> Vec<String> {
+            let own = parameters.of_source(source);
+            own.filter(|name| words.iter().any(|w| name.contains(w)))
+                .map(String::from)
+                .collect()
+        };
+        let estimated = of(Source::Estimate, &["LegLength", "KneeWidth", "AnkleWidth"]);
+        if !estimated.is_empty() {
+            let sd = |name: &String| {
+                let sd = parameters
+                    .0
+                    .get(name)
+                    .and_then(|p| p.sd)
+                    .unwrap_or_default();
+                format!("{name} (+- {sd:.0} mm)")
+            };
+            let what = format!(
+                "{} estimated from markers: hip and knee abduction +- 2 degrees, at worst 4, other \
+                 angles below .8",
+                joined(&estimated.iter().map(sd).collect::<Vec<_>>())
+            );
+            self.add("estimated", estimated, what);
+        }
+        let defaults = of(Source::Default, &["MarkerDiameter"]);
+        if !defaults.is_empty() {
+            let what = "MarkerDiameter is not said: 14 mm is taken; 16 would move centers by 1 mm, \
+                        angles by .3 degrees";
+            self.add("default", defaults, what.into());
+        }
+        let offsets = of(Source::Default, &OFFSETS);
+        if !offsets.is_empty() {
+            let what = "no static offsets of the feet and no static trial: ankle angles and foot \
+                        progression are those of the markers' lines";
+            self.add("default", offsets, what.into());
+        }
+        if parameters.value("Bodymass").is_nan() {
+            let what = "no Bodymass: no forces, moments and powers, which are per kilogram";
+            self.add("no_mass", vec!["Bodymass".into()], what.into());
+        }
+    }
+
+    /// What does not fit between a trial and its static trial, whose offsets are `measured`.
+    pub(crate) fn of_static(&mut self, trial: &Trial, other: &Trial, measured: &StaticOffsets) {
+        let names = ["LegLength", "KneeWidth", "AnkleWidth"];
+        let names = Side::BOTH.map(|side| names.map(|name| format!("{}{name}", side.letter())));
+        let differs = |name: &String| {
+            let pair = trial.given.get(name).zip(other.given.get(name));
+            pair.is_some_and(|(a, b)| (a - b).abs() > 1.0)
+        };
+        let mut unlike: Vec<String> = names.into_iter().flatten().filter(differs).collect();
+        for side in Side::BOTH {
+            let shank = |markers: &Markers| {
+                let length = |frame: &Frame| {
+                    let [_, kne, _, ank, ..] = frame.leg(side);
+                    kne.distance(ank)
+                };
+                mean_length(markers, &length).map(|(mean, _)| mean)
+            };
+            let pair = shank(&trial.markers).zip(shank(&other.markers));
+            if pair.is_some_and(|(a, b)| (a - b).abs() > OTHER_SHANK) {
+                unlike.push(format!("the distance of {0}KNE and {0}ANK", side.letter()));
+            }
+            for (i, name) in OFFSETS.iter().enumerate() {
+                let name = format!("{}{name}", side.letter());
+                let stored = trial.given.get(&name).filter(|v| v.abs() <= 1.0);
+                let own = measured.feet[side as usize][i];
+                if stored.is_some_and(|v| (v - own).abs() > OTHER_OFFSET) {
+                    unlike.push(name);
+                }
+            }
+        }
+        if !unlike.is_empty() {
+            let what = format!(
+                "the static trial does not fit, perhaps it is of another person or day: {} in it",
+                if unlike.len() == 1 {
+                    format!("{} differs", unlike[0])
+                } else {
+                    format!("{} differ", unlike.join(", "))
+                }
+            );
+            self.add("static_differs", unlike, what);
+        }
+    }
+
+    /// Plates that tell nothing.
+    pub(crate) fn of_plates(&mut self, trial: &Trial, contacts: &[Contact]) {
+        let unread = trial.plates.iter().enumerate().filter(|(_, p)| p.is_none());
+        for (i, _) in unread {
+            let what = format!(
+                "plate {} is of a type that is not read, or has no channels",
+                i + 1
+            );
+            self.add("plate_unread", Vec::new(), what);
+        }
+        for contact in contacts.iter().filter(|c| c.of_two) {
+            let what = format!(
+                "plate {} is loaded for {:.2} s from {:.2} s on, by two feet: it tells nothing",
+                contact.plate,
+                contact.off - contact.on,
+                trial.first() + contact.on
+            );
+            self.add("two_feet", Vec::new(), what);
+        }
+    }
+
+    /// No events, and the file's own that none of ours is near to.
+    pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event]) {
+        if events.is_empty() {
+            let what = "no strikes and offs, so no cycles: the person stands, feet or pelvis lack \
+                        markers, or the rate is below 40 Hz";
+            self.add("no_events", Vec::new(), what.into());
+        }
+        for own in of_file(&trial.file_events) {
+            let is_it = |e: &&Event| {
+                e.side == own.side && e.kind == own.kind && e.file_time_s == Some(own.time_s)
+            };
+            if !events.iter().any(|e| is_it(&e)) {
+                let what = format!(
+                    "the file has a {} {} at {:.3} s, and there is none within 60 ms",
+                    format!("{:?}", own.side).to_lowercase(),
+                    if own.kind == EventKind::FootStrike {
+                        "strike"
+                    } else {
+                        "off"
+                    },
+                    own.time_s
+                );
+                self.add("event_alone", Vec::new(), what);
+            }
+        }
+    }
+}
+
+/// `A is`, or `A, B are`.
+fn joined(names: &[String]) -> String {
+    format!(
+        "{} {}",
+        names.join(", "),
+        if names.len() == 1 { "is" } else { "are" }
+    )
+}

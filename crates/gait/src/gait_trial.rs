@@ -1,0 +1,177 @@
+//! A trial computed: curves, events, cycles and values.
+
+use crate::angles::{ANGLES, Body, Direction};
+use crate::curves::{CENTERS, Curves, is_angle, kinematics};
+use crate::cycles::{Cycle, cycles, resampled};
+use crate::deviations::deviations;
+use crate::events::{Event, EventChoice, events};
+use crate::findings::{Finding, Findings};
+use crate::loads::Loads;
+use crate::markers::MARKERS;
+use crate::norm::{GVS, NineAngles};
+use crate::parameters::{Given, GivenValues, Parameters};
+use crate::plates::{Contact, contacts};
+use crate::side::Side;
+use crate::statics::{FlatFoot, StaticOffsets};
+use crate::trial::Trial;
+use crate::values::{CycleValues, values};
+use crate::{Error, Result};
+use glam::DVec3;
+use ndarray::Array2;
+
+/// How a trial is computed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct GaitSettings {
+    /// The user's values of the subject's parameters.
+    pub given: GivenValues,
+    /// How the feet lay in the static trial.
+    pub flat_foot: FlatFoot,
+    /// Whether the left foot's progression along +x is written as Vicon does, which is no angle of
+    /// the foot.
+    pub vicon_quirks: bool,
+    /// Which events are taken.
+    pub events: EventChoice,
+}
+
+/// What is computed of a trial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GaitTrial {
+    /// Where the person walks.
+    pub direction: Direction,
+    /// The subject's parameters with their sources.
+    pub parameters: Parameters,
+    /// The curves.
+    pub curves: Curves,
+    /// The contacts of feet with plates.
+    pub contacts: Vec<Contact>,
+    /// The events of both feet in time.
+    pub events: Vec<Event>,
+    /// The cycles of both sides, each with its values.
+    pub cycles: Vec<(Cycle, CycleValues)>,
+    /// What is estimated, missing or unsure.
+    pub findings: Vec<Finding>,
+}
+
+impl GaitTrial {
+    /// Computes a trial; `statics` is the person standing, which tells how the feet lie.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: the trial has no frames, no rate, or not the markers of the pelvis.
+    pub fn new(
+        trial: &Trial,
+        statics: Option<&Trial>,
+        settings: &GaitSettings,
+    ) -> Result<GaitTrial> {
+        let markers = &trial.markers;
+        let has_pelvis = |t: usize| markers.frame(t).pelvis().iter().all(|p| p.is_finite());
+        if !(trial.rate > 0.0 && trial.rate.is_finite() && (0..markers.frames()).any(has_pelvis)) {
+            let what = "has no frame with LASI, RASI and SACR (or LPSI and RPSI), or no rate";
+            return Err(Error::unfit(what));
+        }
+        let mut findings = Findings::default();
+        findings.of_markers(markers);
+        let parameters = parameters(trial, statics, settings, &mut findings);
+        findings.of_parameters(&parameters);
+        let subject = parameters.subject();
+        let bodies: Vec<Body> = (0..markers.frames())
+            .map(|t| Body::new(&markers.frame(t), &subject))
+            .collect();
+        let direction = Direction::of(markers);
+        let mut curves = kinematics(&bodies, direction, settings.vicon_quirks);
+        let contacts = contacts(&trial.plates, markers, trial.rate);
+        findings.of_plates(trial, &contacts);
+        let alone: Vec<Contact> = contacts.iter().filter(|c| !c.of_two).copied().collect();
+        let times = (subject.mean_leg(), trial.rate, trial.first());
+        let events = events(settings.events, markers, &alone, &trial.file_events, times);
+        findings.of_events(trial, &events);
+        if subject.mass.is_finite() && !trial.plates.is_empty() {
+            for side in Side::BOTH {
+                let loads = Loads {
+                    side,
+                    contacts: &contacts,
+                    events: &events,
+                };
+                loads.add_kinetics(&mut curves, trial, &bodies, &subject);
+            }
+        }
+        let last = trial.time(markers.frames() - 1);
+        let with_values = |cycle: Cycle| {
+            let values = values(&cycle, &events, markers, trial.rate, trial.first());
+            (cycle, values)
+        };
+        let cycles = cycles(&events, trial.first(), last).into_iter();
+        let cycles = cycles.map(with_values).collect();
+        Ok(GaitTrial {
+            cycles,
+            direction,
+            parameters,
+            curves,
+            contacts,
+            events,
+            findings: findings.0,
+        })
+    }
+
+    /// A curve of a cycle's side in that cycle, 101 points; `name` is without the side
+    /// (`KneeAngles`). `None` where there is no such curve.
+    pub fn in_cycle(&self, trial: &Trial, cycle: &Cycle, name: &str) -> Option<Vec<DVec3>> {
+        let curve = self.curves.get(&format!("{}{name}", cycle.side.letter()))?;
+        let [from, to] = [cycle.start_s, cycle.end_s].map(|t| trial.place(t));
+        Some(resampled(curve, from, to, is_angle(name)))
+    }
+
+    /// The nine angles of [`Norm`](crate::Norm) in a cycle.
+    pub fn nine_angles(&self, trial: &Trial, cycle: &Cycle) -> NineAngles {
+        GVS.map(|(_, curve, axis)| {
+            let points = self.in_cycle(trial, cycle, curve).unwrap_or_default();
+            points.iter().map(|v| v[axis]).collect()
+        })
+    }
+
+    /// The deviations of angles (degrees) and centers (mm) by the curves' names, where markers have
+    /// one: `sd` is that of each marker of [`MARKERS`] by frames, (frames, 35), mm along each axis,
+    /// and 0 for a marker that was seen. In frames without any it is 0.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: `sd` has another shape.
+    pub fn deviations(&self, trial: &Trial, sd: &Array2<f64>) -> Result<Curves> {
+        if sd.dim() != (trial.markers.frames(), MARKERS.len()) {
+            return Err(Error::unfit(
+                "the deviations are not one a frame and a marker",
+            ));
+        }
+        let subject = self.parameters.subject();
+        let lab = self.direction.axes();
+        let sides = deviations(&trial.markers, sd.view(), &subject, lab, trial.rate);
+        let names = || ANGLES.into_iter().chain(CENTERS).enumerate();
+        let of = |side: Side, i: usize| sides[side as usize].iter().map(|v| v[i]).collect();
+        let all = Side::BOTH.into_iter().flat_map(|side| {
+            names().map(move |(i, name)| (side, i, format!("{}{name}", side.letter())))
+        });
+        let known = all.filter(|(_, _, name)| self.curves.contains_key(name));
+        Ok(known.map(|(side, i, name)| (name, of(side, i))).collect())
+    }
+}
+
+/// The parameters, those of the static trial's markers too.
+fn parameters(
+    trial: &Trial,
+    statics: Option<&Trial>,
+    settings: &GaitSettings,
+    findings: &mut Findings,
+) -> Parameters {
+    let mut parameters = Parameters::find(Given {
+        trial: &trial.given,
+        options: &settings.given,
+        statics: statics.map(|s| &s.given),
+        markers: statics.map_or(&trial.markers, |s| &s.markers),
+    });
+    if let Some(other) = statics {
+        let subject = parameters.subject();
+        let flat = settings.flat_foot;
+        let measured = StaticOffsets::measure(&other.markers, &subject, flat, &other.given);
+        measured.fill(&mut parameters);
+        findings.of_static(trial, other, &measured);
+    }
+    parameters
+}
