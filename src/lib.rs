@@ -59,6 +59,17 @@
 //! # Ok::<(), posing::Error>(())
 //! ```
 //!
+//! ```
+//! # use posing::prelude::*;
+//! # let walk = std::fs::read("testdata/examples/animator/goblin.bvh").unwrap();
+//! let file = MotionFile::from_bytes("walk.bvh", walk, &ReadOptions::default())?;
+//! let (motion, rate) = file.motion().zip(file.rate()).ok_or("no rotations")?;
+//! let how = RotationCleaning::default();
+//! let cleaned = clean_rotations(&file.channels(), motion, rate, &how);
+//! let bvh: Vec<u8> = file.bytes_with_motion(cleaned.motion.view())?;
+//! # Ok::<(), posing::Error>(())
+//! ```
+//!
 //! **Retarget.** [`ik::retarget`] carries a motion over to another rig: directions of limbs stay,
 //! feet stand where they stood.
 //!
@@ -139,6 +150,7 @@
 //! |---|---|---|
 //! | posing-core | error, numeric, pose |  |
 //! | posing-io | io | core |
+//! | posing-glb | io | core, io |
 //! | posing-draw | draw | core, io |
 //! | posing-models | cluster, prior, sparse | core, io |
 //! | posing-label | label | core, io |
@@ -147,7 +159,7 @@
 //! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
 //! | posing-gait | gait | core, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
-//! | posing-body | body | core, io |
+//! | posing-body | body | core, glb, io |
 //! | posing-edit | edit, server | core, draw, io, joints, models, restore |
 //! | posing-score | evaluate | core, draw, io, models, restore |
 //! | posing-papers | evaluate, metric, prior | core, draw, io, likeness, models, restore, score |
@@ -180,6 +192,16 @@
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod prelude;
+
+/// Motion files, meshes and models.
+pub mod io {
+    #[doc(inline)]
+    pub use posing_glb as glb;
+    #[doc(inline)]
+    pub use posing_glb::SkinnedMesh;
+    #[doc(inline)]
+    pub use posing_io::*;
+}
 
 /// Pose models behind one trait, with those that papers compare with.
 pub mod prior {
@@ -234,8 +256,6 @@ pub use posing_edit::edit;
 pub use posing_edit::server;
 #[doc(inline)]
 pub use posing_gait as gait;
-#[doc(inline)]
-pub use posing_io as io;
 #[doc(inline)]
 pub use posing_joints::solve;
 #[doc(inline)]

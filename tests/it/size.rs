@@ -5,14 +5,15 @@ use crate::architecture::sources;
 use std::collections::BTreeMap;
 
 /// Lines of code that a crate may have, `posing` being the facade and the program.
-const BUDGET: [(&str, usize); 15] = [
+const BUDGET: [(&str, usize); 16] = [
     ("body", 4_400),
     ("clean", 4_700),
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),
     ("gait", 2_400),
-    ("io", 16_200),
+    ("glb", 1_600),
+    ("io", 14_900),
     ("joints", 7_850),
     ("label", 4_700),
     ("likeness", 4_550),

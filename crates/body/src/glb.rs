@@ -5,9 +5,9 @@ use super::file::part_name;
 use super::skinning::{Frame, Sample};
 use super::take::BodyTake;
 use super::{BodyModel, Skinning, Template};
-use crate::io::glb::{Animation, Bone, Shape, SkinnedMesh};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
+use posing_glb::{Animation, Bone, Shape, SkinnedMesh};
 use std::ops::Range;
 
 /// Corrective shapes of the skin.

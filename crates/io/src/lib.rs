@@ -5,8 +5,8 @@
 //! [`MotionFile`] opens a take of any format (BVH, C3D, TRC, AMC, CSV, NPY and others) with its
 //! unit and axes, and writes it back; what was not changed stays as it was, byte for byte.
 //! [`Table`] reads a table of poses from a stream, [`TableWriter`] writes one. Each format has a
-//! type and a file of its own ([`Bvh`], [`C3d`], [`Asf`], [`Amc`]). [`Mesh`] and [`glb`] are
-//! bodies, [`Model`] is a trained model, one NPZ file. An [`Output`] is at its path only when it is
+//! type and a file of its own ([`Bvh`], [`C3d`], [`Asf`], [`Amc`]). [`Mesh`] is a
+//! body, [`Model`] is a trained model, one NPZ file. An [`Output`] is at its path only when it is
 //! complete.
 //!
 //! ```
@@ -37,7 +37,6 @@ pub mod command_files;
 pub mod csv;
 mod foreign_format;
 mod frame_times;
-pub mod glb;
 pub mod input;
 pub mod marker_csv;
 mod marker_rows;
@@ -83,7 +82,6 @@ pub use asf::Asf;
 pub use bvh::Bvh;
 pub use c3d::{Analog, C3d, FileEvent, ForcePlate};
 pub use columns::{Columns, parse_point_names};
-pub use glb::SkinnedMesh;
 pub use input::Input;
 pub use marker_csv::MotivePoints;
 pub use marker_take::{CarriedColumns, CarriedRows, MarkerTake, Quantity};

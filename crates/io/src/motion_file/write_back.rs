@@ -30,6 +30,7 @@ impl MotionFile {
     }
 
     /// The bytes that [`MotionFile::write_back`] writes, and how many positions they do not hold.
+    /// A file of rotations has them by [`MotionFile::bytes_with_motion`].
     ///
     /// # Errors
     /// [`Error::Data`]: another shape, or the format does not hold the new values.

@@ -298,8 +298,8 @@ mod tests {
             }\n}\nMOTION\nFrames: 1\n\
             Frame Time: 0.1\n\
             1 2 3 40 0 0 0 50 0 0 0 0\n";
-        let input = crate::Input::new("t", std::io::Cursor::new(text.as_bytes())).unwrap();
-        let bvh = crate::Bvh::read(input, 1.0, false).unwrap();
+        let input = posing_io::Input::new("t", std::io::Cursor::new(text.as_bytes())).unwrap();
+        let bvh = posing_io::Bvh::read(input, 1.0, false).unwrap();
         let poses = bvh.to_poses().unwrap();
         let frame = bvh.motion.row(0).to_vec();
         let template = BvhTemplate::new(bvh, DMat3::IDENTITY).unwrap();

@@ -1,3 +1,5 @@
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
 //! Binary glTF 2.0 (`.glb`): a mesh with its skeleton, morph targets and animations, for animation
 //! software and viewers.
 //!
@@ -22,8 +24,9 @@ mod skeleton;
 mod tube;
 mod unit_weights;
 
-use super::output::write_file;
-use crate::Result;
+use posing_core::{Error, Place, Result, pose};
+use posing_io::bvh;
+use posing_io::output::write_file;
 use std::path::Path;
 
 pub use animation::Animation;
@@ -31,7 +34,7 @@ pub use animation::Animation;
 /// A triangle mesh that bones and morph targets move.
 ///
 /// ```
-/// use posing_io::glb::{Animation, Bone, SkinnedMesh};
+/// use posing_glb::{Animation, Bone, SkinnedMesh};
 ///
 /// let mesh = SkinnedMesh {
 ///     name: "flag".into(),
