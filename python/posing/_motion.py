@@ -162,8 +162,8 @@ def label(
     from_nothing : bool
         Name the markers of a take without any labels, as those of ``set`` or ``like``.
     set : str or path, optional
-        Marker set: ``"cmu41"``, ``"pig"``, ``"rajagopal"``, ``"opencap"``,
-        ``"motive"``, ``"isb"``, ``"sprint"``, or a file of one.
+        With ``from_nothing``: the marker set, ``"cmu41"``, ``"pig"``, ``"rajagopal"``,
+        ``"opencap"``, ``"motive"``, ``"isb"``, ``"sprint"``, or a file of one.
     sure : float, optional
         Confidence from which on a label is given, 0.5 to 1. Default: 0.9.
     **options

@@ -163,7 +163,7 @@ class Take:
         Returns
         -------
         float64 array, shape (frames,)
-            0 to 180; NaN where a point is missing.
+            0 to 180, 180 where the three are on a line; NaN where a point is missing.
 
         Examples
         --------
@@ -368,7 +368,8 @@ def write(
         .csv, .npy, .npz, .c3d, .trc, .bvh, .glb or .amc. The file appears only
         when it is complete.
     xyz : Take, DataFrame, or array of shape (frames, points, 3)
-        Positions in centimeters, y up; NaN is missing.
+        Positions in centimeters, y up; NaN is missing. Deviations and status are not
+        written.
     names : list of str, optional
         Names of the points. Default: those of the take.
     fps : float, optional
@@ -477,7 +478,7 @@ def complete(
     Notes
     -----
     Where no known skeleton has the points, as with markers, they are filled from the
-    take itself, as with ``self=True``; the first of ``notes`` says so.
+    take itself, as with ``self=True``; the first of ``notes`` says why.
 
     Examples
     --------

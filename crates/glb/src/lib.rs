@@ -111,7 +111,7 @@ impl SkinnedMesh {
     /// material is a plain skin tone.
     ///
     /// # Errors
-    /// [`Error::Data`](crate::Error::Data): sizes that do not fit, indices of what is not there,
+    /// [`Error::Data`]: sizes that do not fit, indices of what is not there,
     /// numbers that are not finite, bones in a circle, times that do not rise, or more than 4
     /// GiB.
     pub fn to_glb(&self) -> Result<Vec<u8>> {
@@ -122,7 +122,7 @@ impl SkinnedMesh {
     /// Writes a GLB file, complete or not at all.
     ///
     /// # Errors
-    /// Those of [`SkinnedMesh::to_glb`], and [`Error::Io`](crate::Error::Io): the file cannot be
+    /// Those of [`SkinnedMesh::to_glb`], and [`Error::Io`]: the file cannot be
     /// written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         write_file(path, &self.to_glb()?)

@@ -100,8 +100,8 @@ impl Poses {
         self.xyz.row(index)
     }
 
-    /// The angle of each frame at a point between two others, degrees from 0 to 180; NaN where one
-    /// of them is missing.
+    /// The angle of each frame at a point between two others, degrees from 0 to 180 (on a line);
+    /// NaN where one of them is missing. The flexion of a knee is 180 less that at its center.
     ///
     /// ```
     /// use posing_core::pose::Poses;
