@@ -15,7 +15,8 @@ pub enum JointSet {
     /// The 23 of the built-in model: CMU's.
     #[default]
     Cmu,
-    /// Centers of the hips, knees, ankles, shoulders, elbows and wrists.
+    /// Centers of the hips, knees, ankles, shoulders, elbows and wrists: LHJC, LKJC, LAJC, LSJC,
+    /// LEJC, LWJC and those of the right side.
     Anatomical,
 }
 
