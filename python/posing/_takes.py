@@ -163,7 +163,7 @@ class Take:
         Returns
         -------
         float64 array, shape (frames,)
-            0 to 180, 180 where the three are on a line; NaN where a point is missing.
+            0 to 180, 180 where the middle one is between the others; NaN where a point is missing.
 
         Examples
         --------

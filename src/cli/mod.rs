@@ -154,8 +154,8 @@ fn flag(option: OptionName<'_>) -> String {
 
 /// [`flag`] of a command that reads tables with names: trim gives an array names.
 fn flag_or_trim(option: OptionName<'_>) -> String {
-    if option.name == "joints" && option.value.is_none() {
-        "posing trim --joints".to_string()
+    if option.name == "joints" {
+        format!("posing trim {}", flag(option))
     } else {
         flag(option)
     }

@@ -126,7 +126,7 @@ impl Error {
             source,
         }
     }
-    /// What it says of the input or the arguments, without the place; none of a failed read.
+    /// What it says of the input or the arguments, without the place; `None` for a failed read or write.
     pub fn message(&self) -> Option<&Message> {
         match self {
             Error::Data { what, .. } | Error::Unfit(what) | Error::Usage(what) => Some(what),

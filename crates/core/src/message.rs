@@ -88,7 +88,10 @@ impl OptionNames {
         for part in parts {
             match part.split_once('`') {
                 Some((option, rest)) => out += &((self.0)(OptionName::parse(option)) + rest),
-                None => out += part,
+                None => {
+                    out += BEGIN;
+                    out += part;
+                }
             }
         }
         out
@@ -127,5 +130,6 @@ mod tests {
         assert_eq!(names, ["units", "max_gap"]);
         let broken = "a name with the option `of a file";
         assert_eq!(Message::from(broken).options().count(), 0);
+        assert_eq!(flags.in_text(broken), broken);
     }
 }

@@ -132,7 +132,7 @@ pub fn label_from_nothing(
     }
     if let Some(label) = poses.points.iter().find(|p| model.is_label(p)) {
         return refuse(&format!(
-            "has labels already, such as {label}; without the option `from-nothing` its other \
+            "has labels already, such as {label}; without the option `from_nothing` its other \
              tracks are joined to them"
         ));
     }

@@ -100,8 +100,9 @@ impl Poses {
         self.xyz.row(index)
     }
 
-    /// The angle of each frame at a point between two others, degrees from 0 to 180 (on a line);
-    /// NaN where one of them is missing. The flexion of a knee is 180 less that at its center.
+    /// The angle of each frame at a point between two others, degrees from 0 to 180, where it is
+    /// on the line from one to the other; NaN where one of them is missing. The flexion of a knee
+    /// is 180 less that at its center.
     ///
     /// ```
     /// use posing_core::pose::Poses;

@@ -29,8 +29,9 @@ impl MotionFile {
         write_file(path, &bytes).map(|()| left)
     }
 
-    /// The bytes that [`MotionFile::write_back`] writes, and how many positions they do not hold.
-    /// A file of rotations has them by [`MotionFile::bytes_with_motion`].
+    /// The bytes that [`MotionFile::write_back`] writes, unpacked, and how many positions they do
+    /// not hold. A file of rotations (BVH, AMC) is as it was read, whatever the positions: see
+    /// [`MotionFile::bytes_with_motion`].
     ///
     /// # Errors
     /// [`Error::Data`]: another shape, or the format does not hold the new values.
@@ -64,7 +65,8 @@ impl MotionFile {
         Ok((bytes, left))
     }
 
-    /// The bytes of the file as it stands: its labels as they were moved, all else as it was read.
+    /// The bytes of the file as it stands, unpacked: its labels as they were moved, all else as it
+    /// was read. Pose tables are written anew.
     ///
     /// # Errors
     /// [`Error::Data`]: the format does not hold its values.

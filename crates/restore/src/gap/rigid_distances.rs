@@ -156,7 +156,7 @@ fn position(frame: &[f64], point: usize) -> DVec3 {
 /// The update of a frame's missing points by their distances.
 struct Update<'a> {
     points: &'a [usize],
-    /// Where the points were estimated to be, m.
+    /// Where the points were estimated to be, cm: m above.
     mean: Vec<DVec3>,
     /// The distances that tell something, with the noise of seen points, and which of the missing
     /// points each ends at.

@@ -35,6 +35,6 @@ enum Tested {
 pub fn work(args: &Args) -> Result<()> {
     match &args.command {
         Some(Tested::Takes(args)) => args.work(),
-        None => Err(Error::usage(format!("the benchmark {NO_PAPERS}"))),
+        None => Err(Error::usage(format!("all but `takes` {NO_PAPERS}"))),
     }
 }
