@@ -8,10 +8,9 @@
 //! `joint_map` finds sixteen joints among the points of any skeleton, `body_frame` removes
 //! position, heading and size, and `gpd` describes the pose; `features` and [`scaling`] say what
 //! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
-//! [`train`](mod@train) learns a distance from them by `rdsr` or one of the other `learners`,
-//! and [`pose_metric`] is what was learned. [`nearest`] searches with it; `baselines` are the
-//! distances to compare with. [`transition`] finds frames at which one clip can go over into
-//! another, [`Blend`] joins the clips there, and [`blend_test`] tells whether the result moves
+//! [`train`](mod@train) learns a distance from them by `rdsr` or a learner of papers,
+//! and [`pose_metric`] is what was learned. [`nearest`] searches with it. [`transition`] finds
+//! frames at which one clip can go over into another, [`Blend`] joins the clips there, and [`blend_test`] tells whether the result moves
 //! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.
 //!
 //! ```
