@@ -126,7 +126,8 @@ impl Error {
             source,
         }
     }
-    /// What it says of the input or the arguments, without the place; `None` for a failed read or write.
+    /// What it says of the input or the arguments, without the place; `None` for a failed read or
+    /// write.
     pub fn message(&self) -> Option<&Message> {
         match self {
             Error::Data { what, .. } | Error::Unfit(what) | Error::Usage(what) => Some(what),

@@ -10,8 +10,9 @@
 //! of it is compared. [`pair_proposal`] proposes pairs of poses for people to label,
 //! [`train`](mod@train) learns a distance from them by `rdsr` or a learner of papers,
 //! and [`pose_metric`] is what was learned. [`nearest`] searches with it. [`transition`] finds
-//! frames at which one clip can go over into another, [`Blend`] joins the clips there, and [`blend_test`] tells whether the result moves
-//! as the clips do; [`index`] keeps takes described, and [`events`] finds motions in them.
+//! frames at which one clip can go over into another, [`Blend`] joins the clips there, and
+//! [`blend_test`] tells whether the result moves as the clips do; [`index`] keeps takes described,
+//! and [`events`] finds motions in them.
 //!
 //! ```
 //! use posing_likeness::{JointMap, PoseMetric};
