@@ -63,7 +63,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// That of work that was done, with findings or without.
+    /// The outcome of work that was done, with findings or without.
     pub fn of(has_findings: bool) -> Outcome {
         if has_findings {
             Outcome::Findings

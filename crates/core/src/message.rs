@@ -98,7 +98,7 @@ impl OptionNames {
     }
 }
 
-/// As messages of this library name them.
+/// The names that messages of this library have.
 impl Default for OptionNames {
     fn default() -> Self {
         OptionNames(|OptionName { name, value }| match value {

@@ -11,9 +11,9 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
-    /// It meets the floor.
+    /// The foot meets the floor.
     FootStrike,
-    /// It leaves the floor.
+    /// The foot leaves the floor.
     FootOff,
 }
 

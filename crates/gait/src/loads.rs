@@ -19,7 +19,7 @@ const EDGE: f64 = 0.04;
 /// What tells the loads of a side's foot.
 pub(crate) struct Loads<'a> {
     pub side: Side,
-    /// Of both sides.
+    /// Both sides.
     pub contacts: &'a [Contact],
     pub events: &'a [Event],
 }

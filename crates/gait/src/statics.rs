@@ -14,7 +14,7 @@ pub enum FlatFoot {
     /// As the offsets stored in the static trial's file say; flat where it has none.
     #[default]
     Auto,
-    /// They lay flat.
+    /// The feet lay flat.
     Yes,
     /// The markers are as they are.
     No,

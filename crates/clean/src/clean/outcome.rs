@@ -14,7 +14,7 @@ pub enum FileOutcome {
     Cleaned(Summary),
     /// The result was there, made from the same.
     Unchanged(Summary),
-    /// It could not be cleaned; `old_result`: the result of an earlier run still stands there.
+    /// The file could not be cleaned; `old_result`: an earlier result still stands there.
     Failed {
         /// Why.
         error: Error,

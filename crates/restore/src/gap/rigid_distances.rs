@@ -167,7 +167,7 @@ struct Update<'a> {
 struct Step {
     /// (3 missing points, 1), from the mean.
     change: Array2<f64>,
-    /// Of H P Hᵀ + V.
+    /// The Cholesky factor of H P Hᵀ + V.
     factor: Cholesky,
     /// H P (distances, 3 missing points).
     weighted: Array2<f64>,
