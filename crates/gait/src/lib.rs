@@ -43,7 +43,8 @@
 //! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
-//! | `deviations` | what doubt about markers does to angles |
+//! | `filled`, `deviations` | gaps of markers, and what doubt about these does to angles |
+//! | `session`, `session_tables`, `session_report`, `norm_file` | the trials of a person, and what is written of them |
 //!
 //! Vicon's own values of six people's trials are met to .0005 mm and .00003 degrees, joint forces
 //! to .004 N/kg; moments of straight walks to 1.2% of their range in the mean of the legs, of
@@ -58,6 +59,7 @@ mod curves;
 mod cycles;
 mod deviations;
 mod events;
+mod filled;
 mod findings;
 mod gait_trial;
 mod kinetics;
@@ -66,9 +68,13 @@ mod lower;
 mod marker_events;
 mod markers;
 mod norm;
+mod norm_file;
 mod parameters;
 mod peaks;
 mod plates;
+mod session;
+mod session_report;
+mod session_tables;
 mod side;
 mod statics;
 mod trial;
@@ -79,12 +85,14 @@ pub use angles::{ANGLES, Direction};
 pub use curves::{Curves, is_angle};
 pub use cycles::{Cycle, POINTS, mean_and_sd, resampled};
 pub use events::{Event, EventChoice, EventKind, EventSource};
+pub use filled::FilledGap;
 pub use findings::Finding;
 pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};
 pub use parameters::{GivenValues, Parameter, Parameters, Source};
 pub use plates::{Contact, Plate};
+pub use session::{Series, Session, SessionTrial, Spread, axes};
 pub use side::Side;
 pub use statics::FlatFoot;
 pub use trial::Trial;

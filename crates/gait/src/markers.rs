@@ -94,6 +94,11 @@ impl Markers {
         self.tracks[at].as_deref()
     }
 
+    /// The track of a marker by its place in [`MARKERS`].
+    pub(crate) fn track_mut(&mut self, marker: usize) -> Option<&mut Vec<DVec3>> {
+        self.tracks[marker].as_mut()
+    }
+
     /// The track of a marker with its gaps filled by straight lines, beyond its ends by its first
     /// and last position; NaN where it is never seen.
     pub(crate) fn filled(&self, name: &str) -> Vec<DVec3> {
