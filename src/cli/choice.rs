@@ -1,6 +1,7 @@
 //! Types of the library as values of flags.
 
 use crate::clean::OutputFormat;
+use crate::gait::{EventChoice, FlatFoot};
 use crate::io::TableFormat;
 use crate::io::marker_csv::MotivePoints;
 use crate::pose::BonePoints;
@@ -103,4 +104,17 @@ choices!(MotivePoints {
     Expected "expected": "Where the markers of rigid bodies and skeletons are expected, also when \
                           they are hidden";
     Bones "bones": "Bones and rigid bodies";
+});
+
+choices!(EventChoice {
+    Auto "auto": "By plates where a single foot is on one, else by markers";
+    Plates "plates": "By force plates alone";
+    Markers "markers": "By markers alone";
+    File "file": "Those that the file stores";
+});
+
+choices!(FlatFoot {
+    Auto "auto": "As the offsets stored in the static trial say; flat where it stores none";
+    Yes "yes": "The soles lay flat: heel and toe markers count as equally high";
+    No "no": "The markers are as they are";
 });

@@ -10,6 +10,8 @@ use serde::Serialize;
 pub const POINTS: usize = 101;
 /// A longer one has a strike missing, seconds.
 const LONGEST: f64 = 2.5;
+/// Angles beyond it may go around at 180 degrees, where their mean is not that of their numbers.
+const NEAR_BORDER: f64 = 150.0;
 
 /// A cycle of a side.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -77,8 +79,12 @@ pub(crate) fn at_time(curve: &[DVec3], t: f64, is_angle: bool) -> DVec3 {
 }
 
 /// The mean of cycles and their standard deviation (n - 1; NaN of one), each over those that have a
-/// value there.
+/// value there. Angles that come near 180 degrees in a cycle are averaged around it.
 pub fn mean_and_sd(cycles: &[Vec<DVec3>], is_angle: bool) -> [Vec<DVec3>; 2] {
+    let goes_around = [0, 1, 2].map(|axis| {
+        let mut all = cycles.iter().flatten();
+        is_angle && all.any(|v| v[axis].abs() > NEAR_BORDER)
+    });
     let at = |i: usize| {
         let column = |axis: usize| {
             let values: Vec<f64> = cycles
@@ -86,7 +92,7 @@ pub fn mean_and_sd(cycles: &[Vec<DVec3>], is_angle: bool) -> [Vec<DVec3>; 2] {
                 .map(|c| c[i][axis])
                 .filter(|v| v.is_finite())
                 .collect();
-            statistics(&values, is_angle)
+            statistics(&values, goes_around[axis])
         };
         [0, 1, 2].map(column)
     };
@@ -98,13 +104,13 @@ pub fn mean_and_sd(cycles: &[Vec<DVec3>], is_angle: bool) -> [Vec<DVec3>; 2] {
     })
 }
 
-/// Mean and standard deviation of values; angles around the first.
-fn statistics(values: &[f64], is_angle: bool) -> [f64; 2] {
+/// Mean and standard deviation of values; those that go around are taken around the first.
+fn statistics(values: &[f64], goes_around: bool) -> [f64; 2] {
     let Some(&first) = values.first() else {
         return [f64::NAN; 2];
     };
     let apart = |v: f64| {
-        if is_angle {
+        if goes_around {
             wrapped(v - first)
         } else {
             v - first
@@ -119,7 +125,7 @@ fn statistics(values: &[f64], is_angle: bool) -> [f64; 2] {
         f64::NAN
     };
     [
-        if is_angle {
+        if goes_around {
             wrapped(first + mean)
         } else {
             first + mean

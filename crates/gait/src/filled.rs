@@ -20,6 +20,13 @@ pub struct FilledGap {
 }
 
 impl Trial {
+    /// Whether a marker is missing between its first and its last position.
+    pub fn has_gaps(&self) -> bool {
+        let tracks = MARKERS.iter().filter_map(|name| self.markers.get(name));
+        let mut tracks = tracks.map(gaps_within);
+        tracks.any(|gaps| !gaps.is_empty())
+    }
+
     /// The trial with gaps of its markers filled where `restored` (centimeters, y up, points by the
     /// markers' names) has a position whose standard deviation `sd` (frames, points; cm) is at
     /// most `most` cm in all frames of the gap. What was seen stays, and nothing is written before

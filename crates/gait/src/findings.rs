@@ -1,6 +1,7 @@
 //! What is estimated, missing or unsure in a trial.
 
 use crate::events::{Event, EventKind, of_file};
+use crate::filled::FilledGap;
 use crate::markers::{Frame, MARKERS, Markers};
 use crate::parameters::{Parameters, Source, mean_length};
 use crate::plates::Contact;
@@ -11,14 +12,16 @@ use serde::Serialize;
 
 /// A static trial whose shank is longer or shorter by more is of another person, mm.
 const OTHER_SHANK: f64 = 15.0;
+/// A filled marker that is less sure moves angles by degrees, mm.
+const UNSURE: f64 = 10.0;
 /// Static offsets further from those stored do not fit, radians.
 const OTHER_OFFSET: f64 = 0.035;
 
 /// Something to know before the values are used.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// `marker_missing`, `marker_at_zero`, `estimated`, `default`, `no_mass`, `static_differs`,
-    /// `two_feet`, `plate_unread`, `no_events` or `event_alone`.
+    /// `marker_missing`, `marker_at_zero`, `gap_left`, `gap_unsure`, `estimated`, `default`,
+    /// `no_mass`, `static_differs`, `two_feet`, `plate_unread`, `no_events` or `event_alone`.
     pub kind: &'static str,
     /// The markers or parameters it is about.
     pub points: Vec<String>,
@@ -59,6 +62,26 @@ impl Findings {
                 joined(&points)
             );
             self.add("marker_at_zero", points, what);
+        }
+    }
+
+    /// Gaps that were left, or filled by positions that are not sure.
+    pub(crate) fn of_gaps(&mut self, trial: &Trial, gaps: &[FilledGap]) {
+        for gap in gaps {
+            let [from, to] = [gap.frames[0], gap.frames[1] - 1].map(|t| trial.time(t));
+            let place = format!("{} is missing from {from:.2} to {to:.2} s", gap.marker);
+            let points = vec![gap.marker.to_string()];
+            match gap.sd_mm {
+                None => {
+                    let what = format!("{place}: not filled, what needs it is empty");
+                    self.add("gap_left", points, what);
+                }
+                Some(sd) if sd > UNSURE => {
+                    let what = format!("{place}: filled, +- {sd:.0} mm");
+                    self.add("gap_unsure", points, what);
+                }
+                Some(_) => {}
+            }
         }
     }
 

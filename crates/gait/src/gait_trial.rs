@@ -5,6 +5,7 @@ use crate::curves::{CENTERS, Curves, is_angle, kinematics};
 use crate::cycles::{Cycle, cycles, resampled};
 use crate::deviations::deviations;
 use crate::events::{Event, EventChoice, events};
+use crate::filled::FilledGap;
 use crate::findings::{Finding, Findings};
 use crate::loads::Loads;
 use crate::markers::MARKERS;
@@ -110,6 +111,13 @@ impl GaitTrial {
             events,
             findings: findings.0,
         })
+    }
+
+    /// Adds what is to be known of gaps: those that were left, and those that are not sure.
+    pub fn add_gaps(&mut self, trial: &Trial, gaps: &[FilledGap]) {
+        let mut findings = Findings(std::mem::take(&mut self.findings));
+        findings.of_gaps(trial, gaps);
+        self.findings = findings.0;
     }
 
     /// A curve of a cycle's side in that cycle, 101 points; `name` is without the side

@@ -90,7 +90,7 @@ pub use findings::Finding;
 pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};
-pub use parameters::{GivenValues, Parameter, Parameters, Source};
+pub use parameters::{GivenValues, PARAMETERS, Parameter, Parameters, Source};
 pub use plates::{Contact, Plate};
 pub use session::{Series, Session, SessionTrial, Spread, axes};
 pub use side::Side;

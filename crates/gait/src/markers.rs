@@ -5,6 +5,7 @@ use crate::pose::point_at;
 use crate::side::Side;
 use crate::{Error, Result};
 use glam::DVec3;
+use ndarray::Array2;
 
 /// The markers that the model knows: pelvis, left and right leg, head, trunk, left and right arm.
 pub const MARKERS: [&str; 35] = [
@@ -55,6 +56,28 @@ impl Markers {
         let names = poses.points.iter().enumerate();
         let tracks = names.map(|(p, name)| (&**name, (0..frames).map(|t| at(p, t)).collect()));
         Markers::of_tracks(frames, tracks)
+    }
+
+    /// The markers as poses, in centimeters with y up, with a time a frame in seconds; empty (NaN)
+    /// where one is missing.
+    pub fn to_poses(&self, times: Vec<f64>) -> Poses {
+        let known = || {
+            MARKERS
+                .iter()
+                .zip(&self.tracks)
+                .filter_map(|(n, t)| Some((n, t.as_ref()?)))
+        };
+        let tracks: Vec<&Vec<DVec3>> = known().map(|(_, track)| track).collect();
+        let value = |(t, c): (usize, usize)| {
+            let at = tracks[c / 3][t];
+            [at.x, at.z, -at.y][c % 3] / 10.0
+        };
+        Poses {
+            points: known().map(|(name, _)| name.to_string()).collect(),
+            xyz: Array2::from_shape_fn((self.frames, 3 * tracks.len()), value),
+            time: Some(times),
+            take: None,
+        }
     }
 
     fn of_tracks<'a>(frames: usize, given: impl Iterator<Item = (&'a str, Vec<DVec3>)>) -> Markers {

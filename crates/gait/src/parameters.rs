@@ -73,6 +73,25 @@ pub(crate) struct Given<'a> {
     pub markers: &'a Markers,
 }
 
+/// The parameters by name, those of a side without its L or R.
+pub const PARAMETERS: [&str; 16] = [
+    "MarkerDiameter",
+    "Bodymass",
+    "HeadOffset",
+    "InterAsisDistance",
+    "LegLength",
+    "KneeWidth",
+    "AnkleWidth",
+    "AsisTrocanterDistance",
+    "StaticPlantFlex",
+    "StaticRotOff",
+    "ThighRotation",
+    "ShankRotation",
+    "ShoulderOffset",
+    "ElbowWidth",
+    "WristWidth",
+    "HandThickness",
+];
 /// Parameters of a side that no marker tells, without which its arm has no axes.
 const ARM: [&str; 4] = [
     "ShoulderOffset",

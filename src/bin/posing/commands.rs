@@ -80,6 +80,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
         ],
     ),
     ("Other skeletons", &[entry!("retarget", retarget)]),
+    ("Gait", &[entry!("gait", gait)]),
     (
         "Choose and draw",
         &[entry!("trim", trim), entry!("plot", plot)],

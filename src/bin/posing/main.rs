@@ -23,6 +23,7 @@ mod dict_concat;
 mod edit;
 mod encode;
 mod evaluate;
+mod gait;
 mod gpd;
 mod ksvd_train;
 mod label;
