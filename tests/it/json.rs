@@ -8,8 +8,10 @@ use std::path::Path;
 use std::process::Command;
 
 /// Objects whose names are those of points, bones, files or arrays, or are told elsewhere.
-const FREE: [&str; 6] = [
+const FREE: [&str; 8] = [
     "arrays",
+    "parameters",
+    "range_of_motion_deg",
     "details",
     "body",
     "history",
@@ -24,6 +26,10 @@ fn takes() -> tempfile::TempDir {
     let cmu = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu/09");
     fs::copy(cmu.join("09.asf"), at("09.asf")).unwrap();
     fs::copy(cmu.join("09_06.amc"), at("09_06.amc")).unwrap();
+    let gait = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples/gait");
+    for name in ["static.c3d", "walk.c3d", "norm.json"] {
+        fs::copy(gait.join(name), at(name)).unwrap();
+    }
     for line in [
         "amc2xyz --asf 09.asf --fps 120 -o walk.csv 09_06.amc",
         "corrupt -q --gaps 2 --length 0.1 --points 2 -o gaps.csv walk.csv",
@@ -87,6 +93,10 @@ fn names_are_those_of_the_page() {
         ("xyz2amc --json --asf 09.asf -o new.amc walk.csv", 0),
         ("xyz2glb --json -o new.glb walk.csv", 0),
         ("retarget --json --to walk.bvh -o new.bvh walk.bvh", 0),
+        (
+            "gait --json --static static.c3d walk.c3d --norm norm.json -o gait",
+            0,
+        ),
         ("evaluate takes --json --self --gaps 4 walk.csv", 0),
     ] {
         let [out, _] = said(line, folder.path(), code);

@@ -24,6 +24,7 @@ mod evaluate;
 mod examples;
 mod files;
 mod formats;
+mod gait;
 mod gpd;
 mod hostile;
 mod in_memory;

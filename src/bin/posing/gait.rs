@@ -19,6 +19,7 @@ use posing::io::motion_file::ReadRules;
 use posing::io::{C3d, MotionFormat, Table};
 use posing::restore::{Complete, Restorer};
 use posing::{Error, Place, Result};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// A filled position that is less sure is left empty, cm: as clean does.
@@ -148,12 +149,12 @@ pub fn work(args: &Args) -> Result<Outcome> {
                 files.push(file);
             }
             Err(e) if args.walks.len() == 1 => return Err(e),
-            Err(e) => failed.push(e.to_string()),
+            Err(e) => failed.push((path, e.to_string())),
         }
         bar.set(i as u64 + 1);
     }
     drop(bar);
-    failed.iter().for_each(|e| messages::error(e));
+    failed.iter().for_each(|(_, e)| messages::error(e));
     let static_file = args
         .static_trial
         .as_ref()
@@ -161,8 +162,13 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let session = Session::new(trials, static_file, norm)?;
     tell(&session);
     write(args, &session, &files)?;
-    report.write(session.report())?;
-    args.json.write(session.report())?;
+    let mut told = session.report();
+    let failures = failed
+        .iter()
+        .map(|(file, e)| json!({ "file": file, "error": e }));
+    told["failed"] = failures.collect();
+    report.write(&told)?;
+    args.json.write(&told)?;
     Ok(if failed.is_empty() {
         Outcome::of(session.has_findings())
     } else {
@@ -286,6 +292,30 @@ fn tell(session: &Session) {
     }
 }
 
+/// Fails where a result would replace a file that no earlier run wrote: of the name of a trial, by
+/// the list in the folder's gait.json.
+fn check_results(session: &Session, list: &Path) -> Result<()> {
+    let earlier = std::fs::read(list).unwrap_or_default();
+    let earlier: Value = serde_json::from_slice(&earlier).unwrap_or_default();
+    let own = earlier["trials"]
+        .as_array()
+        .filter(|_| earlier["command"] == "gait");
+    let own: Vec<&Value> = own
+        .into_iter()
+        .flatten()
+        .map(|trial| &trial["name"])
+        .collect();
+    for trial in &session.trials {
+        let path = list.with_file_name(format!("{}.c3d", trial.name));
+        if path.exists() && !own.iter().any(|name| *name == &trial.name) {
+            let path = path.display();
+            let what = format!("{path} is there, and no earlier run of gait wrote it");
+            return Err(Error::usage(format!("{what}: give another folder")));
+        }
+    }
+    Ok(())
+}
+
 /// Writes all files.
 fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
     let folder = &*args.output;
@@ -297,6 +327,7 @@ fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
         .iter()
         .flat_map(|t| ends.map(|end| named(&t.name, end)));
     check_written(all.iter().cloned().chain(own))?;
+    check_results(session, &all[2])?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (trial, file) in session.trials.iter().zip(files) {
         let put =
