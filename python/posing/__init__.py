@@ -31,6 +31,7 @@ y up. NaN is missing; 0 is a measurement.
 `clean`       all of these, of a take or a folder
 `solve`       joints, skeleton and motion of labeled markers
 `retarget`    motion on another skeleton
+`gait`        angles, moments, events and a page of a laboratory's trials
 `plot`        a page that plays takes, or a picture
 `score`       a take against the truth
 `run`         any other command
@@ -47,6 +48,7 @@ a file that is not there `FileNotFoundError`; both are also a `posing.Error`.
 
 from typing import TYPE_CHECKING
 
+from posing._gait import Gait, gait
 from posing._motion import Motion, Page, Recorded, clean, label, plot, retarget, score, solve
 from posing._program import Finished, PosingError, program, run
 from posing._takes import Restored, Take, audit, complete, denoise, read, write
@@ -56,6 +58,7 @@ Error = PosingError
 __all__ = [
     "Error",
     "Finished",
+    "Gait",
     "Motion",
     "Page",
     "PosingError",
@@ -66,6 +69,7 @@ __all__ = [
     "clean",
     "complete",
     "denoise",
+    "gait",
     "label",
     "plot",
     "program",

@@ -23,6 +23,7 @@ from posing._program import in_python
 
 ROOT = Path(__file__).resolve().parents[2]
 GAIT = ROOT / "testdata/examples/biomechanist/gait.c3d"
+CASE = ROOT / "testdata/examples/gait"
 RIG = ROOT / "testdata/examples/animator/goblin.bvh"
 AMC = ROOT / "testdata/cmu/07/07_01.amc"
 
@@ -280,6 +281,8 @@ def files(gaps, motion, tmp_path, monkeypatch):
     Path("captures").mkdir()
     for file in ("gait.c3d", "raw.c3d"):
         shutil.copy(GAIT, file)
+    for file in ("walk.c3d", "static.c3d"):
+        shutil.copy(CASE / file, file)
     for file in ("hero.bvh", "rig.bvh"):
         shutil.copy(RIG, file)
     for file in ("gaps.c3d", "captures/gaps.c3d", "walk.csv"):

@@ -1,5 +1,6 @@
 //! What is estimated, missing or unsure in a trial.
 
+use crate::angles::Direction;
 use crate::events::{Event, EventKind, of_file};
 use crate::filled::FilledGap;
 use crate::markers::{Frame, MARKERS, Markers};
@@ -21,7 +22,8 @@ const OTHER_OFFSET: f64 = 0.035;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// `marker_missing`, `marker_at_zero`, `gap_left`, `gap_unsure`, `estimated`, `default`,
-    /// `no_mass`, `static_differs`, `two_feet`, `plate_unread`, `no_events` or `event_alone`.
+    /// `no_mass`, `static_differs`, `two_feet`, `plate_unread`, `no_events`, `event_alone`, or
+    /// one of [`contradictions`](crate::contradictions).
     pub kind: &'static str,
     /// The markers or parameters it is about.
     pub points: Vec<String>,
@@ -193,10 +195,10 @@ impl Findings {
     }
 
     /// No events, and the file's own that none of ours is near to.
-    pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event]) {
-        if events.is_empty() {
-            let what = "no strikes and offs, so no cycles: the person stands, feet or pelvis lack \
-                        markers, or the rate is below 40 Hz";
+    pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event], direction: Direction) {
+        if events.is_empty() && !direction.standing {
+            let what = "no strikes and offs, so no cycles: feet or pelvis lack markers, or the rate is \
+                        below 40 Hz";
             self.add("no_events", Vec::new(), what.into());
         }
         for own in of_file(&trial.file_events) {

@@ -1,6 +1,7 @@
 //! A trial computed: curves, events, cycles and values.
 
 use crate::angles::{ANGLES, Body, Direction};
+use crate::contradictions::contradictions;
 use crate::curves::{CENTERS, Curves, is_angle, kinematics};
 use crate::cycles::{Cycle, cycles, resampled};
 use crate::deviations::deviations;
@@ -84,7 +85,8 @@ impl GaitTrial {
         let alone: Vec<Contact> = contacts.iter().filter(|c| !c.of_two).copied().collect();
         let times = (subject.mean_leg(), trial.rate, trial.first());
         let events = events(settings.events, markers, &alone, &trial.file_events, times);
-        findings.of_events(trial, &events);
+        findings.of_events(trial, &events, direction);
+        findings.0.extend(contradictions(trial));
         if subject.mass.is_finite() && !trial.plates.is_empty() {
             for side in Side::BOTH {
                 let loads = Loads {

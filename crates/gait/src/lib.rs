@@ -42,6 +42,7 @@
 //! | `axes`, `lower`, `upper`, `angles`, `curves` | the model |
 //! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
+//! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
 //! | `filled`, `deviations` | gaps of markers, and what doubt about these does to angles |
 //! | `session`, `session_tables`, `session_report`, `norm_file` | the trials of a person, and what is written of them |
@@ -55,6 +56,7 @@ use posing_io as io;
 
 mod angles;
 mod axes;
+mod contradictions;
 mod curves;
 mod cycles;
 mod deviations;
@@ -82,6 +84,7 @@ mod upper;
 mod values;
 
 pub use angles::{ANGLES, Direction};
+pub use contradictions::contradictions;
 pub use curves::{Curves, is_angle};
 pub use cycles::{Cycle, POINTS, mean_and_sd, resampled};
 pub use events::{Event, EventChoice, EventKind, EventSource};

@@ -145,12 +145,8 @@ impl Parameters {
         let own = |name: &str| format!("{}{name}", side.letter());
         let estimate = |value: f64, sd: f64| Some((value, Source::Estimate, Some(sd)));
         let length = || {
-            let path = |frame: &Frame| {
-                let (asis, [_, kne, _, ank, ..]) = (frame.pelvis()[side as usize], frame.leg(side));
-                asis.distance(kne) + kne.distance(ank)
-            };
-            let (mean, _) = mean_length(given.markers, &path)?;
-            estimate(1.005 * mean, 13.0)
+            let length = estimated_leg(given.markers, side)?;
+            estimate(length, 13.0)
         };
         self.take(given, &own("LegLength"), length);
         let leg = self.0.get(&own("LegLength")).copied();
@@ -266,6 +262,15 @@ fn unit_of(name: &str) -> &'static str {
     } else {
         "mm"
     }
+}
+
+/// The length of a leg as markers tell it, mm.
+pub(crate) fn estimated_leg(markers: &Markers, side: Side) -> Option<f64> {
+    let path = |frame: &Frame| {
+        let (asis, [_, kne, _, ank, ..]) = (frame.pelvis()[side as usize], frame.leg(side));
+        asis.distance(kne) + kne.distance(ank)
+    };
+    Some(1.005 * mean_length(markers, &path)?.0)
 }
 
 /// The mean and the standard deviation of a length over the frames that have it.

@@ -127,6 +127,20 @@ pub struct Contact {
 
 /// The contacts of feet with plates, in time. `rate` is that of the markers.
 pub(crate) fn contacts(plates: &[Option<Plate>], markers: &Markers, rate: f64) -> Vec<Contact> {
+    let all = loads(plates, markers, rate).into_iter();
+    all.filter(|(_, away)| away.is_none())
+        .map(|(contact, _)| contact)
+        .collect()
+}
+
+/// The loads of plates in time, as contacts of the foot that is nearer, and how far it is away from
+/// the center of pressure, mm, where that is too far for a contact. Loads while neither foot is
+/// seen are left out.
+pub(crate) fn loads(
+    plates: &[Option<Plate>],
+    markers: &Markers,
+    rate: f64,
+) -> Vec<(Contact, Option<f64>)> {
     let feet = Side::BOTH.map(|side| {
         let [heel, toe] = ["HEE", "TOE"].map(|m| markers.filled(&format!("{}{m}", side.letter())));
         heel.into_iter()
@@ -143,22 +157,29 @@ pub(crate) fn contacts(plates: &[Option<Plate>], markers: &Markers, rate: f64) -
             if ((e - i) as f64) < SHORTEST * sample_rate || peak < LEAST_PEAK {
                 continue;
             }
-            let away = |side: &Side| distance(plate, &feet[*side as usize], i + 1..e);
-            let near = Side::BOTH.into_iter().filter(|side| away(side) < FARTHEST);
-            let Some(side) = near.min_by(|a, b| away(a).total_cmp(&away(b))) else {
+            let away = Side::BOTH.map(|side| distance(plate, &feet[side as usize], i + 1..e));
+            let seen = Side::BOTH
+                .into_iter()
+                .filter(|s| away[*s as usize].is_finite());
+            let Some(side) = seen.min_by(|a, b| away[*a as usize].total_cmp(&away[*b as usize]))
+            else {
                 continue;
             };
             let [on, off] = [i, e].map(|s| plate.crossing(s) / sample_rate);
-            found.push(Contact {
+            let contact = Contact {
                 side,
                 plate: p + 1,
                 on,
                 off,
                 of_two: off - on > LONGEST,
-            });
+            };
+            found.push((
+                contact,
+                Some(away[side as usize]).filter(|away| *away >= FARTHEST),
+            ));
         }
     }
-    found.sort_by(|a, b| a.on.total_cmp(&b.on));
+    found.sort_by(|(a, _), (b, _)| a.on.total_cmp(&b.on));
     found
 }
 

@@ -1,0 +1,153 @@
+"""Gait from a laboratory's trials: gait."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posing._motion import Page
+from posing._program import call, flags
+from posing._takes import Floats, StrPath, is_path
+
+
+@dataclass(eq=False, repr=False)
+class Gait:
+    """What `gait` computes of a person's trials.
+
+    Attributes
+    ----------
+    trials : dict
+        By a trial's name its curves: ``"time"`` in seconds, and by column an array of
+        shape (frames,): ``trials["walk"]["LKneeAngles.rx"]``. NaN where it is not known.
+    cycles : dict
+        By ``(trial, side, cycle)`` the curves without their side, of shape (101,):
+        ``cycles["walk", "left", 1]["KneeAngles.rx"]``. The cycle is a number, ``"mean"``
+        or ``"sd"``; with the trial ``""`` those over all trials.
+    record : dict
+        Parameters, events, values, findings and scores, as ``--json`` prints them:
+        posing-json(5) says the names.
+    page : Page
+        The page as text, which a notebook shows.
+    notes : list of str
+        What the program remarked on.
+    """
+
+    trials: dict[str, dict[str, Floats]]
+    cycles: dict[tuple[str, str, int | str], dict[str, Floats]]
+    record: dict[str, Any]
+    page: Page
+    notes: list[str]
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.trials)
+        whole = sum(isinstance(cycle, int) for _, _, cycle in self.cycles)
+        return f"<Gait: {names}; {whole} cycles, {len(self.notes)} notes>"
+
+    def _repr_html_(self) -> str:
+        return self.page._repr_html_()
+
+
+def _number(cell: str) -> float:
+    return float(cell) if cell else np.nan
+
+
+def _trial(path: Path) -> dict[str, Floats]:
+    with path.open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    values = np.array([[_number(cell) for cell in row[1:]] for row in rows]).T
+    return dict(zip(head[1:], values, strict=True))
+
+
+def _cycles(path: Path) -> dict[tuple[str, str, int | str], dict[str, Floats]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    parts: dict[tuple[str, str, int | str], list[list[float]]] = {}
+    for trial, side, cycle, _, _, _, *cells in rows:
+        key = (trial, side, int(cycle) if cycle.isdigit() else cycle)
+        parts.setdefault(key, []).append([_number(cell) for cell in cells])
+    return {
+        key: dict(zip(head[6:], np.array(values).T, strict=True)) for key, values in parts.items()
+    }
+
+
+def gait(
+    trials: StrPath | Sequence[StrPath],
+    static: StrPath | None = None,
+    *,
+    output: StrPath | None = None,
+    events: str | None = None,
+    norm: StrPath | None = None,
+    make_norm: StrPath | None = None,
+    parameters: dict[str, float] | None = None,
+    **options: Any,
+) -> Gait:
+    """Compute gait from trials: angles, moments, events, values and a page.
+
+    Parameters
+    ----------
+    trials : path or list of paths
+        C3D trials of one person with the markers of Plug-in Gait.
+    static : path, optional
+        Trial of the person standing, for the offsets of feet and head.
+    output : str or path, optional
+        Folder to which all files are written: tables, OpenSim's, C3D, JSON and pages.
+    events : {"auto", "plates", "markers", "file"}, optional
+        What the events of the feet are from. Default: ``"auto"``.
+    norm : path, optional
+        Norm to compare with, for GVS and GPS.
+    make_norm : str or path, optional
+        Write the norm of these trials to this file.
+    parameters : dict, optional
+        Subject parameters by Plug-in Gait's names, in mm, kg or radians, without L and R
+        for both sides: ``{"LegLength": 850, "Bodymass": 62}``. Those that a trial stores
+        go before these.
+    **options
+        Further flags of ``posing gait``: ``flat_foot="no"``, ``marker_diameter=16``,
+        ``sd=True``.
+
+    Returns
+    -------
+    Gait
+        Curves, cycles, record and page.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As for `complete`; a trial has not the markers of the pelvis.
+
+    Examples
+    --------
+    >>> session = posing.gait(["walk.c3d"], static="static.c3d")
+    >>> knee = session.cycles["", "left", "mean"]["KneeAngles.rx"]    # 101 points, degrees
+    >>> session.record["summary"]["left"]["walking_speed_m_per_s"]["mean"]
+    """
+    files = [trials] if is_path(trials) else list(trials)
+    given = flags(
+        static=static,
+        events=events,
+        norm=norm,
+        make_norm=make_norm,
+        parameter=[f"{name}={value}" for name, value in (parameters or {}).items()] or None,
+        **options,
+    )
+    with tempfile.TemporaryDirectory(prefix="posing-") as temporary:
+        folder = Path(output) if output is not None else Path(temporary, "gait")
+        done = call("gait", *given, *flags(output=folder), "--", *files, folder=temporary)
+        record = json.loads((folder / "gait.json").read_text(encoding="utf-8"))
+        page = Page((folder / "index.html").read_text(encoding="utf-8"))
+        page.notes = done.notes
+        names = [trial["name"] for trial in record["trials"]]
+        return Gait(
+            trials={name: _trial(folder / f"{name}.csv") for name in names},
+            cycles=_cycles(folder / "cycles.csv"),
+            record=record,
+            page=page,
+            notes=done.notes,
+        )
