@@ -80,7 +80,7 @@ pub mod zeros;
 pub use amc::Amc;
 pub use asf::Asf;
 pub use bvh::Bvh;
-pub use c3d::{Analog, C3d, FileEvent, ForcePlate};
+pub use c3d::{Analog, C3d, FileEvent, ForcePlate, OutputPoint};
 pub use columns::{Columns, parse_point_names};
 pub use input::Input;
 pub use marker_csv::MotivePoints;

@@ -12,14 +12,17 @@ mod extent;
 mod force_plates;
 mod header;
 mod numbers;
+mod outputs;
 mod parameters;
 mod points;
 mod rename;
+mod stored_parameters;
 mod write;
 
 pub use analog::Analog;
 pub use events::FileEvent;
 pub use force_plates::ForcePlate;
+pub use outputs::OutputPoint;
 pub(crate) use write::NewC3d;
 
 use self::header::Layout;
@@ -38,6 +41,20 @@ const LIMIT: u64 = 1 << 31;
 const SAME_RATE: f64 = 0.01;
 /// The bytes of a block.
 const BLOCK: usize = 512;
+
+/// The parameters that list the points which hold a quantity.
+const LISTS: [(&str, Quantity); 10] = [
+    ("ANGLES", Quantity::Angles),
+    ("FORCES", Quantity::Force),
+    ("MOMENTS", Quantity::Moment),
+    ("POWERS", Quantity::Power),
+    ("SCALARS", Quantity::Scalar),
+    ("MODELED_MARKERS", Quantity::Computed),
+    ("BONES", Quantity::Computed),
+    ("REACTIONS", Quantity::Computed),
+    ("REFLECTIONS", Quantity::Computed),
+    ("SYMBOLIC", Quantity::Computed),
+];
 
 /// A C3D file: its take of markers, and all of its bytes.
 #[derive(Debug, Clone)]
@@ -220,23 +237,16 @@ fn labels(parameters: &Parameters, points: usize) -> Vec<&str> {
     labels
 }
 
+/// A label without the subject's name before it.
+fn own_name(label: &str) -> &str {
+    label.rsplit(':').next().unwrap_or_default().trim()
+}
+
 /// What each point is: the parameters list angles and so on, as Vicon writes what its models
 /// compute.
 fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
-    let groups = [
-        ("ANGLES", Quantity::Angles),
-        ("FORCES", Quantity::Force),
-        ("MOMENTS", Quantity::Moment),
-        ("POWERS", Quantity::Power),
-        ("SCALARS", Quantity::Scalar),
-        ("MODELED_MARKERS", Quantity::Computed),
-        ("BONES", Quantity::Computed),
-        ("REACTIONS", Quantity::Computed),
-        ("REFLECTIONS", Quantity::Computed),
-        ("SYMBOLIC", Quantity::Computed),
-    ];
     let mut listed: HashMap<&str, Quantity> = HashMap::new();
-    for (group, quantity) in groups {
+    for (group, quantity) in LISTS {
         let name = format!("POINT:{group}");
         let labels = parameters.all_texts(&name).map(str::trim);
         for label in labels.filter(|label| !label.is_empty()) {
@@ -245,8 +255,8 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
     }
     // A list may leave out the subject's prefix.
     let quantity = |label: &&str| {
-        let own = label.rsplit(':').next().unwrap_or_default().trim();
-        let known = listed.get(label.trim()).or_else(|| listed.get(own));
+        let known = listed.get(label.trim());
+        let known = known.or_else(|| listed.get(own_name(label)));
         known.copied().unwrap_or_default()
     };
     labels.iter().map(quantity).collect()

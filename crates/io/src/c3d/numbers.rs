@@ -51,14 +51,17 @@ impl Processor {
         }
     }
 
-    /// The bytes of a real; one too large for a VAX real becomes the largest that is not.
+    /// The bytes of a real; one too large for a VAX real becomes the largest that is not, one too
+    /// small, and -0, which it does not have, 0.
     pub(crate) fn f32_bytes(self, value: f32) -> [u8; 4] {
         match self {
             Processor::Intel => value.to_le_bytes(),
             Processor::Mips => value.to_be_bytes(),
             Processor::Dec => {
                 let most = f32::MAX / 4.0;
-                let [c, d, a, b] = (value.clamp(-most, most) * 4.0).to_le_bytes();
+                let value = value.clamp(-most, most) * 4.0;
+                let value = if value.is_normal() { value } else { 0.0 };
+                let [c, d, a, b] = value.to_le_bytes();
                 [a, b, c, d]
             }
         }
@@ -85,5 +88,6 @@ mod tests {
         assert_eq!(Processor::Dec.f32([0x80, 0x40, 0, 0]), 1.0);
         assert_eq!(Processor::Dec.f32([0x80, 0xc0, 0, 0]), -1.0);
         assert_eq!(Processor::Dec.f32([0, 0, 0, 0]), 0.0);
+        assert_eq!(Processor::Dec.f32_bytes(-0.0), [0; 4]);
     }
 }

@@ -4,6 +4,9 @@ use super::numbers::Processor;
 use std::collections::HashMap;
 use std::ops::Range;
 
+/// The type of a parameter of texts.
+pub(super) const TEXT: u8 = -1_i8 as u8;
+
 /// The values of the parameters of a file, by `GROUP:NAME` in capitals.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Parameters {
@@ -122,7 +125,7 @@ impl Parameters {
 }
 
 /// The names of a parameter and of those that continue it, without end.
-fn continued(name: &str) -> impl Iterator<Item = String> + use<> {
+pub(super) fn continued(name: &str) -> impl Iterator<Item = String> + use<> {
     let name = name.to_string();
     let more = (2..).map(|i| i.to_string());
     let numbers = std::iter::once(String::new()).chain(more);
@@ -183,37 +186,28 @@ impl Entry {
         }))
     }
 
-    /// The bytes of its value, if they are of the type `kind`.
-    pub(super) fn data(&self, section: &[u8], kind: u8) -> Option<Range<usize>> {
-        let (own, data) = self.kind_and_data(section)?;
-        (own == kind).then_some(data)
-    }
-
-    fn kind_and_data(&self, section: &[u8]) -> Option<(u8, Range<usize>)> {
-        let at = self.offset_at + 2;
-        let (kind, sizes) = (*section.get(at)?, *section.get(at + 1)? as usize);
-        let items = section
-            .get(at + 2..at + 2 + sizes)?
-            .iter()
-            .map(|s| *s as usize);
-        let each = if kind == 2 || kind == 4 {
-            kind as usize
-        } else {
-            1
-        };
-        let first = at + 2 + sizes;
-        Some((kind, first..first + each * items.product::<usize>()))
-    }
-
     /// The byte behind its description, by its own length.
     pub(super) fn end(&self, section: &[u8]) -> Option<usize> {
         let at = match self.value {
             None => self.offset_at + 2,
-            Some(_) => self.kind_and_data(section)?.1.end,
+            Some(_) => kind_and_data(section, self.offset_at)?.1.end,
         };
         let end = at + 1 + *section.get(at)? as usize;
         (end <= section.len()).then_some(end)
     }
+}
+
+/// The type of a parameter whose offset stands at a byte of the section, and the bytes of its
+/// value, which may lead beyond the section.
+pub(super) fn kind_and_data(section: &[u8], offset_at: usize) -> Option<(u8, Range<usize>)> {
+    let at = offset_at + 2;
+    let (kind, sizes) = (*section.get(at)?, *section.get(at + 1)? as usize);
+    let sizes = section.get(at + 2..at + 2 + sizes)?;
+    let each = if kind == 2 || kind == 4 { kind } else { 1 };
+    let mut sizes_and_each = sizes.iter().chain([&each]);
+    let bytes = sizes_and_each.try_fold(1_usize, |n, s| n.checked_mul(*s as usize))?;
+    let first = at + 2 + sizes.len();
+    Some((kind, first..first.checked_add(bytes)?))
 }
 
 /// The value that begins with its type and its dimensions.
@@ -262,7 +256,7 @@ fn value(bytes: &[u8], processor: Processor, name: &str) -> Result<Value, String
 
 /// Text without control characters, and without blanks at its ends; bytes that are no UTF-8 are
 /// taken for Latin-1.
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     let whole: String = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_string(),
         Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),

@@ -2,6 +2,7 @@
 
 use super::header::Layout;
 use super::numbers::Processor;
+use super::parameters::{TEXT, continued};
 use super::points;
 use super::{BLOCK, C3d};
 use crate::output::write_file;
@@ -16,9 +17,10 @@ use std::path::Path;
 pub(super) const MOST_BLOCKS: usize = 255;
 /// The bytes of a name at most.
 pub(super) const LONGEST_NAME: usize = 255;
-/// The most labels that one parameter holds, and points that the header counts.
-const LABELS: usize = 255;
-const MOST_POINTS: usize = u16::MAX as usize;
+/// The most items that one parameter holds.
+pub(super) const MOST_ITEMS: usize = 255;
+/// The most points that the header counts.
+pub(super) const MOST_POINTS: usize = u16::MAX as usize;
 
 impl C3d {
     /// The bytes of the file with its points at `xyz` (frames, 3 P, in the file's units and axes;
@@ -249,8 +251,8 @@ impl NewC3d<'_> {
         section.texts(1, "UNITS", &[self.units]);
         section.texts(1, "X_SCREEN", &[self.screen[0]]);
         section.texts(1, "Y_SCREEN", &[self.screen[1]]);
-        for (name, value) in label_parameters(self.points) {
-            section.entry(1, &name, &value);
+        for (name, labels) in continued("LABELS").zip(self.points.chunks(MOST_ITEMS)) {
+            section.entry(1, &name, &text_value(labels));
         }
         section.group(2, "TRIAL");
         section.integers(2, "ACTUAL_START_FIELD", &words(self.first_frame));
@@ -261,26 +263,14 @@ impl NewC3d<'_> {
     }
 }
 
-/// The parameters that hold the labels of points, LABELS, LABELS2 and so on, and their values.
-pub(super) fn label_parameters(labels: &[String]) -> impl Iterator<Item = (String, Vec<u8>)> {
-    labels.chunks(LABELS).enumerate().map(|(i, labels)| {
-        let name = match i {
-            0 => "LABELS".to_string(),
-            i => format!("LABELS{}", i + 1),
-        };
-        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
-        (name, text_value(&labels))
-    })
-}
-
 /// The value of a parameter of texts, as its type, its dimensions and its data: all as wide as the
 /// longest.
-fn text_value(texts: &[&str]) -> Vec<u8> {
-    let longest = texts.iter().map(|t| t.len()).max().unwrap_or(0);
+pub(super) fn text_value<T: AsRef<[u8]>>(texts: &[T]) -> Vec<u8> {
+    let longest = texts.iter().map(|t| t.as_ref().len()).max().unwrap_or(0);
     let width = longest.clamp(1, LONGEST_NAME);
-    let mut value = vec![-1_i8 as u8, 2, width as u8, texts.len() as u8];
+    let mut value = vec![TEXT, 2, width as u8, texts.len() as u8];
     for text in texts {
-        let mut cell = text.as_bytes().to_vec();
+        let mut cell = text.as_ref().to_vec();
         cell.resize(width, b' ');
         value.extend(cell);
     }
