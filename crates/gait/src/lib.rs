@@ -45,7 +45,7 @@
 //! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
 //! | `filled`, `deviations` | gaps of markers, and what doubt about these does to angles |
-//! | `session`, `session_tables`, `session_report`, `norm_file` | the trials of a person, and what is written of them |
+//! | `session`, `session_tables`, `session_report`, `session_c3d`, `norm_file` | the trials of a person, and what is written of them |
 //!
 //! Vicon's own values of six people's trials are met to .0005 mm and .00003 degrees, joint forces
 //! to .004 N/kg, moments and powers to .2% of their range, in straight walks and in turns.
@@ -74,6 +74,7 @@ mod parameters;
 mod peaks;
 mod plates;
 mod session;
+mod session_c3d;
 mod session_report;
 mod session_tables;
 mod side;

@@ -335,7 +335,10 @@ fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
         put("csv", &trial.to_csv(args.sd))?;
         put("mot", &trial.to_mot())?;
         put("sto", &trial.to_sto())?;
-        let _ = file;
+        match file.with_outputs(&trial.outputs(), &trial.events()) {
+            Ok(bytes) => put("c3d", &bytes)?,
+            Err(e) => messages::info(&format!("{e}; no {}.c3d", trial.name)),
+        }
     }
     write_bytes(Some(&all[1]), &session.cycles_csv(), false)?;
     if let Some(path) = &args.make_norm {
