@@ -44,17 +44,23 @@
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
 //! | `filled`, `deviations` | gaps of markers, and what doubt about these does to angles |
-//! | `session`, `session_tables`, `session_report`, `norm_file` | the trials of a person, and what is written of them |
+//! | `session`, `session_tables`, `session_report` | the trials of a person, and their tables |
+//! | `norm_file` | a norm as a file |
+//! | `session_page`, `page_tables`, `page_trials` | the page of a session |
+//! | `page_curves`, `curve_chart` | its curves |
+//! | `trial_player` | a page that plays a trial |
 //!
 //! Vicon's own values of six people's trials are met to .0005 mm and .00003 degrees, joint forces
 //! to .004 N/kg; moments of straight walks to 1.2% of their range in the mean of the legs, of
 //! turns to 1.5%.
 
 use posing_core::{Error, Place, Result, numeric, pose};
+use posing_draw as draw;
 use posing_io as io;
 
 mod angles;
 mod axes;
+mod curve_chart;
 mod curves;
 mod cycles;
 mod deviations;
@@ -69,15 +75,20 @@ mod marker_events;
 mod markers;
 mod norm;
 mod norm_file;
+mod page_curves;
+mod page_tables;
+mod page_trials;
 mod parameters;
 mod peaks;
 mod plates;
 mod session;
+mod session_page;
 mod session_report;
 mod session_tables;
 mod side;
 mod statics;
 mod trial;
+mod trial_player;
 mod upper;
 mod values;
 
