@@ -157,7 +157,7 @@
 //! | posing-restore | restore | core, io, label, models |
 //! | posing-joints | ik, solve | core, draw, io, label, models |
 //! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
-//! | posing-gait | gait | core, io |
+//! | posing-gait | gait | core, draw, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
 //! | posing-body | body | core, glb, io |
 //! | posing-edit | edit, server | core, draw, io, joints, models, restore |

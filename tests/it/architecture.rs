@@ -15,7 +15,16 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         &["io::Model", "io::model", "io::Table", "io::Output"],
     ),
     ("edit/edit/", &["io::Model"]),
-    ("gait/", &["io::C3d", "io::FileEvent", "io::ForcePlate"]),
+    (
+        "gait/",
+        &[
+            "io::C3d",
+            "io::FileEvent",
+            "io::ForcePlate",
+            "io::csv::push_cell",
+            "io::text::push_f64",
+        ],
+    ),
 ];
 
 /// Words, and the only places that may hold them.

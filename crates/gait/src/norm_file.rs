@@ -57,11 +57,10 @@ impl Norm {
     /// [`Error::Data`]: it is no norm, or an angle has not 101 numbers.
     pub fn from_json(text: &[u8], name: &str) -> Result<Norm> {
         let bad = |what: String| Error::data(Place::file(name), what);
-        let remedy = "; gait --make-norm writes one";
-        let file: NormFile = serde_json::from_slice(text)
-            .map_err(|e| bad(format!("is no norm of gait ({e}){remedy}")))?;
+        let file: NormFile =
+            serde_json::from_slice(text).map_err(|e| bad(format!("is no norm of gait ({e})")))?;
         if file.kind != KIND {
-            return Err(bad(format!("is no norm of gait{remedy}")));
+            return Err(bad(format!("is no norm of gait")));
         }
         let of = |k: usize| {
             let own = file.angles.get(GVS[k].0).into_iter();

@@ -98,9 +98,12 @@ impl SessionTrial {
             let own = format!("{}{name}", side.letter());
             let is_center = CENTERS.contains(&name);
             let table = |v: &DVec3| DVec3::new(v.x, v.z, -v.y) / 10.0;
-            let shown = |curve: &Vec<DVec3>| match is_center {
-                true => curve.iter().map(table).collect(),
-                false => curve.clone(),
+            let shown = |curve: &Vec<DVec3>| {
+                if is_center {
+                    curve.iter().map(table).collect()
+                } else {
+                    curve.clone()
+                }
             };
             let deviations = self.deviations.as_ref().and_then(|all| all.get(&own));
             let sd = deviations.map(|sd| shown(sd).into_iter().map(DVec3::abs).collect());

@@ -6,7 +6,7 @@ use ndarray::Array2;
 use posing_core::pose::{LengthUnit, UpAxis};
 use posing_gait::{
     ANGLES, Event, EventChoice, EventKind, EventSource, GaitSettings, GaitTrial, MARKERS, Markers,
-    Norm, ProfileScores, Side, Trial,
+    Norm, ProfileScores, Session, SessionTrial, Side, Trial,
 };
 use posing_io::{C3d, Input};
 use std::collections::BTreeMap;
@@ -558,4 +558,47 @@ fn damaged_files_do_not_panic() {
         computed += usize::from(gait.is_ok());
     }
     assert!(computed > 100, "{computed}");
+}
+
+/// Ten trials of ten cycles a side are a page that a browser opens at once.
+#[test]
+fn a_session_s_page_shows_all_trials_and_stays_small() {
+    let Some(folder) = folder() else { return };
+    let statics = Take::open(&folder, PEOPLE[0], "Static").trial;
+    let of = |kind: &str| {
+        let trial = Take::open(&folder, PEOPLE[0], kind).trial;
+        let gait = GaitTrial::new(&trial, Some(&statics), &GaitSettings::default()).unwrap();
+        SessionTrial {
+            name: format!("{} {kind}", PEOPLE[0]),
+            file: format!("{}_{kind}.c3d", PEOPLE[0]),
+            trial,
+            gait,
+            deviations: None,
+            gaps: Vec::new(),
+        }
+    };
+    let walks = ["Straight", "Turn"].map(of);
+    let mut session = Session::new(walks.to_vec(), Some("Static.c3d".into()), None).unwrap();
+    session.norm = session.own_norm().map(|norm| ("norm.json".into(), norm));
+    let page = session.page(&[]);
+    let shown = [
+        "Knee flexion",
+        "Hip moment",
+        "Ankle power",
+        "norm.json",
+        "HC030A Turn",
+    ];
+    assert!(shown.iter().all(|text| page.contains(text)) && !page.contains("NaN"));
+    assert!(page.matches("<figure").count() == 27 && page.len() < 1_000_000);
+    let many = |i: usize| {
+        let mut own = walks[i % 2].clone();
+        own.name = format!("walk {i}");
+        own.gait.cycles = own.gait.cycles.iter().cycle().take(20).cloned().collect();
+        own
+    };
+    session.trials = (0..10).map(many).collect();
+    let page = session.page(&[]);
+    assert!(page.contains("walk 9") && page.len() < 3_000_000);
+    let player = walks[0].player(Some("index.html")).unwrap().unwrap();
+    assert!(player.contains("HC030A Straight") && player.contains("#frame="));
 }

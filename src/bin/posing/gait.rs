@@ -11,6 +11,7 @@ use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
+use posing::draw::href::encoded;
 use posing::gait::{
     EventChoice, FilledGap, FlatFoot, GaitSettings, GaitTrial, Norm, PARAMETERS, Session,
     SessionTrial, Trial,
@@ -340,6 +341,15 @@ fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
             Err(e) => messages::info(&format!("{e}; no {}.c3d", trial.name)),
         }
     }
+    let mut players = Vec::new();
+    for trial in &session.trials {
+        let page = trial.player(Some("index.html"))?;
+        if let Some(page) = &page {
+            write_bytes(Some(&named(&trial.name, "html")), page.as_bytes(), false)?;
+        }
+        players.push(page.map(|_| encoded(&format!("{}.html", trial.name))));
+    }
+    write_bytes(Some(&all[0]), session.page(&players).as_bytes(), false)?;
     write_bytes(Some(&all[1]), &session.cycles_csv(), false)?;
     if let Some(path) = &args.make_norm {
         let none = || Error::usage("--make-norm: no cycle of the trials has all nine angles");
