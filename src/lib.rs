@@ -156,7 +156,7 @@
 //! | posing-label | label | core, io |
 //! | posing-restore | restore | core, io, label, models |
 //! | posing-joints | ik, solve | core, draw, io, label, models |
-//! | posing-clean | audit, clean | core, draw, io, joints, label, models, restore |
+//! | posing-clean | audit, clean | core, draw, gait, io, joints, label, models, restore |
 //! | posing-gait | gait | core, draw, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
 //! | posing-body | body | core, glb, io |

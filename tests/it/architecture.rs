@@ -21,6 +21,8 @@ const IO_TYPES: &[(&str, &[&str])] = &[
             "io::C3d",
             "io::FileEvent",
             "io::ForcePlate",
+            "io::OutputPoint",
+            "io::Quantity",
             "io::csv::push_cell",
             "io::text::push_f64",
         ],

@@ -7,13 +7,13 @@ use crate::markers::{Frame, Markers};
 use crate::parameters::Subject;
 use crate::side::Side;
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 
 /// The step of the numeric Jacobian, mm.
 const STEP: f64 = 1.0;
-/// Deviations in shorter gaps are too small by this factor, seconds.
-const SHORT: f64 = 0.2;
-const INFLATED: f64 = 1.2;
+/// Deviations of filled markers are too small by this factor: measured in made gaps of .1 and .25 s
+/// of six people's walks and turns.
+const INFLATED: f64 = 1.6;
 /// What is computed of a side: its angles, then the centers of hip, knee and ankle.
 pub(crate) const OUTPUTS: usize = ANGLES.len() + 3;
 
@@ -58,9 +58,7 @@ pub(crate) fn deviations(
     sd: ArrayView2<'_, f64>,
     subject: &Subject,
     lab: DMat3,
-    rate: f64,
 ) -> [Vec<[DVec3; OUTPUTS]>; 2] {
-    let sd = inflated(sd, rate);
     let mut all = [0, 1].map(|_| vec![[DVec3::ZERO; OUTPUTS]; markers.frames()]);
     for (t, row) in sd.rows().into_iter().enumerate() {
         let frame = markers.frame(t);
@@ -69,7 +67,7 @@ pub(crate) fn deviations(
                 let slopes = derivative(&frame, (marker, axis, STEP), subject, lab);
                 for (side, slopes) in slopes.iter().enumerate() {
                     for (sum, slope) in all[side][t].iter_mut().zip(slopes) {
-                        let own = *slope * sd;
+                        let own = *slope * (INFLATED * sd);
                         // What does not depend on the marker may be missing.
                         *sum += own * own;
                     }
@@ -82,29 +80,12 @@ pub(crate) fn deviations(
     all
 }
 
-/// The deviations, those of short gaps enlarged.
-fn inflated(sd: ArrayView2<'_, f64>, rate: f64) -> Array2<f64> {
-    let mut all = sd.to_owned();
-    for mut column in all.columns_mut() {
-        let mut start = 0;
-        while start < column.len() {
-            let rest = (start..column.len())
-                .take_while(|&t| column[t] > 0.0)
-                .count();
-            if rest > 0 && (rest as f64) < SHORT * rate {
-                (start..start + rest).for_each(|t| column[t] *= INFLATED);
-            }
-            start += rest.max(1);
-        }
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::markers::MARKERS;
     use crate::parameters::testdata;
+    use ndarray::Array2;
 
     #[test]
     fn the_jacobian_is_that_of_a_smaller_step() {
@@ -132,16 +113,12 @@ mod tests {
         let mut sd = Array2::zeros((30, MARKERS.len()));
         let knee = MARKERS.iter().position(|m| *m == "LKNE").unwrap();
         sd[[5, knee]] = 3.0;
-        let [left, right] = deviations(&markers, sd.view(), &subject, DMat3::IDENTITY, 100.0);
+        let [left, right] = deviations(&markers, sd.view(), &subject, DMat3::IDENTITY);
         let (knee, ankle) = (2, ANGLES.len() + 2);
         assert!(left[5][knee].x > 0.3 && left[5][ankle].length() > 0.0);
         assert_eq!(
             (left[4][knee], right[5][knee], left[5][0]),
             Default::default()
         );
-        sd[[6, 6]] = 0.0;
-        (0..30).for_each(|t| sd[[t, 6]] = 3.0);
-        let [long, _] = deviations(&markers, sd.view(), &subject, DMat3::IDENTITY, 100.0);
-        assert!((left[5][knee] / long[5][knee] - DVec3::splat(INFLATED)).length() < 1e-9);
     }
 }

@@ -152,7 +152,7 @@ impl GaitTrial {
         }
         let subject = self.parameters.subject();
         let lab = self.direction.axes();
-        let sides = deviations(&trial.markers, sd.view(), &subject, lab, trial.rate);
+        let sides = deviations(&trial.markers, sd.view(), &subject, lab);
         let names = || ANGLES.into_iter().chain(CENTERS).enumerate();
         let of = |side: Side, i: usize| sides[side as usize].iter().map(|v| v[i]).collect();
         let all = Side::BOTH.into_iter().flat_map(|side| {

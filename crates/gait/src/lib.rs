@@ -45,11 +45,8 @@
 //! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
 //! | `cycles`, `values`, `norm` | what is told of a walk |
 //! | `filled`, `deviations` | gaps of markers, and what doubt about these does to angles |
-//! | `session`, `session_tables`, `session_report`, `session_c3d` | the trials of a person, and their files |
 //! | `norm_file` | a norm as a file |
-//! | `session_page`, `page_tables`, `page_trials` | the page of a session |
-//! | `page_curves`, `curve_chart` | its curves |
-//! | `trial_player` | a page that plays a trial |
+//! | `session` | the trials of a person: their tables, C3D files and page |
 //!
 //! Vicon's own values of six people's trials are met to .0005 mm and .00003 degrees, joint forces
 //! to .004 N/kg, moments and powers to .2% of their range, in straight walks and in turns.
@@ -61,7 +58,6 @@ use posing_io as io;
 mod angles;
 mod axes;
 mod contradictions;
-mod curve_chart;
 mod curves;
 mod cycles;
 mod deviations;
@@ -76,21 +72,13 @@ mod marker_events;
 mod markers;
 mod norm;
 mod norm_file;
-mod page_curves;
-mod page_tables;
-mod page_trials;
 mod parameters;
 mod peaks;
 mod plates;
 mod session;
-mod session_c3d;
-mod session_page;
-mod session_report;
-mod session_tables;
 mod side;
 mod statics;
 mod trial;
-mod trial_player;
 mod upper;
 mod values;
 

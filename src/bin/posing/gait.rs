@@ -12,6 +12,7 @@ use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::draw::href::encoded;
+use posing::draw::take_page::is_take_page;
 use posing::gait::{
     EventChoice, FilledGap, FlatFoot, GaitSettings, GaitTrial, Norm, PARAMETERS, Session,
     SessionTrial, Trial,
@@ -20,7 +21,7 @@ use posing::io::motion_file::ReadRules;
 use posing::io::{C3d, MotionFormat, Table};
 use posing::restore::{Complete, Restorer};
 use posing::{Error, Place, Result};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// A filled position that is less sure is left empty, cm: as clean does.
@@ -276,8 +277,9 @@ fn tell(session: &Session) {
             names.dedup();
             let frames: usize = filled.iter().map(|g| g.frames[1] - g.frames[0]).sum();
             let (file, gaps) = (&trial.file, filled.len());
+            let s = if gaps == 1 { "" } else { "s" };
             messages::info(&format!(
-                "{file}: {gaps} gaps of {} filled, {frames} frames",
+                "{file}: {gaps} gap{s} of {} filled, {frames} frames",
                 names.join(", ")
             ));
         }
@@ -293,23 +295,14 @@ fn tell(session: &Session) {
     }
 }
 
-/// Fails where a result would replace a file that no earlier run wrote: of the name of a trial, by
-/// the list in the folder's gait.json.
-fn check_results(session: &Session, list: &Path) -> Result<()> {
-    let earlier = std::fs::read(list).unwrap_or_default();
-    let earlier: Value = serde_json::from_slice(&earlier).unwrap_or_default();
-    let own = earlier["trials"]
-        .as_array()
-        .filter(|_| earlier["command"] == "gait");
-    let own: Vec<&Value> = own
-        .into_iter()
-        .flatten()
-        .map(|trial| &trial["name"])
-        .collect();
+/// Fails where a C3D file would be replaced that no earlier run wrote: such a file has its player
+/// beside it.
+fn check_results(session: &Session, folder: &Path) -> Result<()> {
     for trial in &session.trials {
-        let path = list.with_file_name(format!("{}.c3d", trial.name));
-        if path.exists() && !own.iter().any(|name| *name == &trial.name) {
-            let path = path.display();
+        let [file, player] =
+            ["c3d", "html"].map(|end| folder.join(format!("{}.{end}", trial.name)));
+        if file.exists() && !is_take_page(&player) {
+            let path = file.display();
             let what = format!("{path} is there, and no earlier run of gait wrote it");
             return Err(Error::usage(format!("{what}: give another folder")));
         }
@@ -328,7 +321,7 @@ fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
         .iter()
         .flat_map(|t| ends.map(|end| named(&t.name, end)));
     check_written(all.iter().cloned().chain(own))?;
-    check_results(session, &all[2])?;
+    check_results(session, folder)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (trial, file) in session.trials.iter().zip(files) {
         let put =

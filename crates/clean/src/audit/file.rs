@@ -11,6 +11,7 @@ use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
 use crate::io::{MotionFile, MotionFormat};
 use crate::label::LabelSettings;
 use crate::{Error, Place, Result};
+use posing_gait::{Trial, contradictions};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -129,8 +130,26 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     if let Some(take) = takes.first_mut() {
         let found = rotation_findings(&file.joint_angles(), file.rate());
         take.findings.extend(found);
+        take.findings.extend(gait_findings(file));
     }
     takes
+}
+
+/// What in a C3D file with the markers of Plug-in Gait contradicts itself.
+fn gait_findings(file: &MotionFile) -> Vec<Finding> {
+    let units = file.units();
+    let trial = file.c3d().and_then(|c3d| {
+        // One that cannot be a trial of gait has nothing to contradict.
+        Trial::from_c3d(c3d, Some(units.unit), Some(units.up)).ok()
+    });
+    let found = trial.iter().flat_map(contradictions);
+    let found = found.map(|found| Finding {
+        kind: FindingKind::Gait,
+        points: found.points,
+        frames: None,
+        what: found.what,
+    });
+    found.collect()
 }
 
 /// The files and those of folders, in order, and audits of the folders that cannot be read or have
@@ -323,5 +342,6 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Fallen => "fallen",
         FindingKind::Drift => "drift",
         FindingKind::EulerFlip => "Euler flip",
+        FindingKind::Gait => "gait",
     }
 }

@@ -118,6 +118,8 @@ pub enum FindingKind {
     Drift,
     /// An angle of a joint jumps though the joint hardly turns.
     EulerFlip,
+    /// What a trial of gait holds contradicts itself: markers, parameters of the subject, plates.
+    Gait,
 }
 
 /// Something that is not as it should be.

@@ -241,6 +241,14 @@ impl MotionFile {
         self.units
     }
 
+    /// The C3D file that it is; `None` of other formats.
+    pub fn c3d(&self) -> Option<&C3d> {
+        match &self.original {
+            Original::C3d(file) => Some(file),
+            _ => None,
+        }
+    }
+
     /// The BVH file that it is.
     pub(crate) fn bvh(&self) -> Option<&Bvh> {
         match &self.original {

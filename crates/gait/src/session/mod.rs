@@ -1,5 +1,10 @@
 //! A session: the trials of one person, and what is told of them together.
 
+mod c3d;
+mod page;
+mod report;
+mod tables;
+
 use crate::curves::{CENTERS, Curves, is_angle};
 use crate::cycles::{Cycle, mean_and_sd, resampled};
 use crate::filled::FilledGap;

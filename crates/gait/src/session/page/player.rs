@@ -1,11 +1,11 @@
 //! The page that plays a trial of a session: markers, joint centers, and a list of its events.
 
+use super::trials::EVENT_HEAD;
 use crate::Result;
 use crate::curves::CENTERS;
 use crate::draw::scene::{Figure, Table};
 use crate::draw::take_page::TakePage;
 use crate::markers::MARKERS;
-use crate::page_trials::EVENT_HEAD;
 use crate::pose::Poses;
 use crate::session::SessionTrial;
 use crate::side::Side;
@@ -35,7 +35,7 @@ impl SessionTrial {
             "Markers, and the centers of hips, knees and ankles by Plug-in Gait (HJC, KJC, AJC). \
              Centimeters, y up. {} frames at {} frames a second, from frame {} of the file.",
             poses.frames(),
-            crate::page_tables::number(Some(rate)),
+            super::tables::number(Some(rate)),
             self.trial.first_frame
         );
         let figures = vec![Figure::new(&self.name, poses.xyz.view())];

@@ -1,9 +1,9 @@
 //! A trial of a session on its page: events, parameters, cycles and gaps.
 
+use super::tables::{VALUES, capital, number, table};
 use crate::draw::html::escape;
 use crate::events::{Event, EventKind};
 use crate::filled::FilledGap;
-use crate::page_tables::{VALUES, capital, number, table};
 use crate::parameters::{Parameter, Source};
 use crate::session::SessionTrial;
 

@@ -1,15 +1,20 @@
 //! The page of a session: what is to be known, values, scores, curves, and each trial.
 
+mod chart;
+mod curves;
+mod player;
+mod tables;
+mod trials;
+
+use self::tables::{capital, number, table};
+use self::trials::Told;
 use crate::draw::html::escape;
 use crate::draw::plain_page::PlainPage;
 use crate::findings::Finding;
-use crate::page_tables::{capital, number, table};
-use crate::page_trials::Told;
 use crate::session::Session;
 use crate::side::Side;
-use crate::{page_curves, page_tables};
 
-const STYLE: &str = include_str!("session_page.css");
+const STYLE: &str = include_str!("page.css");
 
 impl Session {
     /// The session as a page without a script, which needs no other file. `players` are the
@@ -28,9 +33,9 @@ impl Session {
         let parts = [
             trials(&told),
             self.findings_section(),
-            page_tables::values(self),
-            page_tables::scores(self),
-            page_curves::section(self),
+            tables::values(self),
+            tables::scores(self),
+            curves::section(self),
             told.iter().map(Told::section).collect(),
         ];
         PlainPage {

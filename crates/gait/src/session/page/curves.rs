@@ -1,9 +1,9 @@
 //! The curves of a session over the gait cycle, for its page: which charts there are, how they are
 //! called, and what is drawn in each.
 
+use super::chart::{Chart, SideCurve, SingleCycle};
 use crate::angles::Direction;
 use crate::axes::wrapped;
-use crate::curve_chart::{Chart, SideCurve, SingleCycle};
 use crate::curves::is_angle;
 use crate::cycles::mean_and_sd;
 use crate::norm::GVS;
