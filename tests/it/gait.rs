@@ -227,3 +227,92 @@ fn a_norm_is_made_of_trials_and_compared_with() {
             .contains("\"kind\":\"gait norm\"")
     );
 }
+
+#[test]
+fn audit_tells_what_of_a_trial_cannot_be() {
+    let folder = trials();
+    let folder = folder.path();
+    let audit = |name: &str| {
+        let out = command("audit")
+            .arg(name)
+            .current_dir(folder)
+            .output()
+            .unwrap();
+        let said = String::from_utf8(out.stdout).unwrap();
+        said.lines()
+            .filter(|line| line.trim().starts_with("gait: "))
+            .count()
+    };
+    assert_eq!(["static.c3d", "walk.c3d"].map(audit), [0, 0]);
+    exchanged(folder, "walk.c3d", "a.c3d", ["LTHI", "XXXX"]);
+    exchanged(folder, "a.c3d", "b.c3d", ["LKNE", "LTHI"]);
+    exchanged(folder, "b.c3d", "swapped.c3d", ["XXXX", "LKNE"]);
+    assert_eq!(audit("swapped.c3d"), 1);
+    let said = gait(folder, "--static static.c3d swapped.c3d -o out", 3);
+    assert!(
+        said.contains("LKNE is further up the leg than LTHI"),
+        "{said}"
+    );
+}
+
+#[test]
+fn gaps_are_filled_in_memory_and_stay_in_the_file() {
+    let folder = trials();
+    let folder = folder.path();
+    let points = command("c3d2xyz")
+        .args(["-q", "walk.c3d"])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = String::from_utf8(points.stdout).unwrap();
+    let knee = text
+        .lines()
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|n| n == "LKNE.x")
+        .unwrap();
+    let hidden = |(row, line): (usize, &str)| {
+        let cells = line.split(',').enumerate();
+        let is_gap = (120..130).contains(&row);
+        let cell = |(i, cell)| {
+            if is_gap && (knee..knee + 3).contains(&i) {
+                ""
+            } else {
+                cell
+            }
+        };
+        cells.map(cell).collect::<Vec<_>>().join(",")
+    };
+    let table: Vec<String> = text.lines().enumerate().map(hidden).collect();
+    fs::write(folder.join("hidden.csv"), table.join("\n") + "\n").unwrap();
+    let into = ["-q", "hidden.csv", "--into", "walk.c3d", "-o", "hidden.c3d"];
+    command("xyz2c3d")
+        .args(into)
+        .current_dir(folder)
+        .assert()
+        .success();
+    let said = gait(folder, "--static static.c3d hidden.c3d --sd -o out", 0);
+    assert!(said.contains("1 gap of LKNE filled, 10 frames"), "{said}");
+    gait(folder, "--static static.c3d walk.c3d -o whole", 0);
+    let [own, whole] = ["out/hidden.csv", "whole/walk.csv"].map(|name| columns(&folder.join(name)));
+    let (sd, first) = (&own["LKneeAngles.ry.sd"], 119);
+    for t in 0..sd.len() {
+        let apart = (own["LKneeAngles.ry"][t] - whole["LKneeAngles.ry"][t]).abs();
+        let is_filled = (first..first + 10).contains(&t);
+        assert!(sd[t].is_nan() || (sd[t] > 0.0) == is_filled, "{t}");
+        assert!(
+            apart.is_nan() || apart < if is_filled { 2.0 } else { 1e-4 },
+            "{t} {apart}"
+        );
+    }
+    let points = command("c3d2xyz")
+        .args(["-q", "out/hidden.c3d"])
+        .current_dir(folder)
+        .output();
+    let text = String::from_utf8(points.unwrap().stdout).unwrap();
+    let row: Vec<&str> = text.lines().nth(125).unwrap().split(',').collect();
+    assert_eq!(row[knee], "");
+    let page = fs::read_to_string(folder.join("out/index.html")).unwrap();
+    assert!(page.contains("hidden.html") && page.contains("@media print"));
+}

@@ -113,6 +113,11 @@ fn the_case_of_an_animator_runs_as_its_page_says() {
 }
 
 #[test]
+fn the_case_of_a_gait_laboratory_runs_as_its_page_says() {
+    check("gait");
+}
+
+#[test]
 fn the_case_of_a_biomechanist_runs_as_its_page_says() {
     check("biomechanist");
 }

@@ -197,8 +197,8 @@ impl Findings {
     /// No events, and the file's own that none of ours is near to.
     pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event], direction: Direction) {
         if events.is_empty() && !direction.standing {
-            let what = "no strikes and offs, so no cycles: feet or pelvis lack markers, or the rate is \
-                        below 40 Hz";
+            let what = "no strikes and offs, so no cycles: feet or pelvis lack markers, or the \
+                        rate is below 40 Hz";
             self.add("no_events", Vec::new(), what.into());
         }
         for own in of_file(&trial.file_events) {

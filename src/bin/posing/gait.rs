@@ -31,14 +31,14 @@ const LARGEST_NORM: u64 = 1 << 24;
 
 /// Compute gait from a lab's trials: angles, moments, events, values and a page
 ///
-/// Reads C3D trials with the markers of Plug-in Gait and computes its joint centers, angles, forces,
-/// moments and powers, from force plates too where there are any; strikes and offs of the feet;
-/// cycles, with what is told of each; and writes tables, C3D files and a page, index.html, into DIR.
-/// Subject parameters are those stored in the trial, else of --parameter, else of the static trial,
-/// else estimated from markers, which costs 2 degrees of hip and knee abduction. Gaps within a
-/// marker's span are filled in memory; what a file stores as angles and moments is not used. Exit
-/// code 3: something is estimated, missing or unsure; 1: a file could not be read, the others are
-/// computed all the same.
+/// Reads C3D trials with the markers of Plug-in Gait and computes its joint centers and angles,
+/// with force plates also forces, moments and powers; strikes and offs of the feet; cycles, and
+/// what is told of each. Writes tables, C3D files and a page, index.html, into DIR. Subject
+/// parameters are those stored in the trial, else of --parameter, else of the static trial, else
+/// estimated from markers, which costs 2 degrees of hip and knee abduction. Gaps within a marker's
+/// span are filled in memory; what a file stores as angles and moments is not used. Exit code 3:
+/// something is estimated, missing or unsure; 1: a file could not be read, the others are computed
+/// all the same.
 ///
 /// Knees and hips differ from those of solve, which has no Plug-in Gait.
 #[derive(Parser)]
@@ -62,7 +62,12 @@ pub struct Args {
     #[arg(long = "static", value_name = "STATIC.c3d", help_heading = "Method")]
     static_trial: Option<PathBuf>,
     /// Events of the feet [default: auto]
-    #[arg(long, value_parser = choice::<EventChoice>(), value_name = "SOURCE", help_heading = "Method")]
+    #[arg(
+        long,
+        value_parser = choice::<EventChoice>(),
+        value_name = "SOURCE",
+        help_heading = "Method"
+    )]
     events: Option<EventChoice>,
     /// Norm to compare with, as --make-norm writes it: for GVS and GPS, and the page
     #[arg(long, value_name = "NORM.json", help_heading = "Method")]
@@ -71,7 +76,12 @@ pub struct Args {
     #[arg(long, value_name = "NORM.json", help_heading = "Output")]
     make_norm: Option<OutputPath>,
     /// Whether the soles lay flat on the floor in the static trial [default: auto]
-    #[arg(long, value_parser = choice::<FlatFoot>(), value_name = "WHETHER", help_heading = "Method")]
+    #[arg(
+        long,
+        value_parser = choice::<FlatFoot>(),
+        value_name = "WHETHER",
+        help_heading = "Method"
+    )]
     flat_foot: Option<FlatFoot>,
     /// Diameter of the markers, mm, for files that do not store it [default: 14]
     #[arg(long, value_name = "MM", value_parser = parse_positive, help_heading = "Method")]

@@ -42,7 +42,7 @@ paste a.txt b.txt c.txt | awk '$3 > 0 { n++; e = $2 - $1; e = e < 0 ? -e : e; if
   END { printf "   knee varus in %d filled frames: at most %.1f degrees off, the largest deviation that is said is %.1f; %d frames within 1.96 of it\n", n, most, sd, inside }'
 
 echo '5. A norm of your own trials.'
-posing gait --static static.c3d walk.c3d --make-norm own.json -o report
+posing gait --static static.c3d walk.c3d --make-norm own.json -o again
 
 echo '6. The knees over the cycle, for a figure.'
 awk -F, '
