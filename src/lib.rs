@@ -155,7 +155,7 @@
 //! | posing-models | cluster, prior, sparse | core, io |
 //! | posing-label | label | core, io |
 //! | posing-restore | restore | core, io, label, models |
-//! | posing-joints | ik, solve | core, draw, io, label, models |
+//! | posing-joints | ik, solve | core, draw, gait, io, label, models |
 //! | posing-clean | audit, clean | core, draw, gait, io, joints, label, models, restore |
 //! | posing-gait | gait | core, draw, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |

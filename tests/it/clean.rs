@@ -1107,3 +1107,43 @@ fn a_unit_that_is_wrong_stops_the_file() {
     assert_eq!(clean(&["--units", "m"]).0, Some(0));
     assert_eq!(fs::read_to_string(path("out.csv")).unwrap(), table);
 }
+
+/// Joint centers stand beside the result, as solve has them.
+#[test]
+fn centers_stand_beside_their_result() {
+    let Some(file) = shared("data/gait/HC031A_Straight.c3d") else {
+        return;
+    };
+    let folder = Folder::new();
+    folder.put("in/walk.c3d", fs::read(file).unwrap());
+    let args = ["in", "-o", "out", "--solve=anatomical"];
+    let (_, said) = folder.clean(&args);
+    assert_eq!(fate(&said, "walk.c3d"), "copied", "{said}");
+    let own = folder.at("out/walk.c3d.centers.csv");
+    let centers = fs::read_to_string(&own).unwrap();
+    let head = centers.lines().next().unwrap();
+    assert!(
+        head.starts_with("take,time,LHJC.x,LHJC.y,LHJC.z,LHJC.sd,LKJC.x"),
+        "{head}"
+    );
+    let record = folder.record("out/walk.c3d");
+    assert_eq!(record["solved"]["centers"], "plug-in gait");
+    assert_eq!(record["solved"]["output"]["file"], "walk.c3d.centers.csv");
+    let result = folder.at("out/walk.c3d");
+    let solved = command("solve")
+        .args(["-q", "--joints", "anatomical", "--sd", text(&result)])
+        .output();
+    assert_eq!(solved.unwrap().stdout, centers.as_bytes());
+    // They are none of the captures, and nobody's file is written over.
+    assert!(folder.clean(&args).1.contains("unchanged"));
+    let (_, said) = folder.clean(&["out", "-o", "again"]);
+    assert!(!said.contains("centers"), "{said}");
+    fs::write(&own, "mine").unwrap();
+    let (code, said) = folder.clean(&args);
+    assert!(code == 1 && said.contains("in the place of"), "{said}");
+    assert_eq!(fs::read(&own).unwrap(), b"mine");
+    // A skeleton takes their place.
+    fs::write(&own, &centers).unwrap();
+    folder.clean(&["in", "-o", "out", "--solve"]);
+    assert!(folder.at("out/walk.c3d.bvh").exists() && !own.exists());
+}

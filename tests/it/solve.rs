@@ -260,3 +260,88 @@ fn clean_writes_skeletons_beside_its_results() {
         "{said}"
     );
 }
+
+/// Columns of a table by another name each, as a table.
+fn renamed(table: &Numbers, names: &[(&str, &str)]) -> Numbers {
+    let at = |name: &str| table.points.iter().position(|p| p == name).unwrap();
+    let places: Vec<usize> = names.iter().map(|(_, own)| at(own)).collect();
+    let row = |row: &Vec<f64>| -> Vec<f64> {
+        let own = places.iter().flat_map(|p| row[3 * p..3 * p + 3].to_vec());
+        own.collect()
+    };
+    Numbers {
+        points: names.iter().map(|(name, _)| name.to_string()).collect(),
+        rows: table.rows.iter().map(row).collect(),
+        time: table.time.clone(),
+        cells: table.cells.clone(),
+        names: table.names.clone(),
+    }
+}
+
+#[test]
+fn centers_of_plug_in_gaits_markers_are_its_own() {
+    let (Some(walk), Some(standing)) = (
+        shared("data/gait/HC030A_Straight.c3d"),
+        shared("data/gait/HC030A_Static.c3d"),
+    ) else {
+        return skipped("no gait");
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let solved = |take: &str, more: &[&str]| {
+        let (out, json) = (path("out.csv"), path("o.json"));
+        let done = command("solve")
+            .args(["--joints", "anatomical", "--sd", take, "-o", text(&out)])
+            .arg(format!("--json={}", text(&json)))
+            .args(more)
+            .output()
+            .unwrap();
+        let said = String::from_utf8(done.stderr).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(json).unwrap()).unwrap();
+        let table = Numbers::read(&fs::read_to_string(out).unwrap());
+        (said, json["centers"].clone(), table)
+    };
+    // Vicon stores them as ends of its segments' axes.
+    let names = [
+        ("LHJC", "LFEP"),
+        ("LKJC", "LFEO"),
+        ("LAJC", "LTIO"),
+        ("RHJC", "RFEP"),
+        ("RKJC", "RFEO"),
+        ("RAJC", "RTIO"),
+    ];
+    let stored = run("c3d2xyz", &["-q", text(&walk)], "");
+    let vicon = renamed(&Numbers::read(&stored), &names);
+    let own = names.map(|(name, _)| (name, name));
+    let (said, centers, table) = solved(text(&walk), &[]);
+    assert_eq!(centers, "plug-in gait", "{said}");
+    assert!(said.contains("are Plug-in Gait's centers"), "{said}");
+    let (far, compared) = renamed(&table, &own).far(&vicon);
+    assert!(far <= 0.0001 && compared > 0, "{far} cm {compared}");
+    // A table stores no parameters: the body model's, unless a static trial has them.
+    let rows = stored.lines().take(200).enumerate();
+    let thigh = stored.lines().next().unwrap().split(',');
+    let thigh = thigh.into_iter().position(|n| n == "LTHI.x").unwrap();
+    let rows = rows.map(|(t, row)| {
+        let mut cells: Vec<&str> = row.split(',').collect();
+        if (50..70).contains(&t) {
+            cells[thigh..thigh + 3].fill("");
+        }
+        cells.join(",") + "\n"
+    });
+    fs::write(path("in.csv"), rows.collect::<String>()).unwrap();
+    let (said, centers, _) = solved(text(&path("in.csv")), &[]);
+    assert_eq!(centers, "model", "{said}");
+    assert!(said.contains("it needs LegLength"), "{said}");
+    let (said, _, table) = solved(text(&path("in.csv")), &["--static", text(&standing)]);
+    assert!(
+        said.contains("in 20 frames markers of some are missing"),
+        "{said}"
+    );
+    let column = table.names.iter().position(|n| n == "LKJC.sd").unwrap();
+    let sd = |t: usize| table.cells[t][column].parse::<f64>().unwrap();
+    assert!(sd(55) > 0.0 && sd(80) == 0.0, "{} {}", sd(55), sd(80));
+    let off = (0..3).map(|c| renamed(&table, &own).rows[55][3 + c] - vicon.rows[55][3 + c]);
+    let off = off.map(|v| v * v).sum::<f64>().sqrt();
+    assert!(off < 0.5, "{off} cm");
+}

@@ -22,6 +22,7 @@ extern crate posing_core;
 
 use posing_core::{Error, Place, Result, error, numeric, pose};
 use posing_draw as draw;
+use posing_gait as gait;
 use posing_io as io;
 use posing_joints::{ik, solve};
 use posing_label as label;

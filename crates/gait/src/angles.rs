@@ -24,6 +24,9 @@ pub const ANGLES: [&str; 12] = [
     "WristAngles",
 ];
 
+/// The centers, by their names without the side; the first three are a leg's.
+pub(crate) const CENTERS: [&str; 6] = ["HJC", "KJC", "AJC", "SJC", "EJC", "WJC"];
+
 /// A trial whose pelvis moves less than this stands, millimeters.
 const STANDING: f64 = 800.0;
 
@@ -95,6 +98,17 @@ impl Body {
             head: raw_head(frame) * DMat3::from_rotation_y(subject.head_offset),
             arms: Side::BOTH.map(|side| Arm::new(frame, &thorax, side, subject)),
         }
+    }
+
+    /// The centers of a side's joints, hip, knee, ankle, shoulder, elbow and wrist, millimeters;
+    /// NaN where a marker is missing, or a parameter.
+    pub(crate) fn centers(&self, side: Side) -> [DVec3; CENTERS.len()] {
+        let (leg, arm) = (&self.legs[side as usize], &self.arms[side as usize]);
+        let [legs, arms] = [
+            [leg.hip, leg.knee, leg.ankle],
+            [arm.shoulder, arm.elbow, arm.wrist],
+        ];
+        std::array::from_fn(|i| if i < 3 { legs[i] } else { arms[i - 3] })
     }
 
     /// The [`ANGLES`] of a side, degrees in [-180, 180), about the axes that Plug-in Gait names x,

@@ -1,6 +1,6 @@
 //! The curves of a trial by name: angles and centers of joints.
 
-use crate::angles::{ANGLES, Body, Direction, with_quirk};
+use crate::angles::{ANGLES, Body, CENTERS, Direction, with_quirk};
 use crate::side::Side;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -8,13 +8,10 @@ use std::collections::BTreeMap;
 /// Curves by Plug-in Gait's names, a value of three numbers a frame; NaN where it is not known.
 ///
 /// `LKneeAngles` and so on are degrees in [-180, 180). `LHJC`, `LKJC` and `LAJC` are the centers of
-/// hip, knee and ankle, millimeters in the laboratory's axes with z up; `LGroundReactionForce` is
-/// N/kg in these axes. `LKneeForce` is N/kg, `LKneeMoment` N mm/kg, `LKneePower` W/kg in the third
-/// number.
+/// hip, knee and ankle, millimeters in the laboratory's axes with z up, `LSJC`, `LEJC` and `LWJC`
+/// those of shoulder, elbow and wrist; `LGroundReactionForce` is N/kg in these axes. `LKneeForce`
+/// is N/kg, `LKneeMoment` N mm/kg, `LKneePower` W/kg in the third number.
 pub type Curves = BTreeMap<String, Vec<DVec3>>;
-
-/// The centers, as [`Curves`] name them.
-pub(crate) const CENTERS: [&str; 3] = ["HJC", "KJC", "AJC"];
 
 /// Whether a curve is of angles, which go around.
 pub fn is_angle(curve: &str) -> bool {
@@ -40,12 +37,11 @@ pub(crate) fn kinematics(bodies: &[Body], direction: Direction, quirks: bool) ->
             }
         }
         for (i, name) in CENTERS.into_iter().enumerate() {
-            let center = |body: &Body| {
-                let leg = &body.legs[side as usize];
-                [leg.hip, leg.knee, leg.ankle][i]
-            };
-            let curve = bodies.iter().map(center).collect();
-            curves.insert(format!("{}{name}", side.letter()), curve);
+            let curve = bodies.iter().map(|body| body.centers(side)[i]);
+            let curve: Vec<DVec3> = curve.collect();
+            if i < 3 || curve.iter().any(|v| v.is_finite()) {
+                curves.insert(format!("{}{name}", side.letter()), curve);
+            }
         }
     }
     curves

@@ -1,7 +1,7 @@
 //! What doubt about markers does to angles and joint centers: deviations through the Jacobian of
 //! the model.
 
-use crate::angles::{ANGLES, Body};
+use crate::angles::{ANGLES, Body, CENTERS};
 use crate::axes::wrapped;
 use crate::markers::{Frame, Markers};
 use crate::parameters::Subject;
@@ -14,17 +14,16 @@ const STEP: f64 = 1.0;
 /// Deviations of filled markers are too small by this factor: measured in made gaps of .1 and .25 s
 /// of six people's walks and turns.
 const INFLATED: f64 = 1.6;
-/// What is computed of a side: its angles, then the centers of hip, knee and ankle.
-pub(crate) const OUTPUTS: usize = ANGLES.len() + 3;
+/// What is computed of a side: its angles, then the centers of its joints.
+pub(crate) const OUTPUTS: usize = ANGLES.len() + CENTERS.len();
 
 /// The model's values of both sides in a frame.
 fn outputs(frame: &Frame, subject: &Subject, lab: DMat3) -> [[DVec3; OUTPUTS]; 2] {
     let body = Body::new(frame, subject);
     Side::BOTH.map(|side| {
-        let (angles, leg) = (body.angles(side, lab), &body.legs[side as usize]);
         let mut all = [DVec3::NAN; OUTPUTS];
-        all[..ANGLES.len()].copy_from_slice(&angles);
-        all[ANGLES.len()..].copy_from_slice(&[leg.hip, leg.knee, leg.ankle]);
+        all[..ANGLES.len()].copy_from_slice(&body.angles(side, lab));
+        all[ANGLES.len()..].copy_from_slice(&body.centers(side));
         all
     })
 }

@@ -1,8 +1,8 @@
 //! A trial computed: curves, events, cycles and values.
 
-use crate::angles::{ANGLES, Body, Direction};
+use crate::angles::{ANGLES, Body, CENTERS, Direction};
 use crate::contradictions::contradictions;
-use crate::curves::{CENTERS, Curves, is_angle, kinematics};
+use crate::curves::{Curves, is_angle, kinematics};
 use crate::cycles::{Cycle, cycles, resampled};
 use crate::deviations::deviations;
 use crate::events::{Event, EventChoice, events};

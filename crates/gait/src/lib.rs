@@ -39,7 +39,7 @@
 //! |---|---|
 //! | `markers`, `trial` | what is given |
 //! | `parameters`, `statics` | the subject: widths, lengths, offsets, each with its source |
-//! | `axes`, `lower`, `upper`, `angles`, `curves` | the model |
+//! | `axes`, `lower`, `upper`, `angles`, `curves`, `centers` | the model |
 //! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
@@ -57,6 +57,7 @@ use posing_io as io;
 
 mod angles;
 mod axes;
+mod centers;
 mod contradictions;
 mod curves;
 mod cycles;
@@ -83,6 +84,7 @@ mod upper;
 mod values;
 
 pub use angles::{ANGLES, Direction};
+pub use centers::JointCenters;
 pub use contradictions::contradictions;
 pub use curves::{Curves, is_angle};
 pub use cycles::{Cycle, POINTS, mean_and_sd, resampled};

@@ -60,7 +60,7 @@ impl Norm {
         let file: NormFile =
             serde_json::from_slice(text).map_err(|e| bad(format!("is no norm of gait ({e})")))?;
         if file.kind != KIND {
-            return Err(bad(format!("is no norm of gait")));
+            return Err(bad("is no norm of gait".into()));
         }
         let of = |k: usize| {
             let own = file.angles.get(GVS[k].0).into_iter();

@@ -1,5 +1,6 @@
 //! The subject's parameters: each with its value, where it is from, and what an estimate costs.
 
+use crate::io::C3d;
 use crate::markers::{Frame, Markers};
 use crate::side::Side;
 use serde::Serialize;
@@ -13,6 +14,24 @@ impl GivenValues {
     /// Sets a value, in millimeters, kilograms or radians.
     pub fn set(&mut self, name: &str, value: f64) {
         self.0.insert(plain(name), value);
+    }
+
+    /// Those that a file stores, in its group PROCESSING.
+    pub fn of_c3d(file: &C3d) -> GivenValues {
+        let mut given = GivenValues::default();
+        for (name, values) in file.group("PROCESSING") {
+            values.first().iter().for_each(|v| given.set(name, **v));
+        }
+        given
+    }
+
+    /// Takes over the values of others that it has not.
+    pub fn fill_from(&mut self, other: &GivenValues) {
+        for (name, value) in &other.0 {
+            if self.get(name).is_none() {
+                self.set(name, *value);
+            }
+        }
     }
 
     /// A value that is a number; a 0 is none for a length or a mass.

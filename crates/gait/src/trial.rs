@@ -50,16 +50,10 @@ impl Trial {
             .ok_or_else(|| Error::unfit("does not say its rate"));
         let rate = rate.map_err(|e| e.at(crate::Place::file(&take.name)))?;
         let poses = take.to_poses(units, rate, "")?;
-        let mut given = GivenValues::default();
-        for (name, values) in file.group("PROCESSING") {
-            if let Some(value) = values.first() {
-                given.set(name, *value);
-            }
-        }
         Ok(Trial {
             first_frame: take.first_frame,
             plates: plates(file, units),
-            given,
+            given: GivenValues::of_c3d(file),
             file_events: file.events(),
             ..Trial::new(Markers::from_poses(&poses), rate)
         })

@@ -35,9 +35,12 @@ impl Thorax {
     }
 }
 
-/// The axes of an arm's segments.
+/// An arm: centers of its joints in millimeters, axes of its segments.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Arm {
+    pub shoulder: DVec3,
+    pub elbow: DVec3,
+    pub wrist: DVec3,
     pub upper_arm: DMat3,
     pub forearm: DMat3,
     pub hand: DMat3,
@@ -60,6 +63,9 @@ impl Arm {
         let x = unit(y.cross(elbow - wrist));
         let hand = chord(between, wrist, fin, own.hand_thickness / 2.0 + r, 0.0);
         Arm {
+            shoulder,
+            elbow,
+            wrist,
             upper_arm: DMat3::from_cols(y.cross(z), y, z),
             forearm: DMat3::from_cols(x, y, x.cross(y)),
             hand: zy(wrist - hand, q * (between - wra)),

@@ -21,6 +21,7 @@
 
 use posing_core::{Error, Place, Result, numeric, pose};
 use posing_draw as draw;
+use posing_gait as gait;
 use posing_io as io;
 use posing_label as label;
 use posing_models::prior;

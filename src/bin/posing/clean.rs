@@ -23,6 +23,7 @@ use posing::pose::units::parse_length;
 use posing::pose::{Segment, joints};
 use posing::prior::provenance::hex;
 use posing::restore::Clean;
+use posing::solve::JointSet;
 use posing::{Error, Result};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -71,10 +72,11 @@ pub struct Args {
     json: JsonArgs,
     /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
     /// --bvh has them; by a marker set's name or file [default: of each take the one that
-    /// knows most of its markers]
+    /// knows most of its markers]. The word anatomical: joint centers as RESULT.centers.csv, as
+    /// solve --joints anatomical --sd has them
     #[arg(
         long,
-        value_name = "NAME|FILE",
+        value_name = "NAME|FILE|anatomical",
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "auto",
@@ -177,6 +179,9 @@ pub struct Args {
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,
 }
+
+/// The word of --solve that is no marker set: a file of that name is meant by ./anatomical.
+const ANATOMICAL: &str = "anatomical";
 
 /// Limits of noise: of a coordinate, cm, and of rotations, degrees.
 #[derive(Clone, Copy)]
@@ -292,9 +297,16 @@ fn settings(args: &Args) -> Result<CleanSettings> {
 }
 
 fn skeletons(set: &str) -> Result<SkeletonSettings> {
+    if set == ANATOMICAL {
+        return Ok(SkeletonSettings {
+            set: None,
+            joints: JointSet::Anatomical,
+        });
+    }
     let set = (set != "auto").then(|| marker_set(set)).transpose()?;
     Ok(SkeletonSettings {
         set: set.map(|set| set.into_owned()),
+        joints: JointSet::Cmu,
     })
 }
 

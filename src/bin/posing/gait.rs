@@ -122,7 +122,7 @@ fn parse_parameter(text: &str) -> std::result::Result<(String, f64), String> {
         name == known || name.strip_prefix(['l', 'r']) == Some(&known)
     };
     let value: f64 = value.trim().parse().map_err(|_| expected())?;
-    let is_known = PARAMETERS.iter().any(|known| is_it(&known)) && value.is_finite();
+    let is_known = PARAMETERS.iter().any(is_it) && value.is_finite();
     is_known
         .then(|| (name.trim().to_string(), value))
         .ok_or_else(expected)

@@ -111,7 +111,7 @@ pub fn clean(
     let page = output.page.clone();
     let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
     let mut files = output.files.clone();
-    jobs.check(&mut files, settings.skeletons.is_some())?;
+    jobs.check(&mut files, settings.skeletons.as_ref())?;
     let mut last = EarlierList::default();
     if let Some(page) = &page {
         if page

@@ -56,8 +56,7 @@ impl Written<'_> {
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
-        let xyz = self.restored.points.xyz().to_owned();
-        match skeletons.write(&take.run.job.output, &take.file, xyz) {
+        match skeletons.write(&take.run.job.output, &take.file, &self.restored.points) {
             Ok(solved) => {
                 let findings = solved["findings"].as_array().into_iter().flatten();
                 let findings = findings.filter_map(|f| f.as_str());

@@ -3,7 +3,7 @@
 use super::earlier_result::EarlierResult;
 use super::files_beside;
 use super::record::record_path;
-use super::skeleton::{is_skeleton, skeleton_path};
+use super::skeleton::{SkeletonSettings, is_skeleton};
 use crate::io::command_files::CommandFiles;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
@@ -203,7 +203,11 @@ impl Jobs {
     ///
     /// # Errors
     /// [`Error::Usage`]: one would be written over a file that is read, or over another.
-    pub(crate) fn check(&self, files: &mut CommandFiles, has_skeletons: bool) -> Result<()> {
+    pub(super) fn check(
+        &self,
+        files: &mut CommandFiles,
+        skeletons: Option<&SkeletonSettings>,
+    ) -> Result<()> {
         for Job { input, .. } in &self.jobs {
             files.read(format!("the capture {}", input.display()), input)?;
         }
@@ -213,7 +217,7 @@ impl Jobs {
                 Some(_) => files.write(called, output)?,
                 None => files.check_not_read(&called, output)?,
             }
-            let skeleton = has_skeletons.then(|| skeleton_path(output));
+            let skeleton = skeletons.map(|settings| settings.path(output));
             for path in files_beside(output).into_iter().chain(skeleton) {
                 files.write(path.display().to_string(), &path)?;
             }
@@ -307,7 +311,10 @@ mod tests {
         assert_eq!(jobs.left_out, 2);
         let checked = |inputs: &[PathBuf], output: &str| {
             let jobs = super::jobs(inputs, &at(output), None)?;
-            jobs.check(&mut CommandFiles::default(), true)?;
+            jobs.check(
+                &mut CommandFiles::default(),
+                Some(&SkeletonSettings::default()),
+            )?;
             Ok::<_, Error>(jobs)
         };
         let one = |input: &str, output: &str| checked(&[at(input)], output);

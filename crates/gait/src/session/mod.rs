@@ -5,7 +5,8 @@ mod page;
 mod report;
 mod tables;
 
-use crate::curves::{CENTERS, Curves, is_angle};
+use crate::angles::CENTERS;
+use crate::curves::{Curves, is_angle};
 use crate::cycles::{Cycle, mean_and_sd, resampled};
 use crate::filled::FilledGap;
 use crate::gait_trial::GaitTrial;

@@ -5,9 +5,11 @@ use super::fitted::Fitted;
 use super::landmarks::JointSet;
 use super::marker_sets::{MarkerSet, NamedMarker};
 use super::person::{Calibrated, calibrated};
+use super::plug_in_gait::{BodyCenters, Centers, PlugInGait};
 use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
 use super::unseen_limbs::SeenBones;
+use crate::gait::GivenValues;
 use crate::io::Asf;
 use crate::label::people::named_people;
 use crate::label::unlabeled::is_unlabeled;
@@ -30,6 +32,11 @@ pub struct SolveSettings<'a> {
     pub statics: Option<&'a Poses>,
     /// Whether deviations are asked for.
     pub deviations: bool,
+    /// What is given of the subject by Plug-in Gait's names, as a C3D file has it in its group
+    /// PROCESSING: with it, anatomical joints under Plug-in Gait's markers are at its centers.
+    pub subject: Option<&'a GivenValues>,
+    /// Standard deviation of a coordinate of each point (frames, P), cm: of those that were filled.
+    pub filled: Option<&'a Array2<f64>>,
 }
 
 /// Solves a take of labeled markers, y up.
@@ -95,6 +102,21 @@ pub fn solve(
         None
     };
     let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
+    let mut centers = Centers::Model;
+    if settings.joints == JointSet::Anatomical && MarkerSet::find("pig") == Some(set) {
+        let by_body = BodyCenters {
+            skeleton: &fitted.skeleton,
+            values: &sequence.values,
+            ends: &ends,
+        };
+        let plug_in_gait = PlugInGait {
+            poses,
+            statics: settings.statics,
+            subject: settings.subject,
+            filled: settings.filled,
+        };
+        centers = plug_in_gait.put(&by_body, &mut joints, &mut sd)?;
+    }
     let by_markers = SeenBones {
         bones: body.template.bones(),
         marked: &markers,
@@ -121,6 +143,7 @@ pub fn solve(
             ..template()?
         },
         set: set.name.clone(),
+        centers,
         used,
         of_static,
         left_out: left_out.map(|p| poses.points[p].clone()).collect(),

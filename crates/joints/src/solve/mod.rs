@@ -17,6 +17,7 @@ mod marker_sets;
 mod marker_solver;
 mod page;
 mod person;
+mod plug_in_gait;
 mod solved_take;
 mod tuning;
 mod unseen_limbs;
@@ -29,5 +30,6 @@ pub use marker_sets::MarkerSet;
 #[doc(hidden)]
 pub use marker_solver::doubt;
 pub use marker_solver::{SolveSettings, solve};
+pub use plug_in_gait::Centers;
 pub use solved_take::{SolvedTake, UsedMarker};
 pub use unseen_limbs::UnseenLimb;

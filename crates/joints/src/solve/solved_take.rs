@@ -1,12 +1,17 @@
 //! A take of markers, solved: its joints, its skeleton and what is to be told of it.
 
+use super::landmarks::JointSet;
+use super::plug_in_gait::Centers;
 use super::tuning::{FAR, ODD_PLACE};
 use super::unseen_limbs::UnseenLimb;
 use crate::Result;
-use crate::io::{Asf, Bvh};
+use crate::io::csv::{AddedColumn, After};
+use crate::io::unit_writer::UnitWriter;
+use crate::io::{Asf, Bvh, Output, Table, TableFormat};
 use crate::label::unlabeled::{is_computed, is_unlabeled};
-use crate::pose::Poses;
+use crate::numeric::statistics::median;
 use crate::pose::rotation::Axis;
+use crate::pose::{Poses, Units};
 use glam::DMat3;
 use ndarray::Array2;
 use serde::Serialize;
@@ -26,6 +31,8 @@ pub struct SolvedTake {
     pub values: Array2<f64>,
     /// The name of the marker set.
     pub set: String,
+    /// Whose the joint centers are.
+    pub centers: Centers,
     /// The markers that were used.
     pub used: Vec<UsedMarker>,
     /// Markers of the static take alone, which were used for bones.
@@ -112,6 +119,7 @@ impl SolvedTake {
         if !self.left_out.is_empty() && self.unknown().is_none() {
             lines.push(not_of_set(&self.left_out));
         }
+        lines.extend(self.centers.line());
         lines
     }
 
@@ -128,7 +136,7 @@ impl SolvedTake {
     pub fn report(&self) -> serde_json::Value {
         let bones = self.skeleton.skeleton.bones().iter();
         let lengths = bones.map(|b| (b.name.clone(), json!(b.offset.length())));
-        json!({
+        let mut report = json!({
             "set": self.set,
             "markers": self.used,
             "of_static": self.of_static,
@@ -139,7 +147,56 @@ impl SolvedTake {
             "unsolved": self.unsolved,
             "unsettled": self.unsettled,
             "findings": self.findings(),
+        });
+        if JointSet::of(&self.joints.points) == JointSet::Anatomical {
+            report["centers"] = json!(self.centers.name());
+        }
+        if let Some(sd) = &self.sd {
+            let median = |j: usize| {
+                let known = sd.column(j).into_iter().copied();
+                median(known.filter(|v| v.is_finite()).collect())
+            };
+            let names = self.joints.points.iter().enumerate();
+            let medians = names.map(|(j, name)| (name.clone(), json!(median(j))));
+            report["sd"] = medians.collect::<serde_json::Map<_, _>>().into();
+        }
+        report
+    }
+
+    /// The joints as a pose table (CSV), with columns NAME.sd where there are deviations.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn write_table(&self, output: Output) -> Result<()> {
+        let (units, table) = ([Units::CM_Y; 2], Table::from_poses(self.joints.clone()));
+        let added = self.sd_columns();
+        UnitWriter::new(output, TableFormat::Csv, units, &table.columns, &added)?.write_table(
+            &table,
+            self.joints.xyz.view(),
+            |t| self.sd_cells(t),
+        )
+    }
+
+    /// The columns of deviations in a table of the joints; none without any.
+    #[doc(hidden)]
+    pub fn sd_columns(&self) -> Vec<AddedColumn> {
+        let names = self.joints.points.iter().enumerate();
+        let own = names.map(|(p, n)| AddedColumn::new(format!("{n}.sd"), After::Point(p)));
+        own.filter(|_| self.sd.is_some()).collect()
+    }
+
+    /// The cells of these columns in a frame.
+    #[doc(hidden)]
+    pub fn sd_cells(&self, frame: usize) -> Vec<String> {
+        let row = self.sd.iter().flat_map(|sd| sd.row(frame).to_vec());
+        row.map(|sd| {
+            if sd.is_finite() {
+                format!("{sd:.4}")
+            } else {
+                String::new()
+            }
         })
+        .collect()
     }
 
     /// What somebody should look at, a line each.

@@ -2,7 +2,7 @@
 
 use super::trials::EVENT_HEAD;
 use crate::Result;
-use crate::curves::CENTERS;
+use crate::angles::CENTERS;
 use crate::draw::scene::{Figure, Table};
 use crate::draw::take_page::TakePage;
 use crate::markers::MARKERS;
@@ -78,7 +78,7 @@ impl SessionTrial {
     fn poses(&self) -> (Poses, Vec<(usize, usize)>) {
         let sided = |name: &str| Side::BOTH.map(|side| format!("{}{name}", side.letter()));
         let mut tracks: Vec<(String, &[DVec3])> = Vec::new();
-        for name in CENTERS.iter().flat_map(|name| sided(name)) {
+        for name in CENTERS[..3].iter().flat_map(|name| sided(name)) {
             if let Some(track) = self.gait.curves.get(&name) {
                 tracks.push((name, track));
             }
