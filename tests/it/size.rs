@@ -14,7 +14,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("gait", 4_100),
     ("glb", 1_600),
     ("io", 15_100),
-    ("joints", 8_150),
+    ("joints", 8_400),
     ("label", 4_700),
     ("likeness", 4_550),
     ("models", 10_800),

@@ -41,7 +41,8 @@ pub struct Direction {
 
 impl Direction {
     /// The direction of a trial: from the pelvis' first place to its last.
-    pub(crate) fn of(markers: &Markers) -> Direction {
+    #[doc(hidden)]
+    pub fn of(markers: &Markers) -> Direction {
         let seen = (0..markers.frames()).map(|t| Pelvis::new(&markers.frame(t)));
         let mut seen = seen.filter(|pelvis| pelvis.origin.is_finite()).peekable();
         let first = seen.peek().map_or(DVec3::ZERO, |pelvis| pelvis.origin);
@@ -73,7 +74,9 @@ impl Direction {
         }
     }
 
-    pub(crate) fn axes(&self) -> DMat3 {
+    /// The laboratory's axes along it: forwards, left, up.
+    #[doc(hidden)]
+    pub fn axes(&self) -> DMat3 {
         DMat3::from_cols(self.forward, DVec3::Z.cross(self.forward), DVec3::Z)
     }
 }
@@ -116,33 +119,43 @@ impl Body {
     pub(crate) fn angles(&self, side: Side, lab: DMat3) -> [DVec3; ANGLES.len()] {
         let (leg, arm) = (&self.legs[side as usize], &self.arms[side as usize]);
         let (pelvis, thorax, q) = (self.pelvis.axes, self.thorax.axes, side.sign());
-        let yxz = |parent: DMat3, child: DMat3, angles: &dyn Fn([f64; 3]) -> [f64; 3]| {
-            DVec3::from_array(angles(yxz(parent, child)).map(wrapped))
-        };
+        let lower = lower_angles(lab, [pelvis, leg.thigh, leg.shank, leg.foot], side);
         let [a, b, g] = xyz(thorax, arm.upper_arm);
         let shoulder = [-b, q * a + 180.0, 180.0 - q * g].map(wrapped);
-        // About y, x and z: b, a and g of the literature.
-        [
-            yxz(lab, pelvis, &|[b, a, g]| [b, q * a, -q * g]),
-            yxz(pelvis, leg.thigh, &|[b, a, g]| [-b, -q * a, -q * g]),
-            yxz(leg.thigh, leg.shank, &|[b, a, g]| [b, -q * a, -q * g]),
-            yxz(leg.shank, leg.foot, &|[b, a, g]| {
-                [-b - 90.0, -q * g, -q * a]
-            }),
-            yxz(lab, leg.foot, &|[b, a, g]| [b, q * g, -q * a]),
-            yxz(lab, thorax, &|[b, a, g]| [b + 180.0, -q * a, q * g + 180.0]),
-            yxz(lab, self.head, &|[b, a, g]| [-b, q * a, -q * g]),
-            yxz(thorax, pelvis, &|[b, a, g]| {
+        let upper = [
+            yxz_angles(lab, thorax, &|[b, a, g]| [b + 180.0, -q * a, q * g + 180.0]),
+            yxz_angles(lab, self.head, &|[b, a, g]| [-b, q * a, -q * g]),
+            yxz_angles(thorax, pelvis, &|[b, a, g]| {
                 [b + 180.0, -q * a, 180.0 - q * g]
             }),
-            yxz(self.head, thorax, &|[b, a, g]| {
+            yxz_angles(self.head, thorax, &|[b, a, g]| {
                 [180.0 - b, -q * a, q * g + 180.0]
             }),
             DVec3::from_array(shoulder),
-            yxz(arm.upper_arm, arm.forearm, &|[b, _, _]| [b, 0.0, 0.0]),
-            yxz(arm.forearm, arm.hand, &|[b, a, g]| [b, -q * a, -q * g]),
-        ]
+            yxz_angles(arm.upper_arm, arm.forearm, &|[b, _, _]| [b, 0.0, 0.0]),
+            yxz_angles(arm.forearm, arm.hand, &|[b, a, g]| [b, -q * a, -q * g]),
+        ];
+        std::array::from_fn(|i| if i < 5 { lower[i] } else { upper[i - 5] })
     }
+}
+
+/// The first five of [`ANGLES`] of a side, by the axes of pelvis, thigh, shank and foot, of which
+/// that of the foot's z points backwards and of x up, and those of others forwards, left and up.
+#[doc(hidden)]
+pub fn lower_angles(lab: DMat3, axes: [DMat3; 4], side: Side) -> [DVec3; 5] {
+    let ([pelvis, thigh, shank, foot], q) = (axes, side.sign());
+    [
+        yxz_angles(lab, pelvis, &|[b, a, g]| [b, q * a, -q * g]),
+        yxz_angles(pelvis, thigh, &|[b, a, g]| [-b, -q * a, -q * g]),
+        yxz_angles(thigh, shank, &|[b, a, g]| [b, -q * a, -q * g]),
+        yxz_angles(shank, foot, &|[b, a, g]| [-b - 90.0, -q * g, -q * a]),
+        yxz_angles(lab, foot, &|[b, a, g]| [b, q * g, -q * a]),
+    ]
+}
+
+/// Angles of those about y, x and z: b, a and g of the literature.
+fn yxz_angles(parent: DMat3, child: DMat3, angles: &dyn Fn([f64; 3]) -> [f64; 3]) -> DVec3 {
+    DVec3::from_array(angles(yxz(parent, child)).map(wrapped))
 }
 
 /// What Vicon writes for a foot's progression on the left of a person who walks along +x: other

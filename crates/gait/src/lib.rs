@@ -83,6 +83,8 @@ mod trial;
 mod upper;
 mod values;
 
+#[doc(hidden)]
+pub use angles::lower_angles;
 pub use angles::{ANGLES, Direction};
 pub use centers::JointCenters;
 pub use contradictions::contradictions;

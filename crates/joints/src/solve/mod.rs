@@ -11,6 +11,7 @@ mod body_points;
 mod calibration;
 mod deviations;
 mod fitted;
+mod gait_curves;
 mod landmarks;
 mod learning;
 mod marker_sets;
