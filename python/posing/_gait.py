@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from posing._motion import Page
-from posing._program import call, flags
+from posing._program import DataError, call, flags
 from posing._takes import Floats, StrPath, is_path
 
 
@@ -26,13 +26,14 @@ class Gait:
     trials : dict
         By a trial's name its curves: ``"time"`` in seconds, and by column an array of
         shape (frames,): ``trials["walk"]["LKneeAngles.rx"]``. NaN where it is not known.
+        Degrees; centers in cm, y up; forces N/kg, moments N mm/kg, powers W/kg.
     cycles : dict
         By ``(trial, side, cycle)`` the curves without their side, of shape (101,):
         ``cycles["walk", "left", 1]["KneeAngles.rx"]``. The cycle is a number, ``"mean"``
         or ``"sd"``; with the trial ``""`` those over all trials.
     record : dict
         Parameters, events, values, findings and scores, as ``--json`` prints them:
-        posing-json(5) says the names.
+        posing-json(5) says the names. Trials that could not be read are ``"failed"``.
     page : Page
         The page as text, which a notebook shows.
     notes : list of str
@@ -139,15 +140,22 @@ def gait(
     )
     with tempfile.TemporaryDirectory(prefix="posing-") as temporary:
         folder = Path(output) if output is not None else Path(temporary, "gait")
-        done = call("gait", *given, *flags(output=folder), "--", *files, folder=temporary)
+        line = ["gait", *given, *flags(output=folder), "--", *files]
+        notes: list[str] = []
+        try:
+            notes = call(*line, folder=temporary).notes
+        except DataError as error:  # of several trials some could not be read
+            if len(files) == 1 or not (folder / "gait.json").exists():
+                raise
+            notes = [*error.notes, str(error)]
         record = json.loads((folder / "gait.json").read_text(encoding="utf-8"))
         page = Page((folder / "index.html").read_text(encoding="utf-8"))
-        page.notes = done.notes
+        page.notes = notes
         names = [trial["name"] for trial in record["trials"]]
         return Gait(
             trials={name: _trial(folder / f"{name}.csv") for name in names},
             cycles=_cycles(folder / "cycles.csv"),
             record=record,
             page=page,
-            notes=done.notes,
+            notes=notes,
         )

@@ -127,6 +127,18 @@ fn inputs_and_files_of_others_are_not_replaced() {
         fs::read(folder.join("raw/walk.c3d")).unwrap(),
         b"another capture"
     );
+    fs::create_dir(folder.join("own")).unwrap();
+    for name in ["walk.csv", "index.html", "gait.json"] {
+        fs::write(folder.join("own").join(name), "mine").unwrap();
+        let said = gait(folder, "walk.c3d -o own", 2);
+        assert!(
+            said.contains(name) && said.contains("no earlier run"),
+            "{said}"
+        );
+        fs::remove_file(folder.join("own").join(name)).unwrap();
+    }
+    let said = gait(folder, "walk.c3d --make-norm static.c3d -o out", 2);
+    assert!(said.contains("is no norm of gait"), "{said}");
     fs::create_dir(folder.join("b")).unwrap();
     fs::copy(folder.join("walk.c3d"), folder.join("b/walk.c3d")).unwrap();
     let said = gait(folder, "walk.c3d b/walk.c3d -o out", 2);
@@ -315,4 +327,43 @@ fn gaps_are_filled_in_memory_and_stay_in_the_file() {
     assert_eq!(row[knee], "");
     let page = fs::read_to_string(folder.join("out/index.html")).unwrap();
     assert!(page.contains("hidden.html") && page.contains("@media print"));
+}
+
+#[test]
+fn folders_are_trials_and_other_markers_are_told() {
+    let folder = trials();
+    let folder = folder.path();
+    fs::create_dir(folder.join("all")).unwrap();
+    for name in ["static.c3d", "walk.c3d"] {
+        fs::copy(folder.join(name), folder.join("all").join(name)).unwrap();
+    }
+    assert_eq!(gait(folder, "all --static all/static.c3d -o out", 0), "");
+    assert_eq!(
+        report(&folder.join("out"))["trials"]
+            .as_array()
+            .unwrap()
+            .len(),
+        1
+    );
+    fs::create_dir(folder.join("none")).unwrap();
+    assert!(gait(folder, "none -o x", 1).contains("no C3D files in it"));
+    // Knees and ankles inside and outside instead of wands.
+    let lower = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples/biomechanist");
+    let bytes = fs::read(lower.join("gait.c3d")).unwrap();
+    fs::write(folder.join("other.c3d"), bytes).unwrap();
+    for wand in ["LTHI", "RTHI", "LTIB", "RTIB"] {
+        exchanged(
+            folder,
+            "other.c3d",
+            "other.c3d",
+            [wand, &wand.replace("T", "Q")],
+        );
+    }
+    let said = gait(folder, "other.c3d -o bones", 3);
+    assert!(said.contains("not Plug-in Gait"), "{said}");
+    let told = report(&folder.join("bones"));
+    assert_eq!(told["trials"][0]["model"], "not Plug-in Gait");
+    let knee = &columns(&folder.join("bones/other.csv"))["LKneeAngles.rx"];
+    assert!(knee.iter().copied().fold(f64::NAN, f64::max) > 40.0);
+    assert!(!folder.join("bones/other.c3d").exists());
 }

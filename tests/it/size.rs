@@ -11,7 +11,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),
-    ("gait", 4_100),
+    ("gait", 4_550),
     ("glb", 1_600),
     ("io", 15_100),
     ("joints", 8_400),
@@ -19,7 +19,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("likeness", 4_550),
     ("models", 10_800),
     ("papers", 6_250),
-    ("posing", 12_600),
+    ("posing", 12_700),
     ("restore", 9_400),
     ("score", 2_100),
 ];

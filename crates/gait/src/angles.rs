@@ -81,6 +81,22 @@ impl Direction {
     }
 }
 
+/// A pelvis that turns so much walks a turn, degrees: in a straight walk it turns 15 to either
+/// side.
+pub(crate) const TURN: f64 = 45.0;
+
+/// How far the pelvis turns from where it faces first, at most, degrees.
+pub(crate) fn turn(markers: &Markers) -> f64 {
+    let across = |t: usize| {
+        let [left, right, _] = markers.frame(t).pelvis();
+        (left - right).truncate()
+    };
+    let mut seen = (0..markers.frames()).map(across).filter(|v| v.is_finite());
+    let first = seen.next().unwrap_or_default();
+    let angles = seen.map(|v| v.angle_to(first).abs().to_degrees());
+    angles.filter(|a| a.is_finite()).fold(0.0, f64::max)
+}
+
 /// The segments in a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Body {

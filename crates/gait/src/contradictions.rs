@@ -1,6 +1,7 @@
 //! What of a trial contradicts the rest of it: markers exchanged, parameters of another person,
 //! plates whose forces are no foot's, or another's than the file says.
 
+use crate::angles::Direction;
 use crate::events::{EventKind, of_file};
 use crate::findings::Finding;
 use crate::markers::{Frame, Markers};
@@ -16,13 +17,16 @@ const OTHER_LEG: f64 = 65.0;
 const SAME: f64 = 0.06;
 
 /// What in a trial contradicts itself; nothing of a sound one. The kinds are `markers_exchanged`,
-/// `parameters_differ`, `no_foot` and `wrong_foot`.
+/// `parameters_differ`, `no_foot`, `wrong_foot`, `backwards` and `plate`.
 pub fn contradictions(trial: &Trial) -> Vec<Finding> {
     let mut found = Vec::new();
     for side in Side::BOTH {
         found.extend(exchanged(&trial.markers, side));
         found.extend(other_leg(trial, side));
     }
+    found.extend(sides(&trial.markers));
+    found.extend(backwards(&trial.markers));
+    found.extend(plates(trial));
     for (contact, away) in loads(&trial.plates, &trial.markers, trial.rate) {
         found.extend(wrong_foot(trial, &contact, away));
     }
@@ -52,6 +56,85 @@ fn exchanged(markers: &Markers, side: Side) -> Vec<Finding> {
     let shank = mean(&|[_, kne, tib, ank]| kne.distance(tib) - kne.distance(ank));
     let both = [of("THI", "KNE", thigh), of("TIB", "ANK", shank)];
     both.into_iter().flatten().collect()
+}
+
+/// Knees that are on the other side of the pelvis, and heels that are nearer to the other ankle.
+fn sides(markers: &Markers) -> Vec<Finding> {
+    let mean = |of: &dyn Fn(&Frame) -> f64| mean_length(markers, of).map_or(f64::NAN, |(m, _)| m);
+    let pair = |place: usize, frame: &Frame| Side::BOTH.map(|side| frame.leg(side)[place]);
+    let across = |frame: &Frame| {
+        let ([left, right, _], [l, r]) = (frame.pelvis(), pair(1, frame));
+        (l - r).dot((left - right).normalize())
+    };
+    let heel = |frame: &Frame| {
+        let ([al, ar], [l, r]) = (pair(3, frame), pair(4, frame));
+        l.distance(ar) + r.distance(al) - l.distance(al) - r.distance(ar)
+    };
+    let of = |names: [&str; 2], differs: bool, what: &str| {
+        let points = names.map(String::from).to_vec();
+        let (kind, what) = ("markers_exchanged", what.to_string());
+        differs.then_some(Finding { kind, points, what })
+    };
+    let both = [
+        of(
+            ["LKNE", "RKNE"],
+            mean(&across) < 0.0,
+            "LKNE is to the right of RKNE: the sides of the legs, or LASI and RASI, are exchanged",
+        ),
+        of(
+            ["LHEE", "RHEE"],
+            mean(&heel) < 0.0,
+            "LHEE is nearer to RANK, and RHEE to LANK: the heels are exchanged",
+        ),
+    ];
+    both.into_iter().flatten().collect()
+}
+
+/// A pelvis that faces against the walk, and toes behind their heels.
+fn backwards(markers: &Markers) -> Vec<Finding> {
+    let direction = Direction::of(markers);
+    let mean = |of: &dyn Fn(&Frame) -> f64| mean_length(markers, of).map_or(f64::NAN, |(m, _)| m);
+    let facing = |frame: &Frame| {
+        let [left, right, sacrum] = frame.pelvis();
+        ((left + right) / 2.0 - sacrum)
+            .normalize()
+            .dot(direction.forward)
+    };
+    let finding = |kind, points, what: String| Finding { kind, points, what };
+    let mut found = Vec::new();
+    if !direction.standing && mean(&facing) < 0.0 {
+        let what = "the pelvis faces against the walk: the person walks backwards, or markers of \
+                    the pelvis are exchanged";
+        found.push(finding("backwards", Vec::new(), what.into()));
+    }
+    for side in Side::BOTH {
+        let ahead = |frame: &Frame| {
+            let ([left, right, sacrum], [.., hee, toe]) = (frame.pelvis(), frame.leg(side));
+            (toe - hee).dot((left + right) / 2.0 - sacrum)
+        };
+        if mean(&ahead) < 0.0 {
+            let points = ["HEE", "TOE"].map(|name| format!("{}{name}", side.letter()));
+            let what = format!("{} is behind {}: they are exchanged", points[1], points[0]);
+            found.push(finding("markers_exchanged", points.to_vec(), what));
+        }
+    }
+    found
+}
+
+/// Plates whose forces cannot be those of feet.
+fn plates(trial: &Trial) -> Vec<Finding> {
+    let stands = Direction::of(&trial.markers).standing;
+    let plates = trial.plates.iter().enumerate();
+    let found = plates.filter_map(|(i, plate)| {
+        let what = plate.as_ref()?.fault(stands)?;
+        let what = format!("plate {}: {what}", i + 1);
+        Some(Finding {
+            kind: "plate",
+            points: Vec::new(),
+            what,
+        })
+    });
+    found.collect()
 }
 
 fn other_leg(trial: &Trial, side: Side) -> Option<Finding> {
@@ -139,10 +222,20 @@ mod tests {
         assert_eq!(contradictions(&sound), []);
         sound.given.set("LLegLength", leg + 80.0);
         assert_eq!(contradictions(&sound)[0].kind, "parameters_differ");
-        for pair in [("LTHI", "LKNE"), ("RTIB", "RANK")] {
+        let pairs = [
+            ("LTHI", "LKNE"),
+            ("RTIB", "RANK"),
+            ("LHEE", "RHEE"),
+            ("RHEE", "RTOE"),
+            ("LASI", "RASI"),
+        ];
+        for pair in pairs {
             let found = contradictions(&trial(&[pair]));
-            assert_eq!(found.len(), 1);
-            assert_eq!(found[0].points, [pair.0, pair.1]);
+            let of_pair = found.iter().any(|f| f.points.contains(&pair.0.to_string()));
+            assert!(
+                of_pair || pair.0 == "LASI" && !found.is_empty(),
+                "{pair:?} {found:?}"
+            );
         }
     }
 }

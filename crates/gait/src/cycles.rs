@@ -3,7 +3,7 @@
 use crate::axes::wrapped;
 use crate::events::{Event, EventKind};
 use crate::side::Side;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 /// The points of a cycle: 0 to 100 percent.
@@ -104,34 +104,34 @@ pub fn mean_and_sd(cycles: &[Vec<DVec3>], is_angle: bool) -> [Vec<DVec3>; 2] {
     })
 }
 
-/// Mean and standard deviation of values; those that go around are taken around the first.
+/// Mean and standard deviation of values; those that go around are taken around the direction of
+/// their mean.
 fn statistics(values: &[f64], goes_around: bool) -> [f64; 2] {
-    let Some(&first) = values.first() else {
+    if values.is_empty() {
         return [f64::NAN; 2];
-    };
-    let apart = |v: f64| {
-        if goes_around {
-            wrapped(v - first)
-        } else {
-            v - first
-        }
+    }
+    let turned = |v: f64| DVec2::from_angle(v.to_radians());
+    let center = values
+        .iter()
+        .map(|v| turned(*v))
+        .sum::<DVec2>()
+        .to_angle()
+        .to_degrees();
+    let (center, apart): (f64, &dyn Fn(f64) -> f64) = if goes_around {
+        (center, &|v| wrapped(v - center))
+    } else {
+        (0.0, &|v| v)
     };
     let count = values.len() as f64;
     let mean = values.iter().map(|v| apart(*v)).sum::<f64>() / count;
     let spread: f64 = values.iter().map(|v| (apart(*v) - mean).powi(2)).sum();
-    let sd = if count > 1.0 {
-        (spread / (count - 1.0)).sqrt()
+    let sd = (spread / (count - 1.0)).sqrt();
+    let mean = if goes_around {
+        wrapped(center + mean)
     } else {
-        f64::NAN
+        mean
     };
-    [
-        if goes_around {
-            wrapped(first + mean)
-        } else {
-            first + mean
-        },
-        sd,
-    ]
+    [mean, if count > 1.0 { sd } else { f64::NAN }]
 }
 
 fn mapped(v: DVec3, f: impl Fn(f64) -> f64) -> DVec3 {

@@ -2,22 +2,9 @@
 
 use crate::markers::MARKERS;
 use crate::pose::{Poses, point_at};
-use crate::trial::Trial;
+use crate::trial::{FilledGap, Trial};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
-use serde::Serialize;
-
-/// A gap of a marker, within its span.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FilledGap {
-    /// The marker.
-    pub marker: &'static str,
-    /// Its first frame and the one behind its last, counted from 0.
-    pub frames: [usize; 2],
-    /// The standard deviation of the filled positions along an axis, root mean square, mm; `None`
-    /// where the gap was left.
-    pub sd_mm: Option<f64>,
-}
 
 impl Trial {
     /// Whether a marker is missing between its first and its last position.
@@ -38,10 +25,9 @@ impl Trial {
         restored: &Poses,
         sd: ArrayView2<'_, f64>,
         most: f64,
-    ) -> (Trial, Array2<f64>, Vec<FilledGap>) {
+    ) -> (Trial, Array2<f64>) {
         let mut trial = self.clone();
         let mut deviations = Array2::zeros((self.markers.frames(), MARKERS.len()));
-        let mut gaps = Vec::new();
         for (m, marker) in MARKERS.into_iter().enumerate() {
             let Some(track) = trial.markers.track_mut(m) else {
                 continue;
@@ -61,14 +47,20 @@ impl Trial {
                 }
                 let square =
                     |all: Vec<(DVec3, f64)>| all.iter().map(|(_, sd)| sd * sd).sum::<f64>();
-                gaps.push(FilledGap {
+                let largest = whole
+                    .iter()
+                    .flatten()
+                    .map(|(_, sd)| *sd)
+                    .fold(0.0, f64::max);
+                trial.gaps.push(FilledGap {
+                    largest_mm: largest,
                     marker,
                     frames: [start, end],
                     sd_mm: whole.map(|all| (square(all) / (end - start) as f64).sqrt()),
                 });
             }
         }
-        (trial, deviations, gaps)
+        (trial, deviations)
     }
 }
 
@@ -96,14 +88,14 @@ mod tests {
             ..Poses::default()
         };
         let sd = Array2::from_shape_fn((8, 1), |(t, _)| if t == 5 { 9.0 } else { 0.1 });
-        let (filled, deviations, gaps) = trial.filled(&restored, sd.view(), 5.0);
+        let (filled, deviations) = trial.filled(&restored, sd.view(), 5.0);
         let own = filled.markers.get("LKNE").unwrap();
         assert!(own[0].is_nan() && own[5].is_nan() && own[7].is_nan());
         assert_eq!(own[1..5], [at(1.0), at(20.0), at(30.0), at(4.0)]);
         let knee = MARKERS.iter().position(|m| *m == "LKNE").unwrap();
         assert_eq!(deviations.column(knee).sum(), 2.0);
         assert_eq!(
-            gaps.iter().map(|g| g.sd_mm).collect::<Vec<_>>(),
+            filled.gaps.iter().map(|g| g.sd_mm).collect::<Vec<_>>(),
             [Some(1.0), None]
         );
         restored.points[0] = "RKNE".into();

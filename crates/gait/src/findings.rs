@@ -1,10 +1,9 @@
 //! What is estimated, missing or unsure in a trial.
 
-use crate::angles::Direction;
-use crate::events::{Event, EventKind, of_file};
-use crate::filled::FilledGap;
+use crate::angles::{Direction, TURN};
+use crate::events::{Event, EventChoice, EventKind, of_file};
 use crate::markers::{Frame, MARKERS, Markers};
-use crate::parameters::{Parameters, Source, mean_length};
+use crate::parameters::{GivenValues, Parameters, Source, mean_length, plausible_range};
 use crate::plates::Contact;
 use crate::side::Side;
 use crate::statics::{OFFSETS, StaticOffsets};
@@ -13,8 +12,10 @@ use serde::Serialize;
 
 /// A static trial whose shank is longer or shorter by more is of another person, mm.
 const OTHER_SHANK: f64 = 15.0;
-/// A filled marker that is less sure moves angles by degrees, mm.
-const UNSURE: f64 = 10.0;
+/// A filled marker that is less sure in a frame moves angles by degrees, mm.
+const UNSURE: f64 = 6.0;
+/// A heel that goes further makes steps, mm.
+const STEP: f64 = 300.0;
 /// Static offsets further from those stored do not fit, radians.
 const OTHER_OFFSET: f64 = 0.035;
 
@@ -22,8 +23,9 @@ const OTHER_OFFSET: f64 = 0.035;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// `marker_missing`, `marker_at_zero`, `gap_left`, `gap_unsure`, `estimated`, `default`,
-    /// `no_mass`, `static_differs`, `two_feet`, `plate_unread`, `no_events`, `event_alone`, or
-    /// one of [`contradictions`](crate::contradictions).
+    /// `parameter_odd`, `parameter_unused`, `no_mass`, `static_differs`, `turns`, `other_model`,
+    /// `two_feet`, `plate_unread`, `no_events`, `event_alone`, or one of
+    /// [`contradictions`](crate::contradictions).
     pub kind: &'static str,
     /// The markers or parameters it is about.
     pub points: Vec<String>,
@@ -68,8 +70,8 @@ impl Findings {
     }
 
     /// Gaps that were left, or filled by positions that are not sure.
-    pub(crate) fn of_gaps(&mut self, trial: &Trial, gaps: &[FilledGap]) {
-        for gap in gaps {
+    pub(crate) fn of_gaps(&mut self, trial: &Trial) {
+        for gap in &trial.gaps {
             let [from, to] = [gap.frames[0], gap.frames[1] - 1].map(|t| trial.time(t));
             let place = format!("{} is missing from {from:.2} to {to:.2} s", gap.marker);
             let points = vec![gap.marker.to_string()];
@@ -78,8 +80,8 @@ impl Findings {
                     let what = format!("{place}: not filled, what needs it is empty");
                     self.add("gap_left", points, what);
                 }
-                Some(sd) if sd > UNSURE => {
-                    let what = format!("{place}: filled, +- {sd:.0} mm");
+                Some(_) if gap.largest_mm > UNSURE => {
+                    let what = format!("{place}: filled, +- {:.0} mm", gap.largest_mm);
                     self.add("gap_unsure", points, what);
                 }
                 Some(_) => {}
@@ -88,7 +90,27 @@ impl Findings {
     }
 
     /// Which parameters nobody gave.
-    pub(crate) fn of_parameters(&mut self, parameters: &Parameters) {
+    pub(crate) fn of_parameters(&mut self, parameters: &Parameters, given: &GivenValues) {
+        for (name, parameter) in &parameters.0 {
+            let range = plausible_range(name).unwrap_or([f64::MIN, f64::MAX]);
+            if !(range[0]..=range[1]).contains(&parameter.value) {
+                let what = format!(
+                    "{name} is {:.4} {}: nobody has that, perhaps it is in another unit",
+                    parameter.value, parameter.unit
+                );
+                self.add("parameter_odd", vec![name.clone()], what);
+            }
+            let own = given
+                .get(name)
+                .filter(|own| (own - parameter.value).abs() > 1e-6);
+            if let Some(own) = own.filter(|_| parameter.source == Source::Trial) {
+                let what = format!(
+                    "{name} {own} is not used: the trial stores {}",
+                    parameter.value
+                );
+                self.add("parameter_unused", vec![name.clone()], what);
+            }
+        }
         let of = |source: Source, words: &[&str]| -> Vec<String> {
             let own = parameters.of_source(source);
             own.filter(|name| words.iter().any(|w| name.contains(w)))
@@ -120,7 +142,7 @@ impl Findings {
         }
         let offsets = of(Source::Default, &OFFSETS);
         if !offsets.is_empty() {
-            let what = "no static offsets of the feet and no static trial: ankle angles and foot \
+            let what = "no static offsets of the feet, stored or measured: ankle angles and foot \
                         progression are those of the markers' lines";
             self.add("default", offsets, what.into());
         }
@@ -138,7 +160,12 @@ impl Findings {
             let pair = trial.given.get(name).zip(other.given.get(name));
             pair.is_some_and(|(a, b)| (a - b).abs() > 1.0)
         };
+        let mut offsets = Vec::new();
         let mut unlike: Vec<String> = names.into_iter().flatten().filter(differs).collect();
+        if !Direction::of(&other.markers).standing {
+            let what = "the static trial walks: offsets of feet and head are those of its mean";
+            self.add("static_differs", Vec::new(), what.into());
+        }
         for side in Side::BOTH {
             let shank = |markers: &Markers| {
                 let length = |frame: &Frame| {
@@ -156,10 +183,19 @@ impl Findings {
                 let stored = trial.given.get(&name).filter(|v| v.abs() <= 1.0);
                 let own = measured.feet[side as usize][i];
                 if stored.is_some_and(|v| (v - own).abs() > OTHER_OFFSET) {
-                    unlike.push(name);
+                    offsets.push(name);
                 }
             }
         }
+        if unlike.is_empty() && !offsets.is_empty() {
+            let what = format!(
+                "{} other in the static trial than what the trial stores, which is used",
+                joined(&offsets)
+            );
+            self.add("static_differs", offsets, what);
+            return;
+        }
+        unlike.extend(offsets);
         if !unlike.is_empty() {
             let what = format!(
                 "the static trial does not fit, perhaps it is of another person or day: {} in it",
@@ -194,11 +230,40 @@ impl Findings {
         }
     }
 
+    /// Angles of another model.
+    pub(crate) fn of_other_model(&mut self) {
+        let what = "not Plug-in Gait: the trial has not its markers, angles are those between the \
+                    bones that solve finds, and there are no forces and moments";
+        self.add("other_model", Vec::new(), what.into());
+    }
+
+    /// A walk that turns.
+    pub(crate) fn of_turn(&mut self, degrees: f64, direction: Direction) {
+        if degrees > TURN && !direction.standing {
+            let what = format!(
+                "the person turns by {degrees:.0} degrees: angles of pelvis and feet, step width \
+                 and ground reaction are in the laboratory's axes; scores and norms leave the \
+                 trial out"
+            );
+            self.add("turns", Vec::new(), what);
+        }
+    }
+
     /// No events, and the file's own that none of ours is near to.
-    pub(crate) fn of_events(&mut self, trial: &Trial, events: &[Event], direction: Direction) {
-        if events.is_empty() && !direction.standing {
-            let what = "no strikes and offs, so no cycles: feet or pelvis lack markers, or the \
-                        rate is below 40 Hz";
+    pub(crate) fn of_events(
+        &mut self,
+        trial: &Trial,
+        events: &[Event],
+        choice: EventChoice,
+        direction: Direction,
+    ) {
+        if events.is_empty() && choice == EventChoice::File {
+            let what = "the file stores no strikes and offs of feet, so there are no cycles";
+            self.add("no_events", Vec::new(), what.into());
+        } else if events.is_empty() && (!direction.standing || feet_move(&trial.markers)) {
+            let what = "no strikes and offs are found, so there are no cycles: by plates no foot \
+                        is alone on one; by markers feet or pelvis lack markers, the rate is \
+                        below 40 Hz, or the person walks in place";
             self.add("no_events", Vec::new(), what.into());
         }
         for own in of_file(&trial.file_events) {
@@ -220,6 +285,20 @@ impl Findings {
             }
         }
     }
+}
+
+/// Whether a heel goes to and fro, as on a treadmill.
+fn feet_move(markers: &Markers) -> bool {
+    let goes = |name: &str| {
+        let track = markers.get(name).unwrap_or_default().iter();
+        let seen: Vec<_> = track
+            .filter(|p| p.is_finite())
+            .map(|p| p.truncate())
+            .collect();
+        let first = seen.first().copied().unwrap_or_default();
+        seen.iter().any(|p| p.distance(first) > STEP)
+    };
+    goes("LHEE") || goes("RHEE")
 }
 
 /// `A is`, or `A, B are`.

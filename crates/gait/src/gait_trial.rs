@@ -1,12 +1,11 @@
 //! A trial computed: curves, events, cycles and values.
 
-use crate::angles::{ANGLES, Body, CENTERS, Direction};
+use crate::angles::{ANGLES, Body, CENTERS, Direction, TURN, turn};
 use crate::contradictions::contradictions;
 use crate::curves::{Curves, is_angle, kinematics};
 use crate::cycles::{Cycle, cycles, resampled};
 use crate::deviations::deviations;
 use crate::events::{Event, EventChoice, events};
-use crate::filled::FilledGap;
 use crate::findings::{Finding, Findings};
 use crate::loads::Loads;
 use crate::markers::MARKERS;
@@ -38,8 +37,12 @@ pub struct GaitSettings {
 /// What is computed of a trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GaitTrial {
+    /// `Plug-in Gait`, or the words by which a model is told apart from it.
+    pub model: &'static str,
     /// Where the person walks.
     pub direction: Direction,
+    /// How far the pelvis turns from where it faces first, at most, degrees.
+    pub turn_deg: f64,
     /// The subject's parameters with their sources.
     pub parameters: Parameters,
     /// The curves.
@@ -64,62 +67,100 @@ impl GaitTrial {
         statics: Option<&Trial>,
         settings: &GaitSettings,
     ) -> Result<GaitTrial> {
+        check_rate(trial)?;
         let markers = &trial.markers;
         let has_pelvis = |t: usize| markers.frame(t).pelvis().iter().all(|p| p.is_finite());
-        if !(trial.rate > 0.0 && trial.rate.is_finite() && (0..markers.frames()).any(has_pelvis)) {
-            let what = "has no frame with LASI, RASI and SACR (or LPSI and RPSI), or no rate";
+        if !(0..markers.frames()).any(has_pelvis) {
+            let what = "has no frame with LASI, RASI and SACR (or LPSI and RPSI)";
             return Err(Error::unfit(what));
         }
         let mut findings = Findings::default();
         findings.of_markers(markers);
+        findings.of_gaps(trial);
         let parameters = parameters(trial, statics, settings, &mut findings);
-        findings.of_parameters(&parameters);
+        findings.of_parameters(&parameters, &settings.given);
         let subject = parameters.subject();
         let bodies: Vec<Body> = (0..markers.frames())
             .map(|t| Body::new(&markers.frame(t), &subject))
             .collect();
         let direction = Direction::of(markers);
-        let mut curves = kinematics(&bodies, direction, settings.vicon_quirks);
-        let contacts = contacts(&trial.plates, markers, trial.rate);
-        findings.of_plates(trial, &contacts);
-        let alone: Vec<Contact> = contacts.iter().filter(|c| !c.of_two).copied().collect();
-        let times = (subject.mean_leg(), trial.rate, trial.first());
-        let events = events(settings.events, markers, &alone, &trial.file_events, times);
-        findings.of_events(trial, &events, direction);
-        findings.0.extend(contradictions(trial));
+        let curves = kinematics(&bodies, direction, settings.vicon_quirks);
+        let mut gait = GaitTrial::with_curves(trial, settings, parameters, curves, findings);
         if subject.mass.is_finite() && !trial.plates.is_empty() {
             for side in Side::BOTH {
                 let loads = Loads {
                     side,
-                    contacts: &contacts,
-                    events: &events,
+                    contacts: &gait.contacts,
+                    events: &gait.events,
                 };
-                loads.add_kinetics(&mut curves, trial, &bodies, &subject);
+                loads.add_kinetics(&mut gait.curves, trial, &bodies, &subject);
             }
         }
+        Ok(gait)
+    }
+
+    /// A trial whose curves another model computed: `trial` has markers near Plug-in Gait's, for
+    /// events and distances. It has no forces and moments, and a finding says that it is not
+    /// Plug-in Gait.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: the trial has no frames or no rate.
+    pub fn of_other_model(
+        trial: &Trial,
+        curves: Curves,
+        settings: &GaitSettings,
+    ) -> Result<GaitTrial> {
+        check_rate(trial)?;
+        let mut findings = Findings::default();
+        findings.of_other_model();
+        let parameters = parameters(trial, None, settings, &mut findings);
+        let mut gait = GaitTrial::with_curves(trial, settings, parameters, curves, findings);
+        gait.model = "not Plug-in Gait";
+        Ok(gait)
+    }
+
+    /// Contacts, events and cycles beside curves.
+    fn with_curves(
+        trial: &Trial,
+        settings: &GaitSettings,
+        parameters: Parameters,
+        curves: Curves,
+        mut findings: Findings,
+    ) -> GaitTrial {
+        let markers = &trial.markers;
+        let direction = Direction::of(markers);
+        let contacts = contacts(&trial.plates, markers, trial.rate);
+        findings.of_plates(trial, &contacts);
+        let alone: Vec<Contact> = contacts.iter().filter(|c| !c.of_two).copied().collect();
+        let legs = parameters.subject().mean_leg();
+        let times = (legs, trial.rate, trial.first());
+        let events = events(settings.events, markers, &alone, &trial.file_events, times);
+        findings.of_events(trial, &events, settings.events, direction);
+        let turn_deg = turn(markers);
+        findings.of_turn(turn_deg, direction);
+        findings.0.extend(contradictions(trial));
         let last = trial.time(markers.frames() - 1);
         let with_values = |cycle: Cycle| {
             let values = values(&cycle, &events, markers, trial.rate, trial.first());
             (cycle, values)
         };
         let cycles = cycles(&events, trial.first(), last).into_iter();
-        let cycles = cycles.map(with_values).collect();
-        Ok(GaitTrial {
-            cycles,
+        GaitTrial {
+            model: "Plug-in Gait",
+            cycles: cycles.map(with_values).collect(),
             direction,
+            turn_deg,
             parameters,
             curves,
             contacts,
             events,
             findings: findings.0,
-        })
+        }
     }
 
-    /// Adds what is to be known of gaps: those that were left, and those that are not sure.
-    pub fn add_gaps(&mut self, trial: &Trial, gaps: &[FilledGap]) {
-        let mut findings = Findings(std::mem::take(&mut self.findings));
-        findings.of_gaps(trial, gaps);
-        self.findings = findings.0;
+    /// Whether the person turns so much that what is told in the laboratory's axes changes with it.
+    pub fn turns(&self) -> bool {
+        self.turn_deg > TURN
     }
 
     /// A curve of a cycle's side in that cycle, 101 points; `name` is without the side
@@ -161,6 +202,13 @@ impl GaitTrial {
         let known = all.filter(|(_, _, name)| self.curves.contains_key(name));
         Ok(known.map(|(side, i, name)| (name, of(side, i))).collect())
     }
+}
+
+fn check_rate(trial: &Trial) -> Result<()> {
+    if trial.rate > 0.0 && trial.rate.is_finite() && trial.markers.frames() > 0 {
+        return Ok(());
+    }
+    Err(Error::unfit("has no frames, or no rate"))
 }
 
 /// The parameters, those of the static trial's markers too.

@@ -87,19 +87,21 @@ mod values;
 pub use angles::lower_angles;
 pub use angles::{ANGLES, Direction};
 pub use centers::JointCenters;
+#[doc(hidden)]
 pub use contradictions::contradictions;
-pub use curves::{Curves, is_angle};
-pub use cycles::{Cycle, POINTS, mean_and_sd, resampled};
+pub use curves::Curves;
+#[doc(hidden)]
+pub use curves::is_angle;
+pub use cycles::{Cycle, POINTS};
 pub use events::{Event, EventChoice, EventKind, EventSource};
-pub use filled::FilledGap;
 pub use findings::Finding;
 pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};
-pub use parameters::{GivenValues, PARAMETERS, Parameter, Parameters, Source};
+pub use parameters::{GivenValues, PARAMETERS, Parameter, Parameters, Source, plausible_range};
 pub use plates::{Contact, Plate};
-pub use session::{Series, Session, SessionTrial, Spread, axes};
+pub use session::{Session, SessionTrial, Spread};
 pub use side::Side;
 pub use statics::FlatFoot;
-pub use trial::Trial;
-pub use values::{CycleValues, range, symmetry};
+pub use trial::{FilledGap, Trial};
+pub use values::CycleValues;

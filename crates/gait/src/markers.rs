@@ -58,6 +58,14 @@ impl Markers {
         Markers::of_tracks(frames, tracks)
     }
 
+    /// Whether these are the markers of Plug-in Gait's pelvis, and of a thigh or a shank.
+    pub fn are_plug_in_gait(&self) -> bool {
+        let has = |names: &[&str]| names.iter().all(|name| self.get(name).is_some());
+        let sacrum = has(&["SACR"]) || has(&["LPSI", "RPSI"]);
+        let wands = ["LTHI", "LTIB", "RTHI", "RTIB"];
+        has(&["LASI", "RASI"]) && sacrum && wands.iter().any(|wand| has(&[*wand]))
+    }
+
     /// The markers as poses, in centimeters with y up, with a time a frame in seconds; empty (NaN)
     /// where one is missing.
     pub fn to_poses(&self, times: Vec<f64>) -> Poses {

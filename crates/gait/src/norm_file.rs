@@ -59,15 +59,24 @@ impl Norm {
         let bad = |what: String| Error::data(Place::file(name), what);
         let file: NormFile =
             serde_json::from_slice(text).map_err(|e| bad(format!("is no norm of gait ({e})")))?;
-        if file.kind != KIND {
+        if file.kind != KIND || file.cycles == 0 {
             return Err(bad("is no norm of gait".into()));
         }
         let of = |k: usize| {
             let own = file.angles.get(GVS[k].0).into_iter();
             let mut own = own.flat_map(|angle| [&angle.mean_deg, &angle.sd_deg]);
             let mut next = || own.next().filter(|v| v.len() == POINTS).cloned();
-            let wrong = || bad(format!("has not {POINTS} numbers of {}", GVS[k].0));
-            Ok([next().ok_or_else(wrong)?, next().ok_or_else(wrong)?])
+            let wrong = || {
+                let what = format!(
+                    "expected {POINTS} means and deviations of {} in degrees",
+                    GVS[k].0
+                );
+                bad(what)
+            };
+            let both = [next().ok_or_else(wrong)?, next().ok_or_else(wrong)?];
+            let is_angle = both[0].iter().all(|v| v.abs() <= 180.0);
+            let is_spread = both[1].iter().all(|v| (0.0..=180.0).contains(v));
+            (is_angle && is_spread).then_some(both).ok_or_else(wrong)
         };
         let all: Vec<[Vec<f64>; 2]> = (0..GVS.len()).map(of).collect::<Result<_>>()?;
         let part = |i: usize| std::array::from_fn(|k| all[k][i].clone());

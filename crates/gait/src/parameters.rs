@@ -92,25 +92,46 @@ pub(crate) struct Given<'a> {
     pub markers: &'a Markers,
 }
 
-/// The parameters by name, those of a side without its L or R.
-pub const PARAMETERS: [&str; 16] = [
-    "MarkerDiameter",
-    "Bodymass",
-    "HeadOffset",
-    "InterAsisDistance",
-    "LegLength",
-    "KneeWidth",
-    "AnkleWidth",
-    "AsisTrocanterDistance",
-    "StaticPlantFlex",
-    "StaticRotOff",
-    "ThighRotation",
-    "ShankRotation",
-    "ShoulderOffset",
-    "ElbowWidth",
-    "WristWidth",
-    "HandThickness",
+/// The parameters by name, those of a side without its L or R, and what values people have: mm, kg,
+/// radians.
+pub const PARAMETERS: [(&str, [f64; 2]); 16] = [
+    ("MarkerDiameter", [1.0, 60.0]),
+    ("Bodymass", [2.0, 400.0]),
+    ("HeadOffset", [-1.6, 1.6]),
+    ("InterAsisDistance", [50.0, 500.0]),
+    ("LegLength", [200.0, 1500.0]),
+    ("KneeWidth", [30.0, 250.0]),
+    ("AnkleWidth", [20.0, 200.0]),
+    ("AsisTrocanterDistance", [-60.0, 250.0]),
+    ("StaticPlantFlex", [-1.6, 1.6]),
+    ("StaticRotOff", [-1.6, 1.6]),
+    ("ThighRotation", [-1.6, 1.6]),
+    ("ShankRotation", [-1.6, 1.6]),
+    ("ShoulderOffset", [5.0, 200.0]),
+    ("ElbowWidth", [20.0, 200.0]),
+    ("WristWidth", [10.0, 150.0]),
+    ("HandThickness", [5.0, 100.0]),
 ];
+
+/// The values of a parameter that people have, by its name with or without its side; `None` of a
+/// name that the model does not know.
+pub fn plausible_range(name: &str) -> Option<[f64; 2]> {
+    let name = plain(name);
+    let is_it = |known: &str| {
+        let known = plain(known);
+        let is_sided = ![
+            "MARKERDIAMETER",
+            "BODYMASS",
+            "HEADOFFSET",
+            "INTERASISDISTANCE",
+        ]
+        .contains(&known.as_str());
+        name == known || is_sided && name.strip_prefix(['L', 'R']) == Some(&known)
+    };
+    let found = PARAMETERS.iter().find(|(known, _)| is_it(known));
+    found.map(|(_, range)| *range)
+}
+
 /// Parameters of a side that no marker tells, without which its arm has no axes.
 const ARM: [&str; 4] = [
     "ShoulderOffset",

@@ -14,6 +14,8 @@ const LEAST_PEAK: f64 = 80.0;
 const LONGEST: f64 = 1.0;
 /// A foot further from the center of pressure is not on the plate, millimeters.
 const FARTHEST: f64 = 400.0;
+/// A person's feet push with less, N.
+const HEAVIEST: f64 = 20_000.0;
 /// Vicon shows the forces of frames whose mean is above this, N (it lies between 3.9 and 4.7).
 const SHOWN: f64 = 4.3;
 
@@ -100,6 +102,21 @@ impl Plate {
         let first = usize::from(!self.force.is_empty() && is_on(0));
         let pairs = steps.get(first..).unwrap_or_default().chunks_exact(2);
         pairs.map(|pair| [pair[0], pair[1]]).collect()
+    }
+
+    /// Why its forces cannot be those of feet; `None` of a sound one.
+    /// Somebody who stands may load it all the time.
+    pub(crate) fn fault(&self, stands: bool) -> Option<&'static str> {
+        let up = self.force.iter().map(|f| f.z);
+        if up.clone().any(|f| !f.is_finite() || f.abs() > HEAVIEST) {
+            return Some("it has samples that are no forces of a person");
+        }
+        if !stands && !self.force.is_empty() && up.clone().all(|f| f.abs() > ON) {
+            return Some("it is never free of load: it was not zeroed, and tells nothing");
+        }
+        let loaded = up.filter(|f| f.abs() > LEAST_PEAK);
+        let sum: f64 = loaded.sum();
+        (sum < 0.0).then_some("its forces point into the floor: their sign is the other way")
     }
 
     /// The time at which the force is [`ON`] after a sample, in samples: on the line to the next.

@@ -22,6 +22,22 @@ pub struct Trial {
     pub given: GivenValues,
     /// The events that are stored with the trial.
     pub file_events: Vec<FileEvent>,
+    /// The gaps of its markers that were filled or left: [`Trial::filled`].
+    pub gaps: Vec<FilledGap>,
+}
+
+/// A gap of a marker, within its span.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FilledGap {
+    /// The marker.
+    pub marker: &'static str,
+    /// Its first frame and the one behind its last, counted from 0.
+    pub frames: [usize; 2],
+    /// The standard deviation of the filled positions along an axis, root mean square, mm; `None`
+    /// where the gap was left.
+    pub sd_mm: Option<f64>,
+    /// The largest of these deviations, mm; 0 where the gap was left.
+    pub largest_mm: f64,
 }
 
 impl Trial {
@@ -34,6 +50,7 @@ impl Trial {
             plates: Vec::new(),
             given: GivenValues::default(),
             file_events: Vec::new(),
+            gaps: Vec::new(),
         }
     }
 

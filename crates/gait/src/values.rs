@@ -1,5 +1,6 @@
 //! Spatio-temporal values of a cycle, as Vicon's ANALYSIS has them, and how alike both sides are.
 
+use crate::axes::wrapped;
 use crate::cycles::{Cycle, at_time};
 use crate::events::{Event, EventKind};
 use crate::markers::Markers;
@@ -83,13 +84,24 @@ pub fn symmetry(left: f64, right: f64) -> f64 {
     100.0 * (left - right).abs() / (0.5 * (left.abs() + right.abs()))
 }
 
-/// The ranges of a curve's x, y and z within a cycle; NaN where it is empty at a point.
+/// The ranges of an angle's x, y and z within a cycle, degrees, each on from the value before, so
+/// that 180 and -180 are one; NaN where it is empty at a point.
 pub fn range(cycle: &[DVec3]) -> DVec3 {
-    let whole = cycle.iter().all(|v| v.is_finite());
-    let most = cycle.iter().copied().reduce(DVec3::max);
-    let least = cycle.iter().copied().reduce(DVec3::min);
-    let range = most.zip(least).filter(|_| whole);
-    range.map_or(DVec3::NAN, |(most, least)| most - least)
+    let Some(&first) = cycle.first() else {
+        return DVec3::NAN;
+    };
+    let (mut at, mut most, mut least) = (first, first, first);
+    for pair in cycle.windows(2) {
+        let step = pair[1] - pair[0];
+        at += DVec3::from_array(step.to_array().map(wrapped));
+        (most, least) = (most.max(at), least.min(at));
+    }
+    // The minimum and the maximum of a missing value are those of the others.
+    if at.is_nan() {
+        DVec3::NAN
+    } else {
+        most - least
+    }
 }
 
 #[cfg(test)]
@@ -136,5 +148,7 @@ mod tests {
         assert_eq!(symmetry(1.0, 3.0), 100.0);
         assert!(range(&[DVec3::ONE, DVec3::NAN]).is_nan());
         assert_eq!(range(&[DVec3::ONE, -DVec3::ONE]), DVec3::splat(2.0));
+        let around = [179.0, -179.0, 178.0].map(DVec3::splat);
+        assert_eq!(range(&around), DVec3::splat(3.0));
     }
 }

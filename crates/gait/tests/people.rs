@@ -574,7 +574,6 @@ fn a_session_s_page_shows_all_trials_and_stays_small() {
             trial,
             gait,
             deviations: None,
-            gaps: Vec::new(),
         }
     };
     let walks = ["Straight", "Turn"].map(of);

@@ -2,11 +2,11 @@
 
 use clap::Parser;
 use ndarray::Array2;
-use posing::cli::args::parse_positive;
+use posing::cli::args::{parse_if, parse_positive};
 use posing::cli::choice::choice;
 use posing::cli::input::open;
 use posing::cli::json_report::JsonArgs;
-use posing::cli::paths::{OutputPath, check_written};
+use posing::cli::paths::{OutputPath, check_read, check_written};
 use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
@@ -14,14 +14,17 @@ use posing::cli::{Outcome, messages};
 use posing::draw::href::encoded;
 use posing::draw::take_page::is_take_page;
 use posing::gait::{
-    EventChoice, FilledGap, FlatFoot, GaitSettings, GaitTrial, Norm, PARAMETERS, Session,
-    SessionTrial, Trial,
+    EventChoice, FilledGap, Finding, FlatFoot, GaitSettings, GaitTrial, MARKERS, Norm, PARAMETERS,
+    Session, SessionTrial, Trial, plausible_range,
 };
 use posing::io::motion_file::ReadRules;
-use posing::io::{C3d, MotionFormat, Table};
+use posing::io::motion_folder::MotionFolder;
+use posing::io::{MotionFile, Table};
+use posing::pose::Status;
 use posing::restore::{Complete, Restorer};
+use posing::solve::{MarkerSet, SolveSettings, solve};
 use posing::{Error, Place, Result};
-use serde_json::json;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A filled position that is less sure is left empty, cm: as clean does.
@@ -32,15 +35,23 @@ const LARGEST_NORM: u64 = 1 << 24;
 /// Compute gait from a lab's trials: angles, moments, events, values and a page
 ///
 /// Reads C3D trials with the markers of Plug-in Gait and computes its joint centers and angles,
-/// with force plates also forces, moments and powers; strikes and offs of the feet; cycles, and
-/// what is told of each. Writes tables, C3D files and a page, index.html, into DIR. Subject
-/// parameters are those stored in the trial, else of --parameter, else of the static trial, else
-/// estimated from markers, which costs 2 degrees of hip and knee abduction. Gaps within a marker's
-/// span are filled in memory; what a file stores as angles and moments is not used. Exit code 3:
-/// something is estimated, missing or unsure; 1: a file could not be read, the others are computed
-/// all the same.
+/// with force plates also forces, moments and powers; strikes and offs of the feet; cycles and
+/// their values. Writes tables, C3D files and a page, index.html, into DIR. Subject parameters are
+/// those stored in the trial, else of --parameter, else of the static trial, else estimated from
+/// markers, which costs 2 degrees of hip and knee abduction. Gaps within a marker's span are filled
+/// in memory; angles and moments that a file stores are not used. Trials of other marker sets get
+/// angles between the bones that solve finds, which are not Plug-in Gait's. Exit code 3: something
+/// is estimated, missing or unsure; 1: a file could not be read, the others are computed all the
+/// same.
 ///
-/// Knees and hips differ from those of solve, which has no Plug-in Gait.
+/// Columns of NAME.csv, a row a frame, time 0 at the file's frame 1: LHJC, LKJC, LAJC .x .y .z, the
+/// centers of hip, knee and ankle, cm, y up. LKneeAngles .rx .ry .rz and so on, degrees, with the
+/// signs of Plug-in Gait: flexion, adduction or varus, internal rotation. LGroundReactionForce .fx
+/// .fy .fz, N/kg in the file's axes; LKneeForce, N/kg, and LKneeMoment .mx .my .mz, N mm/kg, in the
+/// axes of the distal segment; LKneePower .p, W/kg. R as L. Forces and moments are empty where a
+/// foot is on the floor beside the plates. cycles.csv has the same over the cycle, 0 to 100
+/// percent, without the side's letter; rows with the cycle mean and sd are statistics. gait.json
+/// has what is no curve: see posing-json(5). NAME.mot and NAME.sto have the columns for OpenSim.
 #[derive(Parser)]
 #[command(
     name = "gait",
@@ -51,7 +62,7 @@ const LARGEST_NORM: u64 = 1 << 24;
         \n  posing gait walk.c3d --parameter LegLength=850 --parameter Bodymass=62 -o report/"
 )]
 pub struct Args {
-    /// Trials of one person, C3D
+    /// Trials of one person, C3D, or folders of them; the static trial among them is left out
     #[arg(value_name = "WALK.c3d", required = true)]
     walks: Vec<PathBuf>,
     /// Folder of the results: NAME.csv, NAME.mot, NAME.sto, NAME.c3d and NAME.html of each trial,
@@ -72,7 +83,8 @@ pub struct Args {
     /// Norm to compare with, as --make-norm writes it: for GVS and GPS, and the page
     #[arg(long, value_name = "NORM.json", help_heading = "Method")]
     norm: Option<PathBuf>,
-    /// Write the norm of all cycles of the trials, which may be of several people, to this file
+    /// Write the norm of all cycles of the trials, which may be of several people, to this file;
+    /// trials that turn are left out
     #[arg(long, value_name = "NORM.json", help_heading = "Output")]
     make_norm: Option<OutputPath>,
     /// Whether the soles lay flat on the floor in the static trial [default: auto]
@@ -98,7 +110,7 @@ pub struct Args {
     /// Write the left foot's progression along +x as Vicon does, which is no angle of the foot
     #[arg(long, help_heading = "Output")]
     vicon_quirks: bool,
-    /// Write the deviations that filled markers bring into columns NAME.sd
+    /// Write the deviations that filled markers bring to centers and angles into columns NAME.sd
     #[arg(long, help_heading = "Output")]
     sd: bool,
     #[command(flatten)]
@@ -107,32 +119,22 @@ pub struct Args {
     read: TakeReadArgs,
 }
 
-/// A parameter that the model knows, with or without its side.
+/// A parameter that the model knows, with or without its side, and a value that people have.
 fn parse_parameter(text: &str) -> std::result::Result<(String, f64), String> {
-    let expected = || {
-        format!(
-            "expected NAME=VALUE, NAME being one of {}",
-            PARAMETERS.join(", ")
-        )
-    };
+    let names = || PARAMETERS.map(|(name, _)| name).join(", ");
+    let expected = || format!("expected NAME=VALUE, NAME being one of {}", names());
     let (name, value) = text.split_once('=').ok_or_else(expected)?;
-    let is_it = |known: &&str| {
-        let known = known.to_ascii_lowercase();
-        let name = name.trim().to_ascii_lowercase();
-        name == known || name.strip_prefix(['l', 'r']) == Some(&known)
-    };
-    let value: f64 = value.trim().parse().map_err(|_| expected())?;
-    let is_known = PARAMETERS.iter().any(is_it) && value.is_finite();
-    is_known
-        .then(|| (name.trim().to_string(), value))
-        .ok_or_else(expected)
+    let [least, most] = plausible_range(name).ok_or_else(expected)?;
+    let expected = format!("expected {least} to {most} (mm, kg or radians)");
+    let value = parse_if(value.trim(), |v| (least..=most).contains(&v), &expected)?;
+    Ok((name.trim().to_string(), value))
 }
 
 /// A trial that could be read.
 struct Opened {
     name: String,
     shown: String,
-    file: C3d,
+    file: MotionFile,
     trial: Trial,
 }
 
@@ -141,51 +143,65 @@ pub fn work(args: &Args) -> Result<Outcome> {
     report.prepare_report();
     let rules = args.read.rules();
     let norm = args.norm.as_ref().map(|path| read_norm(path)).transpose()?;
-    let standing = args
-        .static_trial
-        .as_ref()
-        .map(|path| opened(path, &rules))
-        .transpose()?;
-    let statics = standing.as_ref().map(|s| &s.trial);
+    let static_trial = args.static_trial.as_ref();
+    let standing = static_trial.map(|path| opened(path, &rules)).transpose()?;
     let settings = settings(args);
-    let bar = Progress::new("gait", args.walks.len() as u64);
-    let (mut trials, mut files, mut failed) = (Vec::new(), Vec::new(), Vec::new());
-    for (i, path) in args.walks.iter().enumerate() {
-        let done = opened(path, &rules).and_then(|own| {
-            let computed = computed(&own, statics, &settings)?;
-            Ok((computed, own.file))
-        });
-        match done {
-            Ok((trial, file)) => {
-                trials.push(trial);
-                files.push(file);
-            }
-            Err(e) if args.walks.len() == 1 => return Err(e),
-            Err(e) => failed.push((path, e.to_string())),
+    let walks = walks(args)?;
+    check_read(&walks)?;
+    let bar = Progress::new("gait", walks.len() as u64);
+    let (mut trials, mut failed) = (Vec::new(), Vec::new());
+    for (i, path) in walks.iter().enumerate() {
+        let own = opened(path, &rules);
+        match own.and_then(|own| computed(&own, standing.as_ref(), &settings)) {
+            Ok(computed) => trials.push(computed),
+            Err(e) if walks.len() == 1 => return Err(e),
+            Err(e) => failed.push((path.display().to_string(), e.to_string())),
         }
         bar.set(i as u64 + 1);
     }
     drop(bar);
     failed.iter().for_each(|(_, e)| messages::error(e));
-    let static_file = args
-        .static_trial
-        .as_ref()
-        .map(|path| path.display().to_string());
-    let session = Session::new(trials, static_file, norm)?;
+    let static_file = static_trial.map(|path| path.display().to_string());
+    let (trials, files): (Vec<SessionTrial>, Vec<Option<Vec<u8>>>) = trials.into_iter().unzip();
+    let mut session = Session::new(trials, static_file, norm)?;
+    session.failed = failed;
     tell(&session);
     write(args, &session, &files)?;
-    let mut told = session.report();
-    let failures = failed
-        .iter()
-        .map(|(file, e)| json!({ "file": file, "error": e }));
-    told["failed"] = failures.collect();
-    report.write(&told)?;
-    args.json.write(&told)?;
-    Ok(if failed.is_empty() {
+    report.write(session.report())?;
+    args.json.write(session.report())?;
+    Ok(if session.failed.is_empty() {
         Outcome::of(session.has_findings())
     } else {
         Outcome::Failed
     })
+}
+
+/// The trials: files, and the C3D files of folders; the static trial among them is none.
+fn walks(args: &Args) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for path in &args.walks {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let found = MotionFolder::search(path, None, |_| true).files.into_iter();
+        let is_c3d = |path: &PathBuf| {
+            path.extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("c3d"))
+        };
+        let found: Vec<PathBuf> = found.map(|(file, _)| file).filter(is_c3d).collect();
+        if found.is_empty() {
+            let place = Place::file(path.display().to_string());
+            return Err(Error::data(place, "no C3D files in it"));
+        }
+        all.extend(found);
+    }
+    let identity = |path: &Path| std::fs::canonicalize(path).ok();
+    let standing = args.static_trial.as_deref().and_then(identity);
+    if all.len() > 1 && standing.is_some() {
+        all.retain(|path| identity(path) != standing);
+    }
+    Ok(all)
 }
 
 fn settings(args: &Args) -> GaitSettings {
@@ -195,11 +211,14 @@ fn settings(args: &Args) -> GaitSettings {
         events: args.events.unwrap_or_default(),
         ..GaitSettings::default()
     };
+    // One with its side goes before one for both.
+    for (name, value) in &args.parameter {
+        let both = ["L", "R"].map(|side| format!("{side}{name}"));
+        both.iter()
+            .for_each(|name| settings.given.set(name, *value));
+    }
     for (name, value) in &args.parameter {
         settings.given.set(name, *value);
-        ["L", "R"]
-            .iter()
-            .for_each(|side| settings.given.set(&format!("{side}{name}"), *value));
     }
     if let Some(diameter) = args.marker_diameter {
         settings.given.set("MarkerDiameter", diameter);
@@ -215,59 +234,99 @@ fn read_norm(path: &Path) -> Result<(String, Norm)> {
 }
 
 fn opened(path: &Path, rules: &ReadRules) -> Result<Opened> {
-    let options = rules.of(path, MotionFormat::C3d);
-    let mut file = C3d::read(open(path)?, options.keep_whole)?;
-    file.take.rate = file.take.rate.or(options.fps);
-    file.take
-        .notes
-        .iter()
-        .for_each(|note| messages::info(&format!("{}: {note}", path.display())));
+    let shown = path.display().to_string();
+    let file = MotionFile::open_by(path, rules)?;
+    let place = |e: Error| e.at(Place::file(&shown));
+    let c3d = file
+        .c3d()
+        .ok_or_else(|| place(Error::unfit("is no C3D file")))?;
+    let notes = c3d.take.notes.iter();
+    notes.for_each(|note| messages::info(&format!("{shown}: {note}")));
+    let units = file.units();
+    let mut trial = Trial::from_c3d(c3d, Some(units.unit), Some(units.up));
+    if let (Err(_), Some(rate)) = (&trial, file.rate()) {
+        let mut own = c3d.clone();
+        own.take.rate = Some(rate);
+        trial = Trial::from_c3d(&own, Some(units.unit), Some(units.up));
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let ends = name
-        .len()
-        .checked_sub(4)
-        .filter(|at| name.is_char_boundary(*at));
+    let ends = name.len().checked_sub(4);
+    let ends = ends.filter(|at| name.is_char_boundary(*at));
     let stem = ends.filter(|at| name[*at..].eq_ignore_ascii_case(".c3d"));
     Ok(Opened {
-        trial: Trial::from_c3d(&file, options.units, options.up)?,
+        trial: trial?,
         name: stem.map_or(&*name, |at| &name[..at]).to_string(),
-        shown: path.display().to_string(),
+        shown,
         file,
     })
 }
 
-/// Fills gaps and computes.
+/// Fills gaps and computes; with the bytes of its C3D file, where it can be written.
 fn computed(
     own: &Opened,
-    statics: Option<&Trial>,
+    statics: Option<&Opened>,
     settings: &GaitSettings,
-) -> Result<SessionTrial> {
+) -> Result<(SessionTrial, Option<Vec<u8>>)> {
     let place = |e: Error| e.at(Place::file(&own.shown));
-    let (trial, sd, gaps) = filled(&own.trial).map_err(place)?;
-    let mut gait = GaitTrial::new(&trial, statics, settings).map_err(place)?;
-    gait.add_gaps(&trial, &gaps);
-    let has_filled = gaps.iter().any(|gap| gap.sd_mm.is_some());
-    let deviations = has_filled
-        .then(|| gait.deviations(&trial, &sd))
-        .transpose()?;
-    Ok(SessionTrial {
-        name: own.name.clone(),
-        file: own.shown.clone(),
-        trial,
-        gait,
-        deviations,
-        gaps,
-    })
+    if !own.trial.markers.are_plug_in_gait() {
+        return by_bones(own, statics, settings).map_err(place);
+    }
+    let (trial, sd, doubtful) = filled(&own.trial).map_err(place)?;
+    let mut gait = GaitTrial::new(&trial, statics.map(|s| &s.trial), settings).map_err(place)?;
+    gait.findings.extend(doubtful);
+    let (name, shown) = (own.name.clone(), own.shown.clone());
+    let mut done = SessionTrial::new(name, shown, trial, gait, &sd)?;
+    let outputs = done.outputs(&own.file.whole_table().poses.points);
+    let stored = own
+        .file
+        .c3d()
+        .map(|c3d| c3d.with_outputs(&outputs, &done.events()));
+    let bytes = stored.and_then(|bytes| match bytes {
+        Ok(bytes) => Some(bytes),
+        Err(e) => {
+            let what = format!(
+                "no C3D file is written: {}",
+                e.message().map_or(String::new(), |m| m.to_string())
+            );
+            done.gait.findings.push(Finding {
+                kind: "no_c3d",
+                points: Vec::new(),
+                what,
+            });
+            None
+        }
+    });
+    Ok((done, bytes))
 }
 
-/// The trial with its gaps filled, by what the other markers of its own frames tell, as clean does.
-fn filled(trial: &Trial) -> Result<(Trial, Array2<f64>, Vec<FilledGap>)> {
+/// A trial of other markers, by the bones that are solved under them.
+fn by_bones(
+    own: &Opened,
+    statics: Option<&Opened>,
+    settings: &GaitSettings,
+) -> Result<(SessionTrial, Option<Vec<u8>>)> {
+    let solved = |own: &Opened| {
+        let settings = SolveSettings::default();
+        solve(own.file.poses(), &settings, &mut |_| {})
+    };
+    let (take, standing) = (solved(own)?, statics.map(solved).transpose()?);
+    let set = MarkerSet::find(&take.set);
+    let set =
+        set.ok_or_else(|| Error::unfit("has not the markers of Plug-in Gait, nor of a known set"))?;
+    let mut trial = own.trial.clone();
+    trial.markers = take.gait_markers(own.file.poses(), set);
+    let curves = take.gait_curves(&trial.markers, standing.as_ref());
+    let gait = GaitTrial::of_other_model(&trial, curves, settings)?;
+    let none = Array2::zeros((trial.markers.frames(), MARKERS.len()));
+    let (name, shown) = (own.name.clone(), own.shown.clone());
+    Ok((SessionTrial::new(name, shown, trial, gait, &none)?, None))
+}
+
+/// The trial with its gaps filled by what the other markers of its own frames tell, as clean does;
+/// the deviations of what was filled, and findings on markers that leave their path.
+fn filled(trial: &Trial) -> Result<(Trial, Array2<f64>, Vec<Finding>)> {
     let times = (0..trial.markers.frames()).map(|t| trial.time(t)).collect();
     let table = Table::from_poses(trial.markers.to_poses(times));
-    if !trial.has_gaps() {
-        let none = Array2::from_elem((table.poses.frames(), table.poses.points.len()), f64::NAN);
-        return Ok(trial.filled(&table.poses, none.view(), MOST_SD));
-    }
     let how = Complete {
         fps: Some(trial.rate),
         ..Complete::default()
@@ -275,21 +334,43 @@ fn filled(trial: &Trial) -> Result<(Trial, Array2<f64>, Vec<FilledGap>)> {
     let restored = Restorer::without_model().complete(&table, &how)?;
     let shape = (table.poses.frames(), table.poses.points.len());
     let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
-    Ok(trial.filled(&restored.table().poses, sd.view(), MOST_SD))
+    let (filled, deviations) = trial.filled(&restored.table().poses, sd.view(), MOST_SD);
+    let doubtful = (0..shape.1).filter_map(|p| {
+        let frames = (0..shape.0).filter(|t| restored.status(*t, p) == Status::Rejected);
+        let frames: Vec<usize> = frames.collect();
+        let [first, last] = [frames.first()?, frames.last()?].map(|t| trial.time(*t));
+        let (name, count) = (&table.poses.points[p], frames.len());
+        let what = format!(
+            "{name} leaves its path in {count} frames, from {first:.2} to {last:.2} s: it was \
+             taken as it is; clean replaces it"
+        );
+        let points = vec![name.clone()];
+        Some(Finding {
+            kind: "marker_doubtful",
+            points,
+            what,
+        })
+    });
+    Ok((filled, deviations, doubtful.collect()))
 }
 
 /// Tells what is to be known.
 fn tell(session: &Session) {
     for trial in &session.trials {
-        let filled: Vec<&FilledGap> = trial.gaps.iter().filter(|g| g.sd_mm.is_some()).collect();
+        let filled: Vec<&FilledGap> = trial
+            .trial
+            .gaps
+            .iter()
+            .filter(|g| g.sd_mm.is_some())
+            .collect();
         if !filled.is_empty() {
             let mut names: Vec<&str> = filled.iter().map(|g| g.marker).collect();
             names.dedup();
             let frames: usize = filled.iter().map(|g| g.frames[1] - g.frames[0]).sum();
             let (file, gaps) = (&trial.file, filled.len());
-            let s = if gaps == 1 { "" } else { "s" };
+            let [s, of] = [gaps, frames].map(|n| if n == 1 { "" } else { "s" });
             messages::info(&format!(
-                "{file}: {gaps} gap{s} of {} filled, {frames} frames",
+                "{file}: {gaps} gap{s} of {} filled, {frames} frame{of}",
                 names.join(", ")
             ));
         }
@@ -305,14 +386,17 @@ fn tell(session: &Session) {
     }
 }
 
-/// Fails where a C3D file would be replaced that no earlier run wrote: such a file has its player
-/// beside it.
-fn check_results(session: &Session, folder: &Path) -> Result<()> {
-    for trial in &session.trials {
-        let [file, player] =
-            ["c3d", "html"].map(|end| folder.join(format!("{}.{end}", trial.name)));
-        if file.exists() && !is_take_page(&player) {
-            let path = file.display();
+/// Fails where a file would be replaced that no earlier run wrote: its folder has no gait.json of
+/// gait, or a C3D file there has no player beside it.
+fn check_results<'a>(written: impl Iterator<Item = &'a PathBuf>, list: &Path) -> Result<()> {
+    let list = std::fs::read(list).unwrap_or_default();
+    let list: Value = serde_json::from_slice(&list).unwrap_or_default();
+    for path in written.filter(|path| path.exists()) {
+        let is_c3d = path.extension().is_some_and(|e| e == "c3d");
+        let is_own =
+            list["command"] == "gait" && (!is_c3d || is_take_page(&path.with_extension("html")));
+        if !is_own {
+            let path = path.display();
             let what = format!("{path} is there, and no earlier run of gait wrote it");
             return Err(Error::usage(format!("{what}: give another folder")));
         }
@@ -321,43 +405,58 @@ fn check_results(session: &Session, folder: &Path) -> Result<()> {
 }
 
 /// Writes all files.
-fn write(args: &Args, session: &Session, files: &[C3d]) -> Result<()> {
+fn write(args: &Args, session: &Session, files: &[Option<Vec<u8>>]) -> Result<()> {
     let folder = &*args.output;
     let named = |name: &str, end: &str| folder.join(format!("{name}.{end}"));
     let all = ["index.html", "cycles.csv", "gait.json"].map(|name| folder.join(name));
     let ends = ["csv", "mot", "sto", "c3d", "html"];
-    let own = session
-        .trials
-        .iter()
-        .flat_map(|t| ends.map(|end| named(&t.name, end)));
-    check_written(all.iter().cloned().chain(own))?;
-    check_results(session, folder)?;
+    let trials = session.trials.iter();
+    let own = trials.flat_map(|t| ends.map(|end| named(&t.name, end)));
+    let written: Vec<PathBuf> = all.iter().cloned().chain(own).collect();
+    check_written(&written)?;
+    check_results(written.iter(), &all[2])?;
+    check_norm(args)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let mut players = Vec::new();
     for (trial, file) in session.trials.iter().zip(files) {
-        let put =
-            |end: &str, bytes: &[u8]| write_bytes(Some(&named(&trial.name, end)), bytes, false);
+        let put = |end: &str, bytes: &[u8]| {
+            let path = named(&trial.name, end);
+            write_bytes(Some(&path), bytes, false)
+        };
         put("csv", &trial.to_csv(args.sd))?;
         put("mot", &trial.to_mot())?;
         put("sto", &trial.to_sto())?;
-        match file.with_outputs(&trial.outputs(), &trial.events()) {
-            Ok(bytes) => put("c3d", &bytes)?,
-            Err(e) => messages::info(&format!("{e}; no {}.c3d", trial.name)),
+        match file {
+            Some(bytes) => put("c3d", bytes)?,
+            // One of an earlier run is not this trial's.
+            None => drop(std::fs::remove_file(named(&trial.name, "c3d"))),
         }
-    }
-    let mut players = Vec::new();
-    for trial in &session.trials {
         let page = trial.player(Some("index.html"))?;
         if let Some(page) = &page {
-            write_bytes(Some(&named(&trial.name, "html")), page.as_bytes(), false)?;
+            put("html", page.as_bytes())?;
         }
         players.push(page.map(|_| encoded(&format!("{}.html", trial.name))));
     }
     write_bytes(Some(&all[0]), session.page(&players).as_bytes(), false)?;
     write_bytes(Some(&all[1]), &session.cycles_csv(), false)?;
-    if let Some(path) = &args.make_norm {
-        let none = || Error::usage("--make-norm: no cycle of the trials has all nine angles");
-        let norm = session.own_norm().ok_or_else(none)?;
+    let norm = args.make_norm.as_ref().zip(session.own_norm());
+    if let Some((path, norm)) = norm {
         write_bytes(Some(path), norm.to_json()?.as_bytes(), false)?;
+    } else if args.make_norm.is_some() {
+        messages::info("no norm: no cycle of a straight walk has all nine angles");
     }
     Ok(())
+}
+
+/// Fails where --make-norm would replace a file that is no norm.
+fn check_norm(args: &Args) -> Result<()> {
+    let Some(path) = args.make_norm.as_ref().filter(|path| path.exists()) else {
+        return Ok(());
+    };
+    read_norm(path).map(drop).map_err(|_| {
+        let path = path.display();
+        Error::usage(format!(
+            "--make-norm {path}: that file is there, and is no norm of gait"
+        ))
+    })
 }

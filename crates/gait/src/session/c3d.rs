@@ -7,8 +7,10 @@ use crate::session::{SERIES, SessionTrial};
 use crate::side::Side;
 
 impl SessionTrial {
-    /// Angles, forces, moments and powers as points of a C3D file, by Plug-in Gait's names.
-    pub fn outputs(&self) -> Vec<OutputPoint> {
+    /// Angles, forces, moments and powers as points of a C3D file, by Plug-in Gait's names. Those
+    /// of them that are `stored` in the file and could not be computed are empty: what a file
+    /// stores is never taken over.
+    pub fn outputs(&self, stored: &[String]) -> Vec<OutputPoint> {
         let quantity = |name: &str| match name {
             name if is_angle(name) => Some(Quantity::Angles),
             name if name.ends_with("Force") => Some(Quantity::Force),
@@ -16,10 +18,16 @@ impl SessionTrial {
             name if name.ends_with("Power") => Some(Quantity::Power),
             _ => None,
         };
+        let frames = self.trial.markers.frames();
         let of = |(side, name): (Side, &'static str)| {
             let (quantity, name) = (quantity(name)?, format!("{}{name}", side.letter()));
-            let curve = self.gait.curves.get(&name)?;
-            let values = curve.iter().map(|v| v.to_array()).collect();
+            let is_stored = || stored.iter().any(|s| s.rsplit(':').next() == Some(&name));
+            let curve = self.gait.curves.get(&name);
+            let values = match curve {
+                Some(curve) => curve.iter().map(|v| v.to_array()).collect(),
+                None if is_stored() => vec![[f64::NAN; 3]; frames],
+                None => return None,
+            };
             Some(OutputPoint {
                 name,
                 quantity,

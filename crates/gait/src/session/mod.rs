@@ -8,7 +8,6 @@ mod tables;
 use crate::angles::CENTERS;
 use crate::curves::{Curves, is_angle};
 use crate::cycles::{Cycle, mean_and_sd, resampled};
-use crate::filled::FilledGap;
 use crate::gait_trial::GaitTrial;
 use crate::norm::{Norm, ProfileScores};
 use crate::side::Side;
@@ -16,6 +15,7 @@ use crate::trial::Trial;
 use crate::values::symmetry;
 use crate::{Error, Result};
 use glam::DVec3;
+use ndarray::Array2;
 use std::collections::BTreeMap;
 
 /// The trials of one person on one day.
@@ -27,6 +27,8 @@ pub struct Session {
     pub static_file: Option<String>,
     /// The norm to compare with, and its file.
     pub norm: Option<(String, Norm)>,
+    /// Trials that could not be read or computed: the file, and why.
+    pub failed: Vec<(String, String)>,
 }
 
 /// A trial of a session.
@@ -42,13 +44,11 @@ pub struct SessionTrial {
     pub gait: GaitTrial,
     /// The deviations of its curves where a marker was filled: [`GaitTrial::deviations`].
     pub deviations: Option<Curves>,
-    /// The gaps that were filled or left.
-    pub gaps: Vec<FilledGap>,
 }
 
 /// A curve of a side, as the tables have it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     /// The name without the side, `KneeAngles`.
     pub name: &'static str,
     /// A value a frame: centers in centimeters with y up, other curves as [`Curves`] have them.
@@ -87,7 +87,7 @@ pub(crate) const SERIES: [&str; 25] = [
 ];
 
 /// The columns of a curve, behind its name, and which of its numbers each is.
-pub fn axes(name: &str) -> &'static [(&'static str, usize)] {
+pub(crate) fn axes(name: &str) -> &'static [(&'static str, usize)] {
     match name {
         name if CENTERS.contains(&name) => &[("x", 0), ("y", 1), ("z", 2)],
         name if is_angle(name) => &[("rx", 0), ("ry", 1), ("rz", 2)],
@@ -98,8 +98,32 @@ pub fn axes(name: &str) -> &'static [(&'static str, usize)] {
 }
 
 impl SessionTrial {
+    /// A trial, computed. `sd` are the deviations of filled markers, of [`Trial::filled`].
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: `sd` is of another trial.
+    pub fn new(
+        name: String,
+        file: String,
+        trial: Trial,
+        gait: GaitTrial,
+        sd: &Array2<f64>,
+    ) -> Result<SessionTrial> {
+        let is_sure = sd.iter().all(|sd| *sd == 0.0);
+        let deviations = (!is_sure)
+            .then(|| gait.deviations(&trial, sd))
+            .transpose()?;
+        Ok(SessionTrial {
+            name,
+            file,
+            trial,
+            gait,
+            deviations,
+        })
+    }
+
     /// The curves of a side in the order of tables.
-    pub fn series(&self, side: Side) -> Vec<Series> {
+    pub(crate) fn series(&self, side: Side) -> Vec<Series> {
         let of = |name: &'static str| {
             let own = format!("{}{name}", side.letter());
             let is_center = CENTERS.contains(&name);
@@ -126,7 +150,7 @@ impl SessionTrial {
     }
 
     /// A curve of a side in one of its cycles, 101 points.
-    pub fn resampled(&self, series: &Series, cycle: &Cycle) -> Vec<DVec3> {
+    pub(crate) fn resampled(&self, series: &Series, cycle: &Cycle) -> Vec<DVec3> {
         let [from, to] = [cycle.start_s, cycle.end_s].map(|t| self.trial.place(t));
         resampled(&series.values, from, to, is_angle(series.name))
     }
@@ -159,7 +183,7 @@ impl Session {
     /// A session of trials with names of their own.
     ///
     /// # Errors
-    /// [`Error::Usage`]: two trials have one name.
+    /// [`Error::Usage`]: two trials have one name, or one has none.
     pub fn new(
         trials: Vec<SessionTrial>,
         static_file: Option<String>,
@@ -167,6 +191,13 @@ impl Session {
     ) -> Result<Session> {
         let mut seen: BTreeMap<String, &str> = BTreeMap::new();
         for trial in &trials {
+            if trial.name.is_empty() {
+                let what = format!(
+                    "{}: a trial is named by its file, and this is nameless",
+                    trial.file
+                );
+                return Err(Error::usage(what));
+            }
             // Some file systems know no capitals.
             if let Some(other) = seen.insert(trial.name.to_lowercase(), &trial.file) {
                 let (name, file) = (&trial.name, &trial.file);
@@ -178,6 +209,7 @@ impl Session {
             trials,
             static_file,
             norm,
+            failed: Vec::new(),
         })
     }
 
@@ -230,7 +262,8 @@ impl Session {
         (!cycles.is_empty()).then(|| mean_and_sd(&cycles, is_angle(name)))
     }
 
-    /// The norm of the session's own cycles, both sides; `None` without a whole one.
+    /// The norm of the session's own cycles, both sides, without those of trials that turn; `None`
+    /// without a whole one.
     pub fn own_norm(&self) -> Option<Norm> {
         Norm::of_cycles(&Side::BOTH.map(|side| self.nine_angles(side)).concat())
     }
@@ -242,11 +275,12 @@ impl Session {
                 .map(|cycle| t.gait.nine_angles(&t.trial, cycle));
             own.collect::<Vec<_>>()
         };
-        self.trials.iter().flat_map(of).collect()
+        let straight = self.trials.iter().filter(|t| !t.gait.turns());
+        straight.flat_map(of).collect()
     }
 
-    /// The scores of both sides' mean cycles against the norm, and of all: [`Norm`]. `None`
-    /// without a norm, or where a side has no whole cycle.
+    /// The scores of both sides' mean cycles against the norm, and of all: [`Norm`]; trials that
+    /// turn do not count. `None` without a norm, or where a side has no whole cycle.
     pub fn scores(&self) -> Option<([[f64; 9]; 2], ProfileScores)> {
         let (_, norm) = self.norm.as_ref()?;
         let [left, right] = Side::BOTH.map(|side| Norm::of_cycles(&self.nine_angles(side)));

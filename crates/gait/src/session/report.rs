@@ -4,6 +4,7 @@ use crate::events::Event;
 use crate::norm::GVS;
 use crate::session::{Session, SessionTrial, Spread, axes};
 use crate::side::Side;
+use crate::trial::FilledGap;
 use crate::values::range;
 use serde_json::{Map, Value, json};
 
@@ -11,6 +12,9 @@ impl Session {
     /// The session as posing-json(5) has it.
     pub fn report(&self) -> Value {
         let trials: Vec<Value> = self.trials.iter().map(trial).collect();
+        let failed = self.failed.iter();
+        let failed = failed.map(|(file, error)| json!({ "file": file, "error": error }));
+        let failed: Vec<Value> = failed.collect();
         json!({
             "model": "Plug-in Gait",
             "static": self.static_file,
@@ -21,6 +25,7 @@ impl Session {
                 "symmetry_percent": numbers(self.symmetry().into_iter()),
             },
             "scores": self.scores_value(),
+            "failed": failed,
         })
     }
 
@@ -72,17 +77,26 @@ fn trial(own: &SessionTrial) -> Value {
     json!({
         "name": own.name,
         "file": own.file,
+        "model": gait.model,
         "rate_hz": own.trial.rate,
         "frames": own.trial.markers.frames(),
         "first_frame": own.trial.first_frame,
         "direction": gait.direction.name(),
         "standing": gait.direction.standing,
         "parameters": parameters,
-        "gaps": own.gaps,
+        "gaps": gaps(own),
         "events": gait.events.iter().map(event).collect::<Vec<_>>(),
         "cycles": cycles(own),
         "findings": gait.findings,
     })
+}
+
+fn gaps(own: &SessionTrial) -> Vec<Value> {
+    let of = |gap: &FilledGap| {
+        let sd = gap.sd_mm.map(number);
+        json!({ "marker": gap.marker, "frames": gap.frames, "sd_mm": sd })
+    };
+    own.trial.gaps.iter().map(of).collect()
 }
 
 fn event(event: &Event) -> Value {

@@ -1,6 +1,7 @@
 //! The tables of a session: a trial's curves frame by frame, all cycles in percent, and OpenSim's
 //! files of angles and of loads.
 
+use crate::angles::CENTERS;
 use crate::curves::is_angle;
 use crate::cycles::{POINTS, mean_and_sd};
 use crate::io::csv::push_cell;
@@ -21,7 +22,8 @@ struct Column {
 
 impl SessionTrial {
     /// The curves as a table of CSV, a frame a row: `take,time`, then the curves of both sides;
-    /// with `deviations` each with its `.sd` behind it. An unknown value is an empty cell.
+    /// with `deviations` those of centers and angles have their `.sd` behind them. An unknown value
+    /// is an empty cell.
     pub fn to_csv(&self, deviations: bool) -> Vec<u8> {
         let columns = self.columns(deviations, &|_| true);
         let mut out = b"take,time".to_vec();
@@ -101,8 +103,15 @@ impl SessionTrial {
                         });
                     };
                     add("", &series.values);
-                    if let Some(sd) = series.sd.as_ref().filter(|_| deviations) {
-                        add(".sd", sd);
+                    if deviations && (is_angle(name) || CENTERS.contains(&name)) {
+                        match &series.sd {
+                            Some(sd) => add(".sd", sd),
+                            // No marker was filled.
+                            None => add(
+                                ".sd",
+                                &series.values.iter().map(|v| *v * 0.0).collect::<Vec<_>>(),
+                            ),
+                        }
                     }
                 }
             }

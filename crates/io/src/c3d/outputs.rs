@@ -81,18 +81,17 @@ impl C3d {
     fn changes<'a>(&self, outputs: &'a [OutputPoint]) -> BTreeMap<usize, Option<&'a OutputPoint>> {
         let labels = labels(&self.parameters, self.layout.points);
         let own: Vec<&str> = labels.iter().map(|label| own_name(label)).collect();
-        let quantities = self.take.quantities.iter();
-        let stored = own.iter().zip(quantities).enumerate();
-        let stored = stored.filter(|(_, (name, q))| is_computed(**q) || is_output(name));
-        let mut changes: BTreeMap<usize, Option<&OutputPoint>> =
-            stored.map(|(p, _)| (p, None)).collect();
+        let mut changes: BTreeMap<usize, Option<&OutputPoint>> = BTreeMap::new();
         let mut count = labels.len();
         for output in outputs {
-            let is_open = |p: &usize| changes.get(p).is_none_or(|known| known.is_none());
             let is_named = |p: &usize| own[*p] == output.name || labels[*p].trim() == output.name;
-            let point = (0..labels.len()).find(|p| is_named(p) && is_open(p));
-            count += usize::from(point.is_none());
-            changes.insert(point.unwrap_or(count - 1), Some(output));
+            let mut points = (0..labels.len()).filter(is_named);
+            count += usize::from(points.clone().next().is_none());
+            changes.insert(points.next().unwrap_or(count - 1), Some(output));
+            // Of several points of one name the others hold what is not known any more.
+            for other in points {
+                changes.entry(other).or_insert(None);
+            }
         }
         changes
     }
@@ -152,14 +151,6 @@ impl C3d {
 fn is_computed(quantity: Quantity) -> bool {
     use Quantity::{Angles, Force, Moment, Power};
     [Angles, Force, Moment, Power].contains(&quantity)
-}
-
-/// Whether a name is an output's: `LKneeAngles`, `RHipPower`.
-fn is_output(name: &str) -> bool {
-    let ends = ["Angles", "Force", "Moment", "Power"];
-    let own = ends.iter().find_map(|end| name.strip_suffix(end));
-    let joint = own.and_then(|own| own.strip_prefix(['L', 'R']));
-    joint.is_some_and(|joint| joint.starts_with(|c: char| c.is_ascii_uppercase()))
 }
 
 /// Counts and names new points behind the others.
@@ -381,12 +372,13 @@ mod tests {
             assert_eq!(back.bytes.len() % BLOCK, 0);
             assert_eq!(back.take.points.len(), 4 + count.saturating_sub(1));
             assert_eq!(back.take.points[..4], NAMES);
-            // A stored output is never taken over.
-            assert!(back.take.xyz.column(6).iter().all(|v| v.is_nan()));
+            // What is not given stays.
+            assert_eq!(back.take.xyz.column(6), file.take.xyz.column(6));
             assert_eq!(back.take.notes, Vec::<String>::new());
-            // Outputs that are no longer given become invalid, and the events go.
+            // Outputs that are no longer given stay, and the events go.
             let less = check(&back, &[], &[]);
-            assert!(less.take.xyz.column(3).iter().all(|v| v.is_nan()));
+            let [before, after] = [&back, &less].map(|file| file.take.xyz[[0, 3]]);
+            assert_eq!(before, after);
         }
     }
 

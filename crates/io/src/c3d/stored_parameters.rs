@@ -192,9 +192,18 @@ impl<'a> StoredParameters<'a> {
         description: &[u8],
     ) -> Result<()> {
         let mut new = Vec::new();
+        // The length of the name of a locked parameter is below zero.
+        let old = self.entries.iter().find(|e| e.continues(group, name));
+        let is_locked = old.is_some_and(|e| (e.bytes[0] as i8) < 0);
         for (n, (name, value)) in continued(name).zip(values).enumerate() {
             let description = if n == 0 { description } else { &[0] };
-            let head = [name.len() as u8, group];
+            let length = name.len() as u8;
+            let length = if is_locked {
+                length.wrapping_neg()
+            } else {
+                length
+            };
+            let head = [length, group];
             let bytes = [&head, name.as_bytes(), &[0; 2], &value, description].concat();
             new.push(self.entry(group, &name, false, bytes, 2 + name.len())?);
         }

@@ -140,7 +140,7 @@ impl<'a> Walks<'a> {
                 }
                 let sd = own.sd.as_ref().map(|sd| {
                     let [from, to] = [cycle.start_s, cycle.end_s].map(|t| trial.trial.place(t));
-                    of_axis(&crate::resampled(sd, from, to, false))
+                    of_axis(&crate::cycles::resampled(sd, from, to, false))
                 });
                 if values.iter().any(|v| v[axis].is_finite()) {
                     let name = format!("{}, cycle {}", trial.name, cycle.cycle);

@@ -40,7 +40,7 @@ impl Session {
         ];
         PlainPage {
             title: "Gait",
-            lead: vec![format!("Model: Plug-in Gait. Static trial: {file}.")],
+            lead: vec![format!("Static trial: {file}.")],
             main: parts.concat(),
             style: STYLE,
             command: "gait",
@@ -69,10 +69,17 @@ impl Session {
             let [what, names] = [&finding.what, &names].map(|text| escape(text));
             format!("<li><b>{kind}</b>: {what} <small>({names})</small></li>")
         };
-        let list = if all.is_empty() {
+        let failed = self.failed.iter();
+        let failed =
+            failed.map(|(_, error)| format!("<li><b>Not computed</b>: {}</li>", escape(error)));
+        let failed: String = failed.collect();
+        let list = if all.is_empty() && failed.is_empty() {
             "<p>Nothing to note.</p>".into()
         } else {
-            format!("<ul>{}</ul>", all.iter().map(item).collect::<String>())
+            format!(
+                "<ul>{failed}{}</ul>",
+                all.iter().map(item).collect::<String>()
+            )
         };
         format!("<section id=\"findings\"><h2>Findings</h2>{list}</section>\n")
     }
@@ -153,7 +160,6 @@ mod tests {
             trial,
             gait,
             deviations: None,
-            gaps: Vec::new(),
         };
         Session::new(vec![own], Some("<i>.c3d".into()), None).unwrap()
     }

@@ -3,9 +3,9 @@
 use super::tables::{VALUES, capital, number, table};
 use crate::draw::html::escape;
 use crate::events::{Event, EventKind};
-use crate::filled::FilledGap;
 use crate::parameters::{Parameter, Source};
 use crate::session::SessionTrial;
+use crate::trial::FilledGap;
 
 /// A trial and the address of the page that plays it.
 pub(crate) struct Told<'a> {
@@ -124,7 +124,7 @@ impl Told<'_> {
             let marker = self.link(gap.marker, &at);
             vec![marker, what, frames, number(Some(seconds))]
         };
-        let rows: Vec<Vec<String>> = self.trial.gaps.iter().map(row).collect();
+        let rows: Vec<Vec<String>> = self.trial.trial.gaps.iter().map(row).collect();
         if rows.is_empty() {
             return String::new();
         }
