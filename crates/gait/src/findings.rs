@@ -14,6 +14,8 @@ use serde::Serialize;
 const OTHER_SHANK: f64 = 15.0;
 /// A filled marker that is less sure in a frame moves angles by degrees, mm.
 const UNSURE: f64 = 6.0;
+/// A marker that is not seen for longer at an end is told, seconds.
+const LATE: f64 = 0.1;
 /// A heel that goes further makes steps, mm.
 const STEP: f64 = 300.0;
 /// Static offsets further from those stored do not fit, radians.
@@ -22,9 +24,9 @@ const OTHER_OFFSET: f64 = 0.035;
 /// Something to know before the values are used.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// `marker_missing`, `marker_at_zero`, `gap_left`, `gap_unsure`, `estimated`, `default`,
-    /// `parameter_odd`, `parameter_unused`, `no_mass`, `static_differs`, `turns`, `other_model`,
-    /// `two_feet`, `plate_unread`, `no_events`, `event_alone`, or one of
+    /// `marker_missing`, `marker_at_zero`, `marker_late`, `gap_left`, `gap_unsure`, `estimated`,
+    /// `default`, `parameter_odd`, `parameter_unused`, `no_mass`, `static_differs`, `turns`,
+    /// `other_model`, `two_feet`, `plate_unread`, `no_events`, `event_alone`, or one of
     /// [`contradictions`](crate::contradictions).
     pub kind: &'static str,
     /// The markers or parameters it is about.
@@ -69,6 +71,36 @@ impl Findings {
         }
     }
 
+    /// Markers of the legs that are not seen at an end of the trial, while others are.
+    pub(crate) fn of_spans(&mut self, trial: &Trial) {
+        let span = |name: &&str| {
+            let track = trial.markers.get(name)?;
+            let first = track.iter().position(|p| p.is_finite())?;
+            Some([first, track.iter().rposition(|p| p.is_finite())?])
+        };
+        let spans = MARKERS[..17]
+            .iter()
+            .filter_map(|name| Some((*name, span(name)?)));
+        let spans: Vec<(&str, [usize; 2])> = spans.collect();
+        let first = spans.iter().map(|(_, [a, _])| *a).min().unwrap_or_default();
+        let last = spans.iter().map(|(_, [_, b])| *b).max().unwrap_or_default();
+        let lacks = |[a, b]: [usize; 2]| (a - first).max(last - b) as f64 / trial.rate;
+        let late = spans.iter().filter(|(_, span)| lacks(*span) > LATE);
+        let late: Vec<String> = late.map(|(name, _)| name.to_string()).collect();
+        if !late.is_empty() {
+            let most = spans
+                .iter()
+                .map(|(_, span)| lacks(*span))
+                .fold(0.0, f64::max);
+            let what = format!(
+                "{} not seen at the beginning or the end, for {most:.2} s at most: what needs it \
+                 is empty there",
+                joined(&late)
+            );
+            self.add("marker_late", late, what);
+        }
+    }
+
     /// Gaps that were left, or filled by positions that are not sure.
     pub(crate) fn of_gaps(&mut self, trial: &Trial) {
         for gap in &trial.gaps {
@@ -104,10 +136,8 @@ impl Findings {
                 .get(name)
                 .filter(|own| (own - parameter.value).abs() > 1e-6);
             if let Some(own) = own.filter(|_| parameter.source == Source::Trial) {
-                let what = format!(
-                    "{name} {own} is not used: the trial stores {}",
-                    parameter.value
-                );
+                let stored = (1e4 * parameter.value).round() / 1e4;
+                let what = format!("{name} {own} is not used: the trial stores {stored}");
                 self.add("parameter_unused", vec![name.clone()], what);
             }
         }

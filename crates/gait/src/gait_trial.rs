@@ -76,6 +76,7 @@ impl GaitTrial {
         }
         let mut findings = Findings::default();
         findings.of_markers(markers);
+        findings.of_spans(trial);
         findings.of_gaps(trial);
         let parameters = parameters(trial, statics, settings, &mut findings);
         findings.of_parameters(&parameters, &settings.given);

@@ -47,11 +47,12 @@ const LARGEST_NORM: u64 = 1 << 24;
 /// Columns of NAME.csv, a row a frame, time 0 at the file's frame 1: LHJC, LKJC, LAJC .x .y .z, the
 /// centers of hip, knee and ankle, cm, y up. LKneeAngles .rx .ry .rz and so on, degrees, with the
 /// signs of Plug-in Gait: flexion, adduction or varus, internal rotation. LGroundReactionForce .fx
-/// .fy .fz, N/kg in the file's axes; LKneeForce, N/kg, and LKneeMoment .mx .my .mz, N mm/kg, in the
-/// axes of the distal segment; LKneePower .p, W/kg. R as L. Forces and moments are empty where a
-/// foot is on the floor beside the plates. cycles.csv has the same over the cycle, 0 to 100
-/// percent, without the side's letter; rows with the cycle mean and sd are statistics. gait.json
-/// has what is no curve: see posing-json(5). NAME.mot and NAME.sto have the columns for OpenSim.
+/// .fy .fz, N/kg, in the laboratory's axes with z up; LKneeForce, N/kg, and LKneeMoment .mx .my
+/// .mz, N mm/kg, in the axes of the distal segment; LKneePower .p, W/kg. R as L. Forces and moments
+/// are empty where a foot is on the floor beside the plates. cycles.csv has the same over the
+/// cycle, 0 to 100 percent, without the side's letter; rows with the cycle mean and sd are
+/// statistics. gait.json has what is no curve: see posing-json(5). NAME.mot and NAME.sto have the
+/// columns for OpenSim.
 #[derive(Parser)]
 #[command(
     name = "gait",
@@ -59,7 +60,7 @@ const LARGEST_NORM: u64 = 1 << 24;
     after_help = "Examples:\
         \n  posing gait --static static.c3d walk.c3d -o report/\
         \n  posing gait --static static.c3d walk.c3d --norm norm.json -o report/\
-        \n  posing gait walk.c3d --parameter LegLength=850 --parameter Bodymass=62 -o report/"
+        \n  posing gait --static static.c3d walk.c3d --events markers -o report/"
 )]
 pub struct Args {
     /// Trials of one person, C3D, or folders of them; the static trial among them is left out
