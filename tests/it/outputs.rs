@@ -52,6 +52,8 @@ const READ: &[&str] = &[
     "scan",
     "takes",
     "truth",
+    "--norm",
+    "walks",
 ];
 
 /// Arguments that name a file or folder to be written; some are read where they are there already.
@@ -66,6 +68,7 @@ const WRITTEN: &[&str] = &[
     "--json",
     "--learn",
     "--log",
+    "--make-norm",
     "--meshes",
     "--output",
     "--page",

@@ -39,6 +39,22 @@ pub struct SolveSettings<'a> {
     pub filled: Option<&'a Array2<f64>>,
 }
 
+impl<'a> SolveSettings<'a> {
+    /// Whether the joints are those that Plug-in Gait has centers for, under its markers.
+    fn has_plug_in_gait(&self, set: &MarkerSet) -> bool {
+        self.joints == JointSet::Anatomical && MarkerSet::find("pig") == Some(set)
+    }
+
+    fn plug_in_gait(&self, poses: &'a Poses) -> PlugInGait<'a> {
+        PlugInGait {
+            poses,
+            statics: self.statics,
+            subject: self.subject,
+            filled: self.filled,
+        }
+    }
+}
+
 /// Solves a take of labeled markers, y up.
 ///
 /// ```
@@ -73,17 +89,11 @@ pub fn solve(
         settings.joints,
         settings.skeleton,
     )?;
-    let Calibrated {
-        body,
-        prior,
-        xyz,
-        numbers,
-        precision,
-    } = &calibrated;
+    let (body, xyz) = (&calibrated.body, &calibrated.xyz);
     let fitted = Fitted {
         body,
-        prior,
-        skeleton: body.skeleton(numbers)?,
+        prior: &calibrated.prior,
+        skeleton: body.skeleton(&calibrated.numbers)?,
         xyz,
         rate: poses.rate(),
     };
@@ -96,27 +106,21 @@ pub fn solve(
     for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
         joints.row_mut(t).fill(f64::NAN);
     }
-    let mut sd = if settings.deviations {
-        Some(fitted.deviations(&sequence, precision, settings.joints)?)
-    } else {
-        None
-    };
+    let deviations = || fitted.deviations(&sequence, &calibrated.precision, settings.joints);
+    let mut sd = settings.deviations.then(deviations).transpose()?;
     let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
-    let mut centers = Centers::Model;
-    if settings.joints == JointSet::Anatomical && MarkerSet::find("pig") == Some(set) {
-        let by_body = BodyCenters {
-            skeleton: &fitted.skeleton,
-            values: &sequence.values,
-            ends: &ends,
-        };
-        let plug_in_gait = PlugInGait {
-            poses,
-            statics: settings.statics,
-            subject: settings.subject,
-            filled: settings.filled,
-        };
-        centers = plug_in_gait.put(&by_body, &mut joints, &mut sd)?;
-    }
+    let by_body = BodyCenters {
+        skeleton: &fitted.skeleton,
+        values: &sequence.values,
+        ends: &ends,
+    };
+    let centers = if settings.has_plug_in_gait(set) {
+        settings
+            .plug_in_gait(poses)
+            .put(&by_body, &mut joints, &mut sd)?
+    } else {
+        Centers::Model
+    };
     let by_markers = SeenBones {
         bones: body.template.bones(),
         marked: &markers,
@@ -139,7 +143,7 @@ pub fn solve(
         },
         sd,
         skeleton: Asf {
-            skeleton: body.bare_skeleton(numbers)?,
+            skeleton: body.bare_skeleton(&calibrated.numbers)?,
             ..template()?
         },
         set: set.name.clone(),
