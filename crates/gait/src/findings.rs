@@ -26,8 +26,9 @@ const OTHER_OFFSET: f64 = 0.035;
 pub struct Finding {
     /// `marker_missing`, `marker_at_zero`, `marker_late`, `gap_left`, `gap_unsure`, `estimated`,
     /// `default`, `parameter_odd`, `parameter_unused`, `no_mass`, `static_differs`, `turns`,
-    /// `other_model`, `two_feet`, `plate_unread`, `no_events`, `event_alone`, or one of
-    /// [`contradictions`](crate::contradictions).
+    /// `other_model`, `two_feet`, `plate_unread`, `no_events`, `event_alone`; what contradicts
+    /// itself: `markers_exchanged`, `parameters_differ`, `no_foot`, `wrong_foot`, `backwards` or
+    /// `plate`; of who reads and fills: `marker_doubtful`, `no_c3d`.
     pub kind: &'static str,
     /// The markers or parameters it is about.
     pub points: Vec<String>,
