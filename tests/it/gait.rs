@@ -367,3 +367,49 @@ fn folders_are_trials_and_other_markers_are_told() {
     assert!(knee.iter().copied().fold(f64::NAN, f64::max) > 40.0);
     assert!(!folder.join("bones/other.c3d").exists());
 }
+
+#[test]
+fn a_marker_off_its_path_stays_and_is_doubted() {
+    let folder = trials();
+    let folder = folder.path();
+    let points = command("c3d2xyz")
+        .args(["-q", "walk.c3d"])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = String::from_utf8(points.stdout).unwrap();
+    let knee = text
+        .lines()
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|n| n == "LKNE.x")
+        .unwrap();
+    let spike = |(row, line): (usize, &str)| {
+        let cell = |(i, cell): (usize, &str)| match (row, i == knee) {
+            (120, true) => (cell.parse::<f64>().unwrap() + 30.0).to_string(),
+            _ => cell.to_string(),
+        };
+        line.split(',')
+            .enumerate()
+            .map(cell)
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    let table: Vec<String> = text.lines().enumerate().map(spike).collect();
+    fs::write(folder.join("spike.csv"), table.join("\n") + "\n").unwrap();
+    let into = ["-q", "spike.csv", "--into", "walk.c3d", "-o", "spike.c3d"];
+    command("xyz2c3d")
+        .args(into)
+        .current_dir(folder)
+        .assert()
+        .success();
+    let said = gait(folder, "--static static.c3d spike.c3d --sd -o out", 3);
+    assert!(said.contains("LKNE leaves its path"), "{said}");
+    let own = columns(&folder.join("out/spike.csv"));
+    let doubted: Vec<usize> = (0..246)
+        .filter(|t| own["LKneeAngles.rx.sd"][*t] > 0.0)
+        .collect();
+    assert_eq!(doubted, [119]);
+    assert!(own["LKneeAngles.rx.sd"][119] > 10.0);
+}

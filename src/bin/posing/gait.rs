@@ -20,7 +20,7 @@ use posing::gait::{
 use posing::io::motion_file::ReadRules;
 use posing::io::motion_folder::MotionFolder;
 use posing::io::{MotionFile, Table};
-use posing::pose::Status;
+use posing::pose::point_at;
 use posing::restore::{Complete, Restorer};
 use posing::solve::{MarkerSet, SolveSettings, solve};
 use posing::{Error, Place, Result};
@@ -111,7 +111,8 @@ pub struct Args {
     /// Write the left foot's progression along +x as Vicon does, which is no angle of the foot
     #[arg(long, help_heading = "Output")]
     vicon_quirks: bool,
-    /// Write the deviations that filled markers bring to centers and angles into columns NAME.sd
+    /// Write the deviations that filled and doubtful markers bring to centers and angles into
+    /// columns NAME.sd
     #[arg(long, help_heading = "Output")]
     sd: bool,
     #[command(flatten)]
@@ -324,35 +325,47 @@ fn by_bones(
 }
 
 /// The trial with its gaps filled by what the other markers of its own frames tell, as clean does;
-/// the deviations of what was filled, and findings on markers that leave their path.
+/// the deviations of what was filled and of markers that leave their path, and findings on these.
 fn filled(trial: &Trial) -> Result<(Trial, Array2<f64>, Vec<Finding>)> {
     let times = (0..trial.markers.frames()).map(|t| trial.time(t)).collect();
     let table = Table::from_poses(trial.markers.to_poses(times));
     let how = Complete {
         fps: Some(trial.rate),
+        overwrite_outliers: true,
         ..Complete::default()
     };
     let restored = Restorer::without_model().complete(&table, &how)?;
-    let shape = (table.poses.frames(), table.poses.points.len());
-    let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
-    let (filled, deviations) = trial.filled(&restored.table().poses, sd.view(), MOST_SD);
-    let doubtful = (0..shape.1).filter_map(|p| {
-        let frames = (0..shape.0).filter(|t| restored.status(*t, p) == Status::Rejected);
-        let frames: Vec<usize> = frames.collect();
-        let [first, last] = [frames.first()?, frames.last()?].map(|t| trial.time(*t));
-        let (name, count) = (&table.poses.points[p], frames.len());
+    let (frames, points) = (table.poses.frames(), table.poses.points.len());
+    let sd = Array2::from_shape_fn((frames, points), |(t, p)| restored.sd(t, p));
+    let after = restored.table().poses;
+    let (filled, mut deviations) = trial.filled(&after, sd.view(), MOST_SD);
+    let mut findings = Vec::new();
+    for (p, name) in table.poses.points.iter().enumerate() {
+        // A marker stays where it was seen; how far it is from where it is expected is its doubt.
+        let away = |t: usize| {
+            let [was, is] = [&table.poses, &after].map(|poses| point_at(poses.xyz.view(), t, p));
+            10.0 * was.distance(is)
+        };
+        let off: Vec<usize> = (0..frames).filter(|t| away(*t) > 0.0).collect();
+        let marker = MARKERS.iter().position(|marker| marker == name);
+        let ends = off.first().zip(off.last());
+        let Some((marker, (first, last))) = marker.zip(ends) else {
+            continue;
+        };
+        off.iter().for_each(|t| deviations[[*t, marker]] = away(*t));
+        let [first, last] = [first, last].map(|t| trial.time(*t));
         let what = format!(
-            "{name} leaves its path in {count} frames, from {first:.2} to {last:.2} s: it was \
-             taken as it is; clean replaces it"
+            "{name} leaves its path ({} frames, from {first:.2} to {last:.2} s): it was taken as \
+             it is; clean replaces it",
+            off.len()
         );
-        let points = vec![name.clone()];
-        Some(Finding {
+        findings.push(Finding {
             kind: "marker_doubtful",
-            points,
+            points: vec![name.clone()],
             what,
-        })
-    });
-    Ok((filled, deviations, doubtful.collect()))
+        });
+    }
+    Ok((filled, deviations, findings))
 }
 
 /// Tells what is to be known.

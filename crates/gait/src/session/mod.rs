@@ -42,7 +42,7 @@ pub struct SessionTrial {
     pub trial: Trial,
     /// What is computed of it.
     pub gait: GaitTrial,
-    /// The deviations of its curves where a marker was filled: [`GaitTrial::deviations`].
+    /// The deviations of its curves where a marker was filled or doubted: [`GaitTrial::deviations`].
     pub deviations: Option<Curves>,
 }
 
@@ -98,7 +98,7 @@ pub(crate) fn axes(name: &str) -> &'static [(&'static str, usize)] {
 }
 
 impl SessionTrial {
-    /// A trial, computed. `sd` are the deviations of filled markers, of [`Trial::filled`].
+    /// A trial, computed. `sd` are the deviations of markers that were filled or doubted.
     ///
     /// # Errors
     /// [`Error::Unfit`]: `sd` is of another trial.

@@ -35,7 +35,7 @@ pub(crate) struct SingleCycle {
     pub name: String,
     /// Its values.
     pub values: Vec<f64>,
-    /// Their deviations where markers were filled, 0 elsewhere.
+    /// Their deviations where markers were filled or doubted, 0 elsewhere.
     pub sd: Option<Vec<f64>>,
 }
 

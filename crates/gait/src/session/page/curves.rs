@@ -204,7 +204,7 @@ const LEGEND: [(&str, &str, &str); 8] = [
     (
         "doubt l|doubt r",
         AREA,
-        "95 % band of a cycle where markers were filled",
+        "95 % band of a cycle where markers were filled or doubted",
     ),
     ("off l", "M15 0V12", "left foot off"),
     ("off r", "M15 0V12", "right foot off"),
