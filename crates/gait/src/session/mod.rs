@@ -42,7 +42,8 @@ pub struct SessionTrial {
     pub trial: Trial,
     /// What is computed of it.
     pub gait: GaitTrial,
-    /// The deviations of its curves where a marker was filled or doubted: [`GaitTrial::deviations`].
+    /// The deviations of its curves where a marker was filled or doubted:
+    /// [`GaitTrial::deviations`].
     pub deviations: Option<Curves>,
 }
 
