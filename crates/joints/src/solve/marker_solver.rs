@@ -103,17 +103,12 @@ pub fn solve(
     let (names, bones) = fitted.named_bones(settings.joints)?;
     let mut joints = fitted.ends(&sequence, &bones)?;
     let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
-    for (t, _) in solved.iter().enumerate().filter(|(_, is)| !**is) {
-        joints.row_mut(t).fill(f64::NAN);
-    }
+    let unsolved = (0..poses.frames()).filter(|t| !solved[*t]);
+    unsolved.for_each(|t| joints.row_mut(t).fill(f64::NAN));
     let deviations = || fitted.deviations(&sequence, &calibrated.precision, settings.joints);
     let mut sd = settings.deviations.then(deviations).transpose()?;
     let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
-    let by_body = BodyCenters {
-        skeleton: &fitted.skeleton,
-        values: &sequence.values,
-        ends: &ends,
-    };
+    let by_body = BodyCenters::new(&fitted.skeleton, &sequence.values, &ends);
     let centers = if settings.has_plug_in_gait(set) {
         settings
             .plug_in_gait(poses)

@@ -77,12 +77,24 @@ impl Centers {
 
 /// A body in every frame, and the bones that end at the joints that are asked for, by name.
 pub(super) struct BodyCenters<'a> {
-    pub skeleton: &'a Skeleton,
-    pub values: &'a Array2<f64>,
-    pub ends: &'a [(String, usize)],
+    skeleton: &'a Skeleton,
+    values: &'a Array2<f64>,
+    ends: &'a [(String, usize)],
 }
 
-impl BodyCenters<'_> {
+impl<'a> BodyCenters<'a> {
+    pub(super) fn new(
+        skeleton: &'a Skeleton,
+        values: &'a Array2<f64>,
+        ends: &'a [(String, usize)],
+    ) -> BodyCenters<'a> {
+        BodyCenters {
+            skeleton,
+            values,
+            ends,
+        }
+    }
+
     /// The axes of the bones that end at the joints, in every frame.
     fn axes(&self) -> Vec<Vec<DMat3>> {
         let of = |row: ndarray::ArrayView1<'_, f64>| {
