@@ -411,7 +411,9 @@ fn what_is_estimated_or_does_not_fit_is_told() {
         let right = GaitTrial::new(&take.trial, Some(&own), &settings).unwrap();
         let told = kinds(&right);
         assert!(
-            told.iter().all(|k| *k == "event_alone"),
+            // The raw tracks of HC040A begin and end one by one.
+            told.iter()
+                .all(|k| *k == "event_alone" || person == "HC040A" && *k == "marker_late"),
             "{person} {:?}",
             right.findings
         );
