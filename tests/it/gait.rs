@@ -60,6 +60,33 @@ fn exchanged(folder: &Path, from: &str, to: &str, words: [&str; 2]) -> PathBuf {
     folder.join(to)
 }
 
+/// Writes a copy of the walk whose left knee's cells are changed, by the row of the table, the axis
+/// and the cell; the first column of the knee.
+fn with_knee(folder: &Path, to: &str, change: &dyn Fn(usize, usize, &str) -> String) -> usize {
+    let mut read = command("c3d2xyz");
+    let read = read.args(["-q", "walk.c3d"]).current_dir(folder);
+    let text = String::from_utf8(read.output().unwrap().stdout).unwrap();
+    let mut titles = text.lines().next().unwrap().split(',');
+    let knee = titles.position(|title| title == "LKNE.x").unwrap();
+    let row = |(row, line): (usize, &str)| {
+        let cell = |(i, cell): (usize, &str)| match i.checked_sub(knee) {
+            Some(axis @ 0..3) if row > 0 => change(row, axis, cell),
+            _ => cell.to_string(),
+        };
+        let cells: Vec<String> = line.split(',').enumerate().map(cell).collect();
+        cells.join(",") + "\n"
+    };
+    let table: String = text.lines().enumerate().map(row).collect();
+    fs::write(folder.join("changed.csv"), table).unwrap();
+    let into = ["-q", "changed.csv", "--into", "walk.c3d", "-o", to];
+    command("xyz2c3d")
+        .args(into)
+        .current_dir(folder)
+        .assert()
+        .success();
+    knee
+}
+
 const ALL: &str = "--static static.c3d walk.c3d --norm norm.json -o out";
 
 #[test]
@@ -206,6 +233,11 @@ fn other_trials_go_on_where_one_fails() {
     let told = report(&folder.join("out"));
     assert_eq!(told["failed"][0]["file"], "bad.c3d");
     assert_eq!(told["trials"].as_array().unwrap().len(), 1);
+    // Earlier results stay where none of several can be computed.
+    let before = fs::read(folder.join("out/gait.json")).unwrap();
+    fs::copy(folder.join("bad.c3d"), folder.join("worse.c3d")).unwrap();
+    gait(folder, "bad.c3d worse.c3d -o out", 1);
+    assert!(before == fs::read(folder.join("out/gait.json")).unwrap());
     let said = gait(folder, "bad.c3d -o none", 1);
     assert!(
         said.lines().count() == 1 && !folder.join("none").exists(),
@@ -271,39 +303,10 @@ fn audit_tells_what_of_a_trial_cannot_be() {
 fn gaps_are_filled_in_memory_and_stay_in_the_file() {
     let folder = trials();
     let folder = folder.path();
-    let points = command("c3d2xyz")
-        .args(["-q", "walk.c3d"])
-        .current_dir(folder)
-        .output()
-        .unwrap();
-    let text = String::from_utf8(points.stdout).unwrap();
-    let knee = text
-        .lines()
-        .next()
-        .unwrap()
-        .split(',')
-        .position(|n| n == "LKNE.x")
-        .unwrap();
-    let hidden = |(row, line): (usize, &str)| {
-        let cells = line.split(',').enumerate();
-        let is_gap = (120..130).contains(&row);
-        let cell = |(i, cell)| {
-            if is_gap && (knee..knee + 3).contains(&i) {
-                ""
-            } else {
-                cell
-            }
-        };
-        cells.map(cell).collect::<Vec<_>>().join(",")
-    };
-    let table: Vec<String> = text.lines().enumerate().map(hidden).collect();
-    fs::write(folder.join("hidden.csv"), table.join("\n") + "\n").unwrap();
-    let into = ["-q", "hidden.csv", "--into", "walk.c3d", "-o", "hidden.c3d"];
-    command("xyz2c3d")
-        .args(into)
-        .current_dir(folder)
-        .assert()
-        .success();
+    let knee = with_knee(folder, "hidden.c3d", &|row, _, cell| match row {
+        120..130 => String::new(),
+        _ => cell.to_string(),
+    });
     let said = gait(folder, "--static static.c3d hidden.c3d --sd -o out", 0);
     assert!(said.contains("1 gap of LKNE filled, 10 frames"), "{said}");
     gait(folder, "--static static.c3d walk.c3d -o whole", 0);
@@ -372,38 +375,10 @@ fn folders_are_trials_and_other_markers_are_told() {
 fn a_marker_off_its_path_stays_and_is_doubted() {
     let folder = trials();
     let folder = folder.path();
-    let points = command("c3d2xyz")
-        .args(["-q", "walk.c3d"])
-        .current_dir(folder)
-        .output()
-        .unwrap();
-    let text = String::from_utf8(points.stdout).unwrap();
-    let knee = text
-        .lines()
-        .next()
-        .unwrap()
-        .split(',')
-        .position(|n| n == "LKNE.x")
-        .unwrap();
-    let spike = |(row, line): (usize, &str)| {
-        let cell = |(i, cell): (usize, &str)| match (row, i == knee) {
-            (120, true) => (cell.parse::<f64>().unwrap() + 30.0).to_string(),
-            _ => cell.to_string(),
-        };
-        line.split(',')
-            .enumerate()
-            .map(cell)
-            .collect::<Vec<_>>()
-            .join(",")
-    };
-    let table: Vec<String> = text.lines().enumerate().map(spike).collect();
-    fs::write(folder.join("spike.csv"), table.join("\n") + "\n").unwrap();
-    let into = ["-q", "spike.csv", "--into", "walk.c3d", "-o", "spike.c3d"];
-    command("xyz2c3d")
-        .args(into)
-        .current_dir(folder)
-        .assert()
-        .success();
+    with_knee(folder, "spike.c3d", &|row, axis, cell| match (row, axis) {
+        (120, 0) => (cell.parse::<f64>().unwrap() + 30.0).to_string(),
+        _ => cell.to_string(),
+    });
     let said = gait(folder, "--static static.c3d spike.c3d --sd -o out", 3);
     assert!(said.contains("LKNE leaves its path"), "{said}");
     let own = columns(&folder.join("out/spike.csv"));

@@ -40,3 +40,13 @@ def test_parameters_are_given_by_name(tmp_path):
         posing.gait(bare, parameters={"Leg": 1})
     with pytest.raises(FileNotFoundError):
         posing.gait(tmp_path / "none.c3d")
+
+
+def test_trials_that_cannot_be_read_stop_no_other(tmp_path):
+    bad = tmp_path / "bad.c3d"
+    bad.write_bytes(b"no trial")
+    session = posing.gait([CASE / "walk.c3d", bad], CASE / "static.c3d")
+    assert list(session.trials) == ["walk"] and "bad.c3d" in session.notes[-1]
+    assert session.record["failed"][0]["file"].endswith("bad.c3d")
+    with pytest.raises(ValueError, match="bad.c3d"):
+        posing.gait(bad)

@@ -12,7 +12,7 @@ use std::ops::{Add, Mul};
 
 /// The joints, from below.
 pub(crate) const JOINTS: [&str; 3] = ["Ankle", "Knee", "Hip"];
-/// Of foot, shank and thigh: share of the body's mass, place of the center of mass from the
+/// Foot, shank and thigh: share of the body's mass, place of the center of mass from the
 /// proximal end in lengths, radius of gyration in lengths. (The radii are Dempster's about the
 /// proximal end; Vicon takes them about the center of mass.)
 const SEGMENTS: [[f64; 3]; 3] = [
@@ -59,7 +59,7 @@ fn angular_velocity(axes: &[DMat3], rate: f64) -> Vec<DVec3> {
     let later = |t: usize| axes.get(t + SLOPE.len() / 2).copied().unwrap_or(DMat3::NAN);
     let one = |(t, change): (usize, DMat3)| {
         let w = later(t).transpose() * change * rate;
-        // Of the two values of each that are equal in a rotation matrix's own axes.
+        // Each stands twice in a rotation in its own axes; Vicon takes these of the two.
         axes[t] * -DVec3::new(w.z_axis.y, w.x_axis.z, w.y_axis.x)
     };
     change.into_iter().enumerate().map(one).collect()

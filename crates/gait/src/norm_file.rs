@@ -12,7 +12,7 @@ struct NormFile {
     kind: String,
     /// The cycles it is made of.
     cycles: usize,
-    /// Of each of [`GVS`].
+    /// The angles by the names of [`GVS`].
     angles: BTreeMap<String, Angle>,
 }
 

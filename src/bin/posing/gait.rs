@@ -163,14 +163,19 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     drop(bar);
     failed.iter().for_each(|(_, e)| messages::error(e));
+    if trials.is_empty() {
+        // The results of an earlier run stay.
+        return Ok(Outcome::Failed);
+    }
     let static_file = static_trial.map(|path| path.display().to_string());
     let (trials, files): (Vec<SessionTrial>, Vec<Option<Vec<u8>>>) = trials.into_iter().unzip();
     let mut session = Session::new(trials, static_file, norm)?;
     session.failed = failed;
     tell(&session);
     write(args, &session, &files)?;
-    report.write(session.report())?;
-    args.json.write(session.report())?;
+    let told = session.report();
+    report.write(&told)?;
+    args.json.write(&told)?;
     Ok(if session.failed.is_empty() {
         Outcome::of(session.has_findings())
     } else {

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 pub struct SkeletonSettings {
     /// The marker set; `None`: of each file the built-in one that knows most of its markers.
     pub set: Option<MarkerSet>,
-    /// Of anatomical joints a table of their centers stands beside the result, with columns of
+    /// Anatomical joints: a table of their centers stands beside the result, with columns of
     /// deviations; else skeleton and motion, as a BVH.
     pub joints: JointSet,
 }

@@ -88,7 +88,7 @@ impl C3d {
             let mut points = (0..labels.len()).filter(is_named);
             count += usize::from(points.clone().next().is_none());
             changes.insert(points.next().unwrap_or(count - 1), Some(output));
-            // Of several points of one name the others hold what is not known any more.
+            // Other points of the same name hold what is not known any more.
             for other in points {
                 changes.entry(other).or_insert(None);
             }
@@ -380,6 +380,20 @@ mod tests {
             let [before, after] = [&back, &less].map(|file| file.take.xyz[[0, 3]]);
             assert_eq!(before, after);
         }
+    }
+
+    #[test]
+    fn locked_parameters_stay_locked() {
+        let mut bytes = walk().bytes;
+        let at = |bytes: &[u8]| bytes.windows(6).position(|w| w == b"LABELS").unwrap() - 2;
+        // The length of the name, below zero.
+        let length = at(&bytes);
+        bytes[length] = (-6_i8) as u8;
+        let new = read(bytes)
+            .unwrap()
+            .with_outputs(&outputs(3, 6), &[])
+            .unwrap();
+        assert_eq!(new[at(&new)] as i8, -6);
     }
 
     #[test]

@@ -31,9 +31,9 @@ pub(crate) struct SideCurve {
 /// A curve of a single cycle.
 #[derive(Debug)]
 pub(crate) struct SingleCycle {
-    /// Its trial and number.
+    /// The trial and the number of the cycle.
     pub name: String,
-    /// Its values.
+    /// The values.
     pub values: Vec<f64>,
     /// Their deviations where markers were filled or doubted, 0 elsewhere.
     pub sd: Option<Vec<f64>>,
@@ -44,7 +44,7 @@ pub(crate) struct SingleCycle {
 pub(crate) struct Chart<'a> {
     /// What it shows.
     pub title: &'a str,
-    /// Its unit.
+    /// The unit.
     pub unit: &'a str,
     /// The least span of its axis: smaller curves are flat.
     pub least: f64,

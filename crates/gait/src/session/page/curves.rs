@@ -105,7 +105,7 @@ fn near(values: &[f64], others: &[f64]) -> Vec<f64> {
 /// The curves of all trials.
 struct Walks<'a> {
     session: &'a Session,
-    /// Of each trial and side.
+    /// The curves of each trial and side.
     series: Vec<[Vec<Series>; 2]>,
     foot_off: [Option<f64>; 2],
 }
