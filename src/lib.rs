@@ -156,7 +156,7 @@
 //! | posing-label | label | core, io |
 //! | posing-restore | restore | core, io, label, models |
 //! | posing-joints | ik, solve | core, draw, gait, io, label, models |
-//! | posing-clean | audit, clean | core, draw, gait, io, joints, label, models, restore |
+//! | posing-clean | audit, clean, gait | core, draw, gait, io, joints, label, models, restore |
 //! | posing-gait | gait | core, draw, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
 //! | posing-body | body | core, glb, io |
@@ -230,6 +230,14 @@ pub mod ik {
     pub use posing_likeness::{Blend, Blender};
 }
 
+/// Gait by Vicon's Plug-in Gait: angles, moments, events, cycles and values; files of trials.
+pub mod gait {
+    #[doc(inline)]
+    pub use posing_clean::TrialFile;
+    #[doc(inline)]
+    pub use posing_gait::*;
+}
+
 /// Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.
 pub mod evaluate {
     #[doc(inline)]
@@ -254,8 +262,6 @@ pub use posing_edit::edit;
 #[cfg(feature = "server")]
 #[doc(inline)]
 pub use posing_edit::server;
-#[doc(inline)]
-pub use posing_gait as gait;
 #[doc(inline)]
 pub use posing_joints::solve;
 #[doc(inline)]

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Lines of code that a crate may have, `posing` being the facade and the program.
 const BUDGET: [(&str, usize); 16] = [
     ("body", 4_400),
-    ("clean", 4_700),
+    ("clean", 4_900),
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),

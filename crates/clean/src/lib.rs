@@ -4,7 +4,7 @@
 //!
 //! [`audit`] finds faults and changes nothing: rates, units, gaps, swaps, held frames. [`clean`]
 //! takes files and folders of any format, puts labels right, fills, smooths where noise is
-//! measured, solves joints, and writes a record beside each result.
+//! measured, solves joints, and writes a record beside each result. [`TrialFile`] computes gait.
 //!
 //! ```
 //! use posing_clean::audit::{FindingKind, Limits, audit};
@@ -31,3 +31,6 @@ use posing_restore as restore;
 
 pub mod audit;
 pub mod clean;
+mod trial_file;
+
+pub use trial_file::TrialFile;

@@ -1,7 +1,6 @@
 //! Gait of a session: curves, events, values and a page from the trials of a person.
 
 use clap::Parser;
-use ndarray::Array2;
 use posing::cli::args::{parse_if, parse_positive};
 use posing::cli::choice::choice;
 use posing::cli::input::open;
@@ -14,21 +13,14 @@ use posing::cli::{Outcome, messages};
 use posing::draw::href::encoded;
 use posing::draw::take_page::is_take_page;
 use posing::gait::{
-    EventChoice, FilledGap, Finding, FlatFoot, GaitSettings, GaitTrial, MARKERS, Norm, PARAMETERS,
-    Session, SessionTrial, Trial, plausible_range,
+    EventChoice, FilledGap, FlatFoot, GaitSettings, Norm, PARAMETERS, Session, SessionTrial,
+    TrialFile, plausible_range,
 };
-use posing::io::motion_file::ReadRules;
 use posing::io::motion_folder::MotionFolder;
-use posing::io::{MotionFile, Table};
-use posing::pose::point_at;
-use posing::restore::{Complete, Restorer};
-use posing::solve::{MarkerSet, SolveSettings, solve};
 use posing::{Error, Place, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// A filled position that is less sure is left empty, cm: as clean does.
-const MOST_SD: f64 = 5.0;
 /// The bytes of a norm at most.
 const LARGEST_NORM: u64 = 1 << 24;
 
@@ -132,29 +124,26 @@ fn parse_parameter(text: &str) -> std::result::Result<(String, f64), String> {
     Ok((name.trim().to_string(), value))
 }
 
-/// A trial that could be read.
-struct Opened {
-    name: String,
-    shown: String,
-    file: MotionFile,
-    trial: Trial,
-}
-
 pub fn work(args: &Args) -> Result<Outcome> {
     let report = JsonArgs::to_file(&args.output.join("gait.json"));
     report.prepare_report();
     let rules = args.read.rules();
     let norm = args.norm.as_ref().map(|path| read_norm(path)).transpose()?;
     let static_trial = args.static_trial.as_ref();
-    let standing = static_trial.map(|path| opened(path, &rules)).transpose()?;
+    let opened = |path: &PathBuf| {
+        let own = TrialFile::open(path, &rules)?;
+        let notes = own.notes().iter();
+        notes.for_each(|note| messages::info(&format!("{}: {note}", path.display())));
+        Ok(own)
+    };
+    let standing = static_trial.map(opened).transpose()?;
     let settings = settings(args);
     let walks = walks(args)?;
     check_read(&walks)?;
     let bar = Progress::new("gait", walks.len() as u64);
     let (mut trials, mut failed) = (Vec::new(), Vec::new());
     for (i, path) in walks.iter().enumerate() {
-        let own = opened(path, &rules);
-        match own.and_then(|own| computed(&own, standing.as_ref(), &settings)) {
+        match opened(path).and_then(|own| own.compute(standing.as_ref(), &settings)) {
             Ok(computed) => trials.push(computed),
             Err(e) if walks.len() == 1 => return Err(e),
             Err(e) => failed.push((path.display().to_string(), e.to_string())),
@@ -238,139 +227,6 @@ fn read_norm(path: &Path) -> Result<(String, Norm)> {
     let text = open(path)?.read_all(LARGEST_NORM)?;
     let norm = Norm::from_json(&text, &name)?;
     Ok((name, norm))
-}
-
-fn opened(path: &Path, rules: &ReadRules) -> Result<Opened> {
-    let shown = path.display().to_string();
-    let file = MotionFile::open_by(path, rules)?;
-    let place = |e: Error| e.at(Place::file(&shown));
-    let c3d = file
-        .c3d()
-        .ok_or_else(|| place(Error::unfit("is no C3D file")))?;
-    let notes = c3d.take.notes.iter();
-    notes.for_each(|note| messages::info(&format!("{shown}: {note}")));
-    let units = file.units();
-    let mut trial = Trial::from_c3d(c3d, Some(units.unit), Some(units.up));
-    if let (Err(_), Some(rate)) = (&trial, file.rate()) {
-        let mut own = c3d.clone();
-        own.take.rate = Some(rate);
-        trial = Trial::from_c3d(&own, Some(units.unit), Some(units.up));
-    }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let ends = name.len().checked_sub(4);
-    let ends = ends.filter(|at| name.is_char_boundary(*at));
-    let stem = ends.filter(|at| name[*at..].eq_ignore_ascii_case(".c3d"));
-    Ok(Opened {
-        trial: trial?,
-        name: stem.map_or(&*name, |at| &name[..at]).to_string(),
-        shown,
-        file,
-    })
-}
-
-/// Fills gaps and computes; with the bytes of its C3D file, where it can be written.
-fn computed(
-    own: &Opened,
-    statics: Option<&Opened>,
-    settings: &GaitSettings,
-) -> Result<(SessionTrial, Option<Vec<u8>>)> {
-    let place = |e: Error| e.at(Place::file(&own.shown));
-    if !own.trial.markers.are_plug_in_gait() {
-        return by_bones(own, statics, settings).map_err(place);
-    }
-    let (trial, sd, doubtful) = filled(&own.trial).map_err(place)?;
-    let mut gait = GaitTrial::new(&trial, statics.map(|s| &s.trial), settings).map_err(place)?;
-    gait.findings.extend(doubtful);
-    let (name, shown) = (own.name.clone(), own.shown.clone());
-    let mut done = SessionTrial::new(name, shown, trial, gait, &sd)?;
-    let outputs = done.outputs(&own.file.whole_table().poses.points);
-    let stored = own
-        .file
-        .c3d()
-        .map(|c3d| c3d.with_outputs(&outputs, &done.events()));
-    let bytes = stored.and_then(|bytes| match bytes {
-        Ok(bytes) => Some(bytes),
-        Err(e) => {
-            let what = format!(
-                "no C3D file is written: {}",
-                e.message().map_or(String::new(), |m| m.to_string())
-            );
-            done.gait.findings.push(Finding {
-                kind: "no_c3d",
-                points: Vec::new(),
-                what,
-            });
-            None
-        }
-    });
-    Ok((done, bytes))
-}
-
-/// A trial of other markers, by the bones that are solved under them.
-fn by_bones(
-    own: &Opened,
-    statics: Option<&Opened>,
-    settings: &GaitSettings,
-) -> Result<(SessionTrial, Option<Vec<u8>>)> {
-    let solved = |own: &Opened| {
-        let settings = SolveSettings::default();
-        solve(own.file.poses(), &settings, &mut |_| {})
-    };
-    let (take, standing) = (solved(own)?, statics.map(solved).transpose()?);
-    let set = MarkerSet::find(&take.set);
-    let set =
-        set.ok_or_else(|| Error::unfit("has not the markers of Plug-in Gait, nor of a known set"))?;
-    let mut trial = own.trial.clone();
-    trial.markers = take.gait_markers(own.file.poses(), set);
-    let curves = take.gait_curves(&trial.markers, standing.as_ref());
-    let gait = GaitTrial::of_other_model(&trial, curves, settings)?;
-    let none = Array2::zeros((trial.markers.frames(), MARKERS.len()));
-    let (name, shown) = (own.name.clone(), own.shown.clone());
-    Ok((SessionTrial::new(name, shown, trial, gait, &none)?, None))
-}
-
-/// The trial with its gaps filled by what the other markers of its own frames tell, as clean does;
-/// the deviations of what was filled and of markers that leave their path, and findings on these.
-fn filled(trial: &Trial) -> Result<(Trial, Array2<f64>, Vec<Finding>)> {
-    let times = (0..trial.markers.frames()).map(|t| trial.time(t)).collect();
-    let table = Table::from_poses(trial.markers.to_poses(times));
-    let how = Complete {
-        fps: Some(trial.rate),
-        overwrite_outliers: true,
-        ..Complete::default()
-    };
-    let restored = Restorer::without_model().complete(&table, &how)?;
-    let (frames, points) = (table.poses.frames(), table.poses.points.len());
-    let sd = Array2::from_shape_fn((frames, points), |(t, p)| restored.sd(t, p));
-    let after = restored.table().poses;
-    let (filled, mut deviations) = trial.filled(&after, sd.view(), MOST_SD);
-    let mut findings = Vec::new();
-    for (p, name) in table.poses.points.iter().enumerate() {
-        // A marker stays where it was seen; how far it is from where it is expected is its doubt.
-        let away = |t: usize| {
-            let [was, is] = [&table.poses, &after].map(|poses| point_at(poses.xyz.view(), t, p));
-            10.0 * was.distance(is)
-        };
-        let off: Vec<usize> = (0..frames).filter(|t| away(*t) > 0.0).collect();
-        let marker = MARKERS.iter().position(|marker| marker == name);
-        let ends = off.first().zip(off.last());
-        let Some((marker, (first, last))) = marker.zip(ends) else {
-            continue;
-        };
-        off.iter().for_each(|t| deviations[[*t, marker]] = away(*t));
-        let [first, last] = [first, last].map(|t| trial.time(*t));
-        let what = format!(
-            "{name} leaves its path ({} frames, from {first:.2} to {last:.2} s): it was taken as \
-             it is; clean replaces it",
-            off.len()
-        );
-        findings.push(Finding {
-            kind: "marker_doubtful",
-            points: vec![name.clone()],
-            what,
-        });
-    }
-    Ok((filled, deviations, findings))
 }
 
 /// Tells what is to be known.
