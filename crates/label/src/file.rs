@@ -3,13 +3,15 @@
 use super::changes::{Change, ChangeKind};
 use super::label_model::LabelModel;
 use super::named_tracks::{NamedTracks, UnsureTrack};
-use super::naming::name_tracks;
+use super::nameless::name_tracks;
 use super::relabeling::{LabelSettings, Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
+use super::templates::Templates;
 use crate::error::OptionNames;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
+use ndarray::Array2;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -113,7 +115,8 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
 
 /// Names the tracks of a file, none of which has a label, as a model says, and puts these labels
 /// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (0 to
-/// 1) has no label.
+/// 1) has no label. Several people are called as the labeled takes of the settings are that have
+/// their distances, else by numbers.
 ///
 /// # Errors
 /// [`Error::Data`]: neither the file nor an option says its rate; it holds several takes, rotations
@@ -124,6 +127,21 @@ pub fn label_from_nothing(
     sure: f64,
     settings: &LabelSettings,
 ) -> Result<(MotionFile, LabelReport)> {
+    let named = name_file(file, model, sure, &settings.like)?;
+    labeled_as(file, named, settings)
+}
+
+/// The names of the tracks of a file, none of which has a label, by a model.
+///
+/// # Errors
+/// See [`label_from_nothing`].
+#[doc(hidden)]
+pub fn name_file(
+    file: &MotionFile,
+    model: &dyn LabelModel,
+    sure: f64,
+    like: &Templates,
+) -> Result<NamedTracks> {
     let poses = file.poses();
     let refuse = |what: &str| Err(Error::data(Place::file(&file.table.name), what));
     let rate = rate_of(file)?;
@@ -136,8 +154,21 @@ pub fn label_from_nothing(
              tracks are joined to them"
         ));
     }
-    let named = name_tracks(poses, rate, model, sure);
-    let mut named = named.map_err(|e| e.at(Place::file(&file.table.name)))?;
+    let who = |people: &[Array2<f64>]| like.who(model.labels(), people);
+    let named = name_tracks(poses, rate, model, sure, &who);
+    named.map_err(|e| e.at(Place::file(&file.table.name)))
+}
+
+/// A file whose tracks got names, and what [`check_labels`] finds then.
+///
+/// # Errors
+/// The file cannot hold these names; those of [`check_labels`].
+#[doc(hidden)]
+pub fn labeled_as(
+    file: &MotionFile,
+    mut named: NamedTracks,
+    settings: &LabelSettings,
+) -> Result<(MotionFile, LabelReport)> {
     let labeled = file.moved(&named.moves)?.renamed(&named.names)?;
     let mut report = check_labels(&labeled, settings)?;
     named

@@ -14,7 +14,7 @@ pub struct NamedFrame {
 }
 
 /// A model of where the labels of a person are.
-pub trait LabelModel: Sync {
+pub trait LabelModel: Send + Sync {
     /// The labels (L).
     fn labels(&self) -> &[String];
 

@@ -35,7 +35,8 @@ pub mod marker_distances;
 mod mirror;
 mod named_tracks;
 #[doc(hidden)]
-pub mod naming;
+pub mod nameless;
+mod naming;
 #[doc(hidden)]
 pub mod out_and_back;
 mod paths;
@@ -56,6 +57,8 @@ mod whole_take;
 
 pub use changes::ChangeKind;
 pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_nothing};
+#[doc(hidden)]
+pub use file::{labeled_as, name_file};
 pub use label_model::{FittedLabels, LabelModel, NamedFrame};
 pub use named_tracks::{FoundLabel, MovedFragment, NamedTracks, UnsureTrack};
 pub use people::points_of_person;

@@ -2,6 +2,7 @@
 
 use super::tuning::marker_distances::*;
 use crate::numeric::parallel;
+use crate::numeric::statistics::median;
 use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
@@ -107,6 +108,22 @@ impl Distances {
     pub(crate) fn between(&self, a: usize, b: usize) -> Option<Distance> {
         let (first, last) = (a.min(b), a.max(b));
         *self.rows[first].get(last.checked_sub(first + 1)?)?
+    }
+
+    /// How far apart the steady distances are from those of others, cm, in the median; `None` where
+    /// both know few.
+    pub(crate) fn off(&self, others: impl Fn(usize, usize) -> Option<Distance>) -> Option<f64> {
+        let steady = |a: usize, b: usize| {
+            let both = [self.between(a, b)?, others(a, b)?];
+            let is_rigid = both
+                .iter()
+                .all(|d| d.spread < RIGID && d.median < RIGID_NEAR);
+            is_rigid.then(|| (both[0].median - both[1].median).abs())
+        };
+        let pairs = (0..self.points()).flat_map(|a| (0..a).map(move |b| (a, b)));
+        let off: Vec<f64> = pairs.filter_map(|(a, b)| steady(a, b)).collect();
+        let are_enough = off.len() >= FEWEST_RIGID;
+        median(off).filter(|_| are_enough)
     }
 
     /// The other points and their distances, the most rigid first.

@@ -1,7 +1,7 @@
 //! The names that tracks got from nothing, and what is to be told of them.
 
-use super::label_model::LabelModel;
 use super::loose_tracks::{LooseTracks, PathLabels};
+use super::naming::Naming;
 use super::tuning::naming::MISSING;
 use crate::io::PointMove;
 use serde::Serialize;
@@ -18,6 +18,11 @@ pub struct NamedTracks {
     #[serde(skip)]
     #[doc(hidden)]
     pub names: Vec<(usize, String)>,
+    /// How many people have them.
+    pub people: usize,
+    /// How well labels and tracks fit each other, 0 to 1: what is named, twice, in all that is
+    /// seen of the tracks and all that would be of the people's labels.
+    pub fit: f64,
     /// The labels that were found.
     pub labels: Vec<FoundLabel>,
     /// The labels that are no track's.
@@ -153,10 +158,11 @@ impl NamedTracks {
         &mut self,
         tracks: &LooseTracks<'_>,
         [sure, likely]: [&PathLabels; 2],
-        model: &dyn LabelModel,
-        points: &[String],
+        naming: &Naming<'_>,
+        (labels, points): (&[String], &[String]),
     ) {
-        let labels = model.labels();
+        self.people = naming.people;
+        self.fit = naming.fit_of(sure);
         let is_other =
             |path: &usize| likely[*path].is_none() && 2 * tracks.frames(*path) > tracks.xyz.nrows();
         let others = (0..likely.len()).filter(is_other);
@@ -172,7 +178,7 @@ impl NamedTracks {
                 .flat_map(|path| tracks.tracks_of(*path))
                 .collect();
             match frames {
-                0 if model.is_one_of_several(l) => self.alike.push(label.clone()),
+                0 if naming.is_one_of_several(l) => self.alike.push(label.clone()),
                 0 => self.missing.push(label.clone()),
                 _ => self.labels.push(FoundLabel {
                     label: label.clone(),

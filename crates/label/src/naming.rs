@@ -1,4 +1,4 @@
-//! Labels from nothing: the tracks of a take named as the markers of a set.
+//! The tracks of a take named as the markers of a set, on one person or on several.
 //!
 //! 1. Tracks are cut to fragments, and these linked to paths, each of which is one marker
 //!    (`loose_tracks`).
@@ -8,67 +8,17 @@
 //!    is in every frame; each path is the label that it stays nearest to.
 //! 4. What is not sure has no label.
 
-use super::hosts::Hosts;
 use super::label_model::{FittedLabels, LabelModel, NamedFrame};
 use super::loose_tracks::{LooseTracks, PathLabels};
-use super::named_tracks::NamedTracks;
 use super::tuning::naming::*;
 use crate::Result;
 use crate::numeric::assignment::assign;
 use crate::numeric::parallel::map_chunks;
-use crate::pose::zeros::Zeros;
-use crate::pose::{Poses, point_at};
+use crate::pose::point_at;
 use glam::DVec3;
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate, s};
 use std::cmp::Reverse;
-
-/// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
-/// than `sure` (0 to 1) keeps none.
-///
-/// # Errors
-/// Those of the model.
-pub fn name_tracks(
-    poses: &Poses,
-    rate: f64,
-    model: &dyn LabelModel,
-    sure: f64,
-) -> Result<NamedTracks> {
-    let poses = &*Zeros::emptied(poses);
-    let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
-    let naming = Naming {
-        tracks: &tracks,
-        model,
-        labels: model.labels().len(),
-        frames: tracks.frames_of_all(RATE, FEWEST_PLACES),
-    };
-    let votes = naming.votes()?;
-    let all = naming.elected(&votes);
-    if (0..naming.labels)
-        .filter(|l| all.contains(&Some(*l)))
-        .count()
-        < FEWEST_LABELS
-    {
-        let what = "no body with these labels is found in its tracks; is it another marker set, or \
-                    does another axis point up (the option `up`)?";
-        return Err(what.into());
-    }
-    let best = naming.improved(naming.fitted(all, ROUNDS)?)?;
-    let least = sure.max(0.5);
-    let mut labels = best.sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
-    labels
-        .iter_mut()
-        .for_each(|label| *label = label.filter(|l| !model.is_one_of_several(*l)));
-    let hosts = Hosts::new(&tracks, &labels, naming.labels);
-    // A label without a column of its own has nowhere to go.
-    labels
-        .iter_mut()
-        .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
-    let moves = hosts.moves(&tracks, &labels);
-    let names = hosts.names(model.labels());
-    let mut named = NamedTracks::new(moves, names, &poses.points);
-    named.tell(&tracks, [&labels, &best.labels], model, &poses.points);
-    Ok(named)
-}
+use std::collections::BTreeSet;
 
 /// The names of one frame by its paths, and how much they count.
 struct Vote {
@@ -77,8 +27,8 @@ struct Vote {
 }
 
 /// Labels of paths, and the model that is fitted by them.
-struct Run {
-    labels: PathLabels,
+pub(super) struct Run {
+    pub labels: PathLabels,
     /// How far each path is from each label: nats a frame by which it is likelier than none.
     nats: Array2<f64>,
     /// How far each label is from where such labels are mostly, standard deviations.
@@ -87,20 +37,141 @@ struct Run {
     score: f64,
 }
 
-struct Naming<'a> {
-    tracks: &'a LooseTracks<'a>,
-    model: &'a dyn LabelModel,
-    labels: usize,
+/// The labels of some people, all of one set, and the tracks that may be theirs.
+#[derive(Clone)]
+pub(super) struct Naming<'a> {
+    pub tracks: &'a LooseTracks<'a>,
+    pub model: &'a dyn LabelModel,
+    /// How many people they are. The labels of each follow those of the one before.
+    pub people: usize,
+    /// Whether each path may be theirs.
+    pub is_open: Vec<bool>,
     /// The frames that the model is fitted to.
-    frames: Vec<usize>,
+    pub frames: Vec<usize>,
 }
 
-impl Naming<'_> {
+impl<'a> Naming<'a> {
+    /// Of one person, whose any path may be.
+    pub(super) fn new(tracks: &'a LooseTracks<'a>, model: &'a dyn LabelModel) -> Naming<'a> {
+        Naming {
+            tracks,
+            model,
+            people: 1,
+            is_open: vec![true; tracks.paths.len()],
+            frames: tracks.frames_of_all(RATE, FEWEST_PLACES),
+        }
+    }
+
+    /// The labels of a person.
+    pub(super) fn set(&self) -> &[String] {
+        self.model.labels()
+    }
+
+    /// How many labels there are.
+    pub(super) fn labels(&self) -> usize {
+        self.people * self.set().len()
+    }
+
+    /// Whether a label is one of several that the model cannot tell apart.
+    pub(super) fn is_one_of_several(&self, label: usize) -> bool {
+        self.model.is_one_of_several(label % self.set().len())
+    }
+
+    /// What the labels are called, by where those of each person are.
+    pub(super) fn names(
+        &self,
+        of: &PathLabels,
+        who: &dyn Fn(&[Array2<f64>]) -> Vec<String>,
+    ) -> Vec<String> {
+        let set = self.set();
+        if self.people == 1 {
+            return set.to_vec();
+        }
+        let people = who(&self.positions(of));
+        let named = people
+            .iter()
+            .flat_map(|p| set.iter().map(move |l| format!("{p}:{l}")));
+        named.collect()
+    }
+
+    /// Where the labels of each person are (frames, 3 L), cm.
+    pub(super) fn positions(&self, of: &PathLabels) -> Vec<Array2<f64>> {
+        let (all, width) = (
+            self.tracks.positions(of, self.labels()),
+            3 * self.set().len(),
+        );
+        let one = |k: usize| all.slice(s![.., width * k..width * (k + 1)]).to_owned();
+        (0..self.people).map(one).collect()
+    }
+
+    /// How well labels and tracks fit each other; see [`NamedTracks::fit`].
+    ///
+    /// [`NamedTracks::fit`]: super::named_tracks::NamedTracks::fit
+    pub(super) fn fit_of(&self, of: &PathLabels) -> f64 {
+        let tracks = self.tracks;
+        let shortest = (SHORTEST * tracks.rate) as usize;
+        let (mut named, mut seen) = (0, 0);
+        for (path, label) in of.iter().enumerate() {
+            let frames = tracks.frames(path);
+            named += label.map_or(0, |_| frames);
+            // Shorter ones may be reflections.
+            seen += if label.is_some() || frames > shortest {
+                frames
+            } else {
+                0
+            };
+        }
+        let alike = (0..self.set().len()).filter(|l| self.model.is_one_of_several(*l));
+        let set = self.set().len() - alike.count();
+        let is_there = |row: &ArrayView1<'_, f64>| {
+            row.iter().filter(|v| v.is_finite()).count() * PRESENT_SHARE >= row.len()
+        };
+        let positions = self.positions(of);
+        let rows = positions.iter().flat_map(|of| of.rows());
+        let due = set * rows.filter(is_there).count();
+        2.0 * named as f64 / (seen + due).max(1) as f64
+    }
+
+    /// The paths that are seen in a frame and may be theirs, each with its position.
+    pub(super) fn seen(&self, t: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+        self.tracks.seen(t).filter(|(path, _)| self.is_open[*path])
+    }
+
+    /// A person by the labels for which some frames vote; `None` where that is no body.
+    pub(super) fn one_body(&self) -> Result<Option<Run>> {
+        let all = self.elected(&self.votes()?);
+        if count_labels(&all) < FEWEST_LABELS {
+            return Ok(None);
+        }
+        self.improved(self.fitted(all, ROUNDS)?).map(Some)
+    }
+
+    /// Fits the model of each person to where the labels are in the frames (frames, 3 L).
+    fn fit(&self, known: ArrayView2<'_, f64>) -> Result<FittedLabels> {
+        let width = 3 * self.set().len();
+        let of = |k: usize| {
+            self.model
+                .fit(known.slice(s![.., width * k..width * (k + 1)]))
+        };
+        let fits = (0..self.people)
+            .map(of)
+            .collect::<Result<Vec<FittedLabels>>>()?;
+        let places: Vec<_> = fits.iter().map(|fit| fit.places.view()).collect();
+        Ok(FittedLabels {
+            places: concatenate(Axis(1), &places).map_err(|e| e.to_string())?,
+            sd: fits.iter().flat_map(|fit| fit.sd.iter().copied()).collect(),
+            deviations: fits
+                .iter()
+                .flat_map(|fit| fit.deviations.iter().copied())
+                .collect(),
+        })
+    }
+
     /// Frames in which the longest paths are seen, one of each of equal stretches.
     fn key_frames(&self) -> Vec<usize> {
         let tracks = self.tracks;
         let count = tracks.xyz.nrows();
-        let length = |t: usize| tracks.seen(t).map(|(path, _)| tracks.frames(path)).sum();
+        let length = |t: usize| self.seen(t).map(|(path, _)| tracks.frames(path)).sum();
         let of_stretch = |n: usize| {
             let stretch = n * count / KEY_FRAMES..(n + 1) * count / KEY_FRAMES;
             let step = stretch.len().div_ceil(LOOKED_AT).max(1);
@@ -119,7 +190,7 @@ impl Naming<'_> {
             .max();
         let shortest = ((SHORTEST * tracks.rate) as usize).min(longest.unwrap_or(1) / 2);
         let of_frame = |t: usize| {
-            let long = tracks
+            let long = self
                 .seen(t)
                 .filter(|(path, _)| tracks.frames(*path) > shortest);
             long.collect::<Vec<(usize, DVec3)>>()
@@ -141,24 +212,24 @@ impl Naming<'_> {
 
     /// The labels for which some frames vote.
     fn elected(&self, votes: &[Vote]) -> PathLabels {
-        let mut sums = Array2::zeros((self.tracks.paths.len(), self.labels + 1));
+        let mut sums = Array2::zeros((self.tracks.paths.len(), self.labels() + 1));
         for vote in votes {
             for (path, label) in &vote.named {
-                sums[[*path, label.unwrap_or(self.labels)]] += vote.weight;
+                sums[[*path, label.unwrap_or(self.labels())]] += vote.weight;
             }
         }
         self.tracks.elect(&sums)
     }
 
     /// Fits the model, and labels by it, in so many rounds at most.
-    fn fitted(&self, mut labels: PathLabels, rounds: usize) -> Result<Run> {
+    pub(super) fn fitted(&self, mut labels: PathLabels, rounds: usize) -> Result<Run> {
         let mut round = 0;
         loop {
             let known = self
                 .tracks
-                .positions(&labels, self.labels)
+                .positions(&labels, self.labels())
                 .select(Axis(0), &self.frames);
-            let fit = self.model.fit(known.view())?;
+            let fit = self.fit(known.view())?;
             let mut costs = self.costs(&fit);
             let mut next = self.nearest(&costs);
             self.drop_needless(&mut costs, &mut next);
@@ -209,12 +280,12 @@ impl Naming<'_> {
                 && (run.deviations[*l] >= UNUSUAL || !run.labels.contains(&Some(*l)))
         };
         let nearer = |a: &usize, b: &usize| run.nats[[path, *a]].total_cmp(&run.nats[[path, *b]]);
-        (0..self.labels).filter(is_near).max_by(nearer)
+        (0..self.labels()).filter(is_near).max_by(nearer)
     }
 
     /// The labels with one given to a path, by those that have it in its frames.
     fn given(&self, labels: &PathLabels, path: usize, label: usize) -> PathLabels {
-        let holders = self.tracks.holders(labels, self.labels);
+        let holders = self.tracks.holders(labels, self.labels());
         let mut labels = labels.clone();
         for other in self.tracks.held(&holders, label, path) {
             labels[other] = None;
@@ -225,12 +296,12 @@ impl Naming<'_> {
 
     /// Does without labels where others, which no path has, fit their paths hardly worse.
     fn drop_needless(&self, costs: &mut Array2<f64>, labels: &mut PathLabels) {
-        for label in 0..self.labels {
+        for label in 0..self.labels() {
             let own: Vec<usize> = (0..labels.len())
                 .filter(|path| labels[*path] == Some(label))
                 .collect();
             let held: usize = own.iter().map(|path| self.tracks.frames(*path)).sum();
-            let holders = self.tracks.holders(labels, self.labels);
+            let holders = self.tracks.holders(labels, self.labels());
             // Nobody has it, or somebody for a short while.
             let is_free = |path: usize, other: usize| {
                 let held = self.tracks.held(&holders, other, path).into_iter();
@@ -239,7 +310,7 @@ impl Naming<'_> {
             };
             let is_near = |path: &usize| {
                 let own = nats(costs[[*path, label]]);
-                (0..self.labels)
+                (0..self.labels())
                     .filter(|l| nats(costs[[*path, *l]]) >= own - NEEDLESS)
                     .any(|l| is_free(*path, l))
             };
@@ -275,7 +346,7 @@ impl Naming<'_> {
         let row_of = |t: usize| self.frames.binary_search(&t).ok();
         let rows = map_chunks(tracks.paths.len(), 4, |range| {
             let row = |path: usize| {
-                let (mut sums, mut count) = (vec![0.0; self.labels], 0.0);
+                let (mut sums, mut count) = (vec![0.0; self.labels()], 0.0);
                 let known = tracks
                     .positions_of(path)
                     .filter_map(|(t, at)| Some((row_of(t)?, at)));
@@ -291,8 +362,8 @@ impl Naming<'_> {
             range.flat_map(row).collect::<Vec<f64>>()
         });
         let all = rows.concat();
-        let shape = (tracks.paths.len(), self.labels);
-        Array2::from_shape_fn(shape, |(path, label)| all[path * self.labels + label])
+        let shape = (tracks.paths.len(), self.labels());
+        Array2::from_shape_fn(shape, |(path, label)| all[path * self.labels() + label])
     }
 
     /// The labels of the paths that are nearest to them: of all that are seen in a frame together.
@@ -302,11 +373,11 @@ impl Naming<'_> {
         let frames: Vec<usize> = (0..tracks.xyz.nrows()).step_by(step).collect();
         let found = map_chunks(frames.len(), 8, |range| {
             let of = |t: usize| {
-                let seen: Vec<usize> = tracks.seen(t).map(|(path, _)| path).collect();
+                let seen: Vec<usize> = self.seen(t).map(|(path, _)| path).collect();
                 let cost = |label: usize, n: usize| costs[[seen[n], label]];
-                let of_labels = assign(self.labels, seen.len(), REJECTED, cost);
+                let of_labels = assign(self.labels(), seen.len(), REJECTED, cost);
                 let mut named: Vec<(usize, usize)> =
-                    seen.iter().map(|path| (*path, self.labels)).collect();
+                    seen.iter().map(|path| (*path, self.labels())).collect();
                 for (label, n) in of_labels.into_iter().enumerate() {
                     if let Some(n) = n {
                         named[n].1 = label;
@@ -316,12 +387,17 @@ impl Naming<'_> {
             };
             range.flat_map(|n| of(frames[n])).collect::<Vec<_>>()
         });
-        let mut votes = Array2::zeros((tracks.paths.len(), self.labels + 1));
+        let mut votes = Array2::zeros((tracks.paths.len(), self.labels() + 1));
         for (path, label) in found.into_iter().flatten() {
             votes[[path, label]] += 1.0;
         }
         tracks.elect(&votes)
     }
+}
+
+/// How many labels some paths have.
+pub(super) fn count_labels(of: &PathLabels) -> usize {
+    of.iter().flatten().collect::<BTreeSet<_>>().len()
 }
 
 /// The nats a frame by which a path is likelier a label, at some mean squared distance, than none.
@@ -332,7 +408,7 @@ fn nats(cost: f64) -> f64 {
 impl Run {
     /// The labels by which the paths are more likely by so many nats than with any other that is
     /// free then or that another path gives for theirs.
-    fn sure(&self, tracks: &LooseTracks<'_>, least: f64) -> PathLabels {
+    pub(super) fn sure(&self, tracks: &LooseTracks<'_>, least: f64) -> PathLabels {
         let holders = tracks.holders(&self.labels, self.nats.ncols());
         let rare = tracks.xyz.nrows() as f64 * RARE;
         let is_rare = |label: usize| (holders.row(label).iter().flatten().count() as f64) < rare;

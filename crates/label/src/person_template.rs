@@ -180,6 +180,15 @@ impl Template {
         (!terms.is_empty()).then(|| terms.iter().sum())
     }
 
+    /// How far apart the steady distances of a person are from those of some labels of a take, cm,
+    /// in the median; `None` where both know few.
+    pub(crate) fn off(&self, labels: &[String], distances: &Distances) -> Option<f64> {
+        let here = |l: &String| labels.iter().position(|name| own_name(name) == l);
+        let here: Vec<Option<usize>> = self.labels.iter().map(here).collect();
+        self.distances
+            .off(|a, b| distances.between(here[a]?, here[b]?))
+    }
+
     /// How much the distance of each two of some labels counts: for each of which it is one of the
     /// most rigid; once within the same person.
     fn weights(&self, labels: &[usize]) -> Vec<Vec<f64>> {

@@ -26,6 +26,8 @@ pub struct LabelSettings {
     pub take_out: bool,
     /// Labeled takes to compare with.
     pub like: Arc<Templates>,
+    /// Whether labels come from these takes, which are right where both differ.
+    pub are_by_like: bool,
     /// What reports call options.
     pub option_names: OptionNames,
 }
@@ -36,6 +38,7 @@ impl Default for LabelSettings {
             keep: Vec::new(),
             take_out: true,
             like: Arc::default(),
+            are_by_like: false,
             option_names: OptionNames::default(),
         }
     }
@@ -108,7 +111,7 @@ pub fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Relabeling
             };
             kept.iter().any(of)
         };
-        out.check_whole_takes(poses, &settings.like, is_kept);
+        out.check_whole_takes(poses, settings, is_kept);
     }
     out
 }
@@ -148,7 +151,9 @@ impl Relabeling {
     fn check_whole_takes(
         &mut self,
         poses: &Poses,
-        like: &Templates,
+        LabelSettings {
+            like, are_by_like, ..
+        }: &LabelSettings,
         is_kept: impl Fn(usize, &Range<usize>) -> bool,
     ) {
         let mut poses = Cow::Borrowed(poses);
@@ -167,7 +172,8 @@ impl Relabeling {
                     WholeTakeKind::EitherSide => false,
                 };
                 let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
-                if like.are_same_person() && is_pair && is_free && whole.is_sure {
+                let is_sure = whole.is_sure || *are_by_like;
+                if like.are_same_person() && is_pair && is_free && is_sure {
                     exchange_in_take(&mut self.changes, &whole.points, &take);
                     whole.is_put_back = true;
                 }

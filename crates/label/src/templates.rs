@@ -4,6 +4,7 @@ use super::marker_distances::Distances;
 use super::mirror::Mirror;
 use super::people::{Person, people_of_markers};
 use super::person_template::{Labels, Template};
+use super::tuning::nameless::SAME;
 use super::tuning::person_template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
 use super::whole_take::groups;
@@ -15,6 +16,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::Path;
 
 /// Labeled takes that others are compared with.
 #[derive(Default)]
@@ -29,6 +31,18 @@ struct Named {
     take: String,
     person: String,
     template: Template,
+}
+
+impl Named {
+    /// What tells the person in the take's labels, else what the take's file is called.
+    fn called(&self) -> String {
+        if !self.person.is_empty() {
+            return self.person.clone();
+        }
+        let file = Path::new(&self.take).file_name().unwrap_or_default();
+        let file = file.to_string_lossy();
+        file.split('.').next().unwrap_or_default().to_string()
+    }
 }
 
 /// The labels of a person of a take.
@@ -104,6 +118,41 @@ impl Templates {
             }
         }
         Ok(out)
+    }
+
+    /// What people are called whose labels are there (frames, 3 L; cm): by the labeled take whose
+    /// steady distances are theirs, by numbers where none or several say it.
+    #[doc(hidden)]
+    pub fn who(&self, labels: &[String], people: &[Array2<f64>]) -> Vec<String> {
+        let mut near: Vec<(f64, usize, String)> = Vec::new();
+        for (k, positions) in people.iter().enumerate() {
+            let distances = Distances::measure(positions.view());
+            let of = |t: &Named| Some((t.template.off(labels, &distances)?, k, t.called()));
+            near.extend(
+                self.all
+                    .iter()
+                    .filter_map(of)
+                    .filter(|(off, ..)| *off <= SAME),
+            );
+        }
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut called: Vec<Option<String>> = vec![None; people.len()];
+        for (_, k, name) in near {
+            let is_known = called.iter().flatten().any(|known| *known == name);
+            if called[k].is_none() && !is_known {
+                called[k] = Some(name);
+            }
+        }
+        let number = |(k, name): (usize, Option<String>)| name.unwrap_or((k + 1).to_string());
+        called.into_iter().enumerate().map(number).collect()
+    }
+
+    /// Whether a person whose labels are there is one of these takes'.
+    #[doc(hidden)]
+    pub fn has(&self, labels: &[String], positions: ArrayView2<'_, f64>) -> bool {
+        let distances = Distances::measure(positions);
+        let off = |t: &Named| t.template.off(labels, &distances);
+        self.all.iter().filter_map(off).any(|off| off <= SAME)
     }
 
     #[doc(hidden)]

@@ -37,6 +37,11 @@ pub(crate) mod marker_distances {
     pub(crate) const ANYWHERE: f64 = 60.0;
     /// By how much of its length a distance is looser.
     pub(crate) const LOOSER: f64 = 0.004;
+    /// Distances that spread by no more and are no longer are steady, cm; so many tell two people
+    /// apart, at least.
+    pub(crate) const RIGID: f64 = 0.8;
+    pub(crate) const RIGID_NEAR: f64 = 40.0;
+    pub(crate) const FEWEST_RIGID: usize = 12;
 }
 
 /// Stretches of a track away from its point.
@@ -306,6 +311,19 @@ pub(crate) mod handedness {
     pub(crate) const LEAST: f64 = 0.5;
 }
 
+/// People in tracks without names.
+pub(crate) mod nameless {
+    /// People of a take, at most.
+    pub(crate) const MOST_PEOPLE: usize = 8;
+    /// Tracks of so many seconds may be of another person, where as long one in so many of the
+    /// labels is seen; every so many seconds they are looked at.
+    pub(crate) const LONG: f64 = 0.5;
+    pub(crate) const FEWEST_SHARE: usize = 3;
+    pub(crate) const STEP: f64 = 0.1;
+    /// Steady distances of one person differ by no more, cm, in the median.
+    pub(crate) const SAME: f64 = 0.5;
+}
+
 /// Labels from nothing.
 pub(crate) mod naming {
     /// Labels that the frames agree on, at least.
@@ -343,6 +361,8 @@ pub(crate) mod naming {
     pub(crate) const ODD: f64 = 5.0;
     /// A label is almost free where those that have it have one in so many frames of a path.
     pub(crate) const SHORT: usize = 4;
+    /// A person is there where one in so many of the labels is seen.
+    pub(crate) const PRESENT_SHARE: usize = 4;
     /// Share of the take from which on a path is long, and how many such paths are tried.
     pub(crate) const LONG: f64 = 0.1;
     pub(crate) const TRIED: usize = 2;

@@ -1,0 +1,160 @@
+//! Tracks without names: the people whom they are of, one found after another, and the label of
+//! each track.
+//!
+//! Each person is found among the tracks that are left. Who leaves the cameras' view and returns is
+//! found twice, and is one whose distances are the same. Then all are fitted together, and each
+//! track is the label of whom it stays nearest to.
+
+use super::hosts::Hosts;
+use super::label_model::LabelModel;
+use super::loose_tracks::{LooseTracks, PathLabels};
+use super::marker_distances::Distances;
+use super::named_tracks::NamedTracks;
+use super::naming::{Naming, Run, count_labels};
+use super::tuning::nameless::*;
+use super::tuning::naming::{FEWEST_LABELS, ROUNDS, SLOPE};
+use crate::Result;
+use crate::pose::Poses;
+use crate::pose::zeros::Zeros;
+use ndarray::Array2;
+
+/// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
+/// than `sure` (0 to 1) keeps none. Of several people, whom `who` names by where their labels are,
+/// each label has its person's name before it: `Ann:LFHD`.
+///
+/// # Errors
+/// Those of the model.
+pub fn name_tracks(
+    poses: &Poses,
+    rate: f64,
+    model: &dyn LabelModel,
+    sure: f64,
+    who: &dyn Fn(&[Array2<f64>]) -> Vec<String>,
+) -> Result<NamedTracks> {
+    let poses = &*Zeros::emptied(poses);
+    let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
+    let naming = Naming::new(&tracks, model);
+    let Some((naming, best)) = named_bodies(naming)? else {
+        let what = "no body with these labels is found in its tracks; is it another marker set, or \
+                    does another axis point up (the option `up`)?";
+        return Err(what.into());
+    };
+    let least = sure.max(0.5);
+    let mut labels = best.sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| !naming.is_one_of_several(*l)));
+    let hosts = Hosts::new(&tracks, &labels, naming.labels());
+    // A label without a column of its own has nowhere to go.
+    labels
+        .iter_mut()
+        .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
+    let moves = hosts.moves(&tracks, &labels);
+    let names = naming.names(&labels, who);
+    let mut named = NamedTracks::new(moves, hosts.names(&names), &poses.points);
+    named.tell(
+        &tracks,
+        [&labels, &best.labels],
+        &naming,
+        (&names, &poses.points),
+    );
+    Ok(named)
+}
+
+/// The people whom the tracks are of, and their labels; `None` where nobody is found.
+fn named_bodies(one: Naming<'_>) -> Result<Option<(Naming<'_>, Run)>> {
+    let mut left = one.clone();
+    let mut found: Vec<Run> = Vec::new();
+    while found.len() < MOST_PEOPLE && (found.is_empty() || has_body(&left)) {
+        let Some(run) = left.one_body()? else { break };
+        let labels = count_labels(&run.labels);
+        if !found.is_empty() && 2 * labels < left.set().len() {
+            break;
+        }
+        let taken = run.labels.iter().zip(&mut left.is_open);
+        taken.for_each(|(label, is_open)| *is_open &= label.is_none());
+        found.push(run);
+    }
+    if found.len() < 2 {
+        return Ok(found.pop().map(|run| (one, run)));
+    }
+    let people = returned(&one, found.into_iter().map(|run| run.labels).collect());
+    let all = Naming {
+        people: people.len(),
+        ..one
+    };
+    let width = all.set().len();
+    let label_of = |path: usize| {
+        let own = people.iter().enumerate();
+        own.filter_map(|(k, labels)| Some(k * width + labels[path]?))
+            .next()
+    };
+    let labels = (0..all.is_open.len()).map(label_of).collect();
+    let run = all.fitted(labels, ROUNDS)?;
+    Ok(Some((all, run)))
+}
+
+/// Whether the tracks that are left may be of another person: long ones, so many at a time.
+fn has_body(left: &Naming<'_>) -> bool {
+    let tracks = left.tracks;
+    let fewest = FEWEST_LABELS.max(left.set().len() / FEWEST_SHARE);
+    let longest = (LONG * tracks.rate) as usize;
+    let is_seen = |t: &usize| {
+        let long = left
+            .seen(*t)
+            .filter(|(path, _)| tracks.frames(*path) >= longest);
+        long.count() >= fewest
+    };
+    let step = ((STEP * tracks.rate) as usize).max(1);
+    let frames = (0..tracks.xyz.nrows()).step_by(step).filter(is_seen);
+    frames.count() * step >= longest
+}
+
+/// People, those that are one put together: never seen at a time, of the same distances.
+fn returned(one: &Naming<'_>, mut people: Vec<PathLabels>) -> Vec<PathLabels> {
+    let mut k = 1;
+    while k < people.len() {
+        let bodies: Vec<Seen> = people.iter().map(|p| Seen::new(one, p)).collect();
+        let off = |earlier: usize| bodies[earlier].off(&bodies[k]);
+        let near = (0..k).filter_map(|earlier| Some((off(earlier)?, earlier)));
+        let best = near.min_by(|a, b| a.0.total_cmp(&b.0));
+        match best.filter(|(off, _)| *off <= SAME) {
+            Some((_, earlier)) => {
+                let late = people.remove(k);
+                let both = people[earlier].iter_mut().zip(late);
+                both.for_each(|(early, late)| *early = early.or(late));
+            }
+            None => k += 1,
+        }
+    }
+    people
+}
+
+/// A person as seen.
+struct Seen {
+    /// The frames in which many of the labels are seen.
+    frames: Vec<bool>,
+    distances: Distances,
+}
+
+impl Seen {
+    fn new(one: &Naming<'_>, labels: &PathLabels) -> Seen {
+        let positions = one.tracks.positions(labels, one.set().len());
+        let fewest = count_labels(labels).div_ceil(FEWEST_SHARE);
+        let is_seen = |row: ndarray::ArrayView1<'_, f64>| {
+            row.iter().filter(|v| v.is_finite()).count() >= 3 * fewest
+        };
+        Seen {
+            frames: positions.rows().into_iter().map(is_seen).collect(),
+            distances: Distances::measure(positions.view()),
+        }
+    }
+
+    /// How far apart the steady distances of two people are, cm, the median; `None` where both are
+    /// seen at a time, or few distances are known.
+    fn off(&self, other: &Seen) -> Option<f64> {
+        let mut both = self.frames.iter().zip(&other.frames);
+        let apart = !both.any(|(a, b)| *a && *b);
+        apart.then(|| self.distances.off(|a, b| other.distances.between(a, b)))?
+    }
+}
