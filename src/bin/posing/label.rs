@@ -12,9 +12,9 @@ use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
-use posing::label::{LabelSettings, check_labels, label_from_nothing};
+use posing::label::{LabelModel, LabelSettings, check_labels, label_from_nothing};
 use posing::pose::{Segment, check_unit};
-use posing::solve::{BodyModel, MarkerSet};
+use posing::solve::{BodyModel, MarkerSet, naming_model};
 use posing::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -138,7 +138,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     };
     let model = args.from_nothing.then(|| model(args, &like)).transpose()?;
     each_told(&jobs, &args.json, |one| {
-        label(args, &settings, model.as_ref(), one)
+        label(args, &settings, model.as_deref(), one)
     })
 }
 
@@ -151,11 +151,14 @@ fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// The body with the markers of the set, placed as in the labeled takes if there are some.
-fn model(args: &Args, like: &[MotionFile]) -> Result<BodyModel> {
+fn model(args: &Args, like: &[MotionFile]) -> Result<Box<dyn LabelModel>> {
     let set = args.set.as_deref().map(marker_set).transpose()?;
     match (like.is_empty(), set) {
-        (true, Some(set)) => BodyModel::new(&set),
-        (_, set) => BodyModel::new(&learned(like, "like", set.as_deref())?),
+        (true, Some(set)) => Ok(Box::new(BodyModel::new(&set)?)),
+        (_, set) => {
+            let takes: Vec<_> = like.iter().map(MotionFile::poses).collect();
+            naming_model(&takes, set.as_deref())
+        }
     }
 }
 
@@ -182,7 +185,7 @@ fn learn(args: &Args, to: &Path) -> Result<Outcome> {
 fn label(
     args: &Args,
     settings: &LabelSettings,
-    model: Option<&BodyModel>,
+    model: Option<&dyn LabelModel>,
     job: &BatchJob,
 ) -> Result<(Outcome, Value)> {
     let file = MotionFile::open_by(&job.input, &args.read.rules())?;

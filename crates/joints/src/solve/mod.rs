@@ -16,6 +16,7 @@ mod landmarks;
 mod learning;
 mod marker_sets;
 mod marker_solver;
+mod naming_model;
 mod page;
 mod person;
 mod plug_in_gait;
@@ -31,6 +32,7 @@ pub use marker_sets::MarkerSet;
 #[doc(hidden)]
 pub use marker_solver::doubt;
 pub use marker_solver::{SolveSettings, solve};
+pub use naming_model::naming_model;
 pub use plug_in_gait::Centers;
 pub use solved_take::{SolvedTake, UsedMarker};
 pub use unseen_limbs::UnseenLimb;
