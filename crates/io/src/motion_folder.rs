@@ -75,6 +75,23 @@ impl MotionFolder {
     }
 }
 
+/// The files of motion in a folder itself, but for hidden ones, in the order of their names.
+pub fn motion_files_in(folder: &Path) -> Vec<PathBuf> {
+    // A name alone has no folder before it.
+    let folder = match folder {
+        empty if empty.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_wanted = |path: &PathBuf| {
+        let is_hidden = name_of(path).to_string_lossy().starts_with('.');
+        is_motion(path) && !is_hidden && !is_special(path) && !is_model(path)
+    };
+    let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(is_wanted).collect();
+    files.sort();
+    files
+}
+
 /// Whether an archive is a model of posing or holds meshes.
 fn is_model(path: &Path) -> bool {
     let is_npz = path

@@ -11,7 +11,6 @@ use crate::error::OptionNames;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
 use crate::{Error, Place, Result};
-use ndarray::Array2;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -154,8 +153,7 @@ pub fn name_file(
              tracks are joined to them"
         ));
     }
-    let who = |people: &[Array2<f64>]| like.who(model.labels(), people);
-    let named = name_tracks(poses, rate, model, sure, &who);
+    let named = name_tracks(poses, rate, model, sure, like);
     named.map_err(|e| e.at(Place::file(&file.table.name)))
 }
 

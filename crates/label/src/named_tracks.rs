@@ -20,6 +20,10 @@ pub struct NamedTracks {
     pub names: Vec<(usize, String)>,
     /// How many people have them.
     pub people: usize,
+    /// Whether the people are those of the labeled takes.
+    #[serde(skip)]
+    #[doc(hidden)]
+    pub are_like: bool,
     /// How well labels and tracks fit each other, 0 to 1: what is named, twice, in all that is
     /// seen of the tracks and all that would be of the people's labels.
     pub fit: f64,
@@ -105,18 +109,36 @@ impl NamedTracks {
 
     /// Lines for people: what was named, and what somebody should look at.
     pub fn lines(&self) -> Vec<String> {
+        [self.notes(), self.doubts()].concat()
+    }
+
+    /// What was named, a line each.
+    pub fn notes(&self) -> Vec<String> {
         let count = self.labels.len() + self.missing.len() + self.alike.len();
         let tracks: usize = self.labels.iter().map(|l| l.tracks.len()).sum();
-        let found = self.labels.len();
+        let (found, people) = (self.labels.len(), self.people);
+        let of_people = match people {
+            0 | 1 => String::new(),
+            people => format!(" of {people} people"),
+        };
         let mut lines = vec![format!(
-            "{found} of {count} labels named, from {tracks} tracks"
+            "{found} of {count} labels{of_people} named, from {tracks} tracks"
         )];
-        if !self.missing.is_empty() {
+        if !self.missing.is_empty() && !self.is_other_set() {
             lines.push(format!("no track is {}", self.missing.join(", ")));
         }
+        lines
+    }
+
+    /// What somebody should look at, a line each.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut lines = Vec::new();
         if self.is_other_set() {
-            let what = "so many labels are no track's: it may be another set, and names be wrong";
-            lines.push(what.to_string());
+            lines.push(format!(
+                "no track is {}: so many labels are no track's that it may be another set, and \
+                 names be wrong",
+                self.missing.join(", ")
+            ));
         }
         if !self.alike.is_empty() {
             lines.push(format!(
@@ -125,14 +147,6 @@ impl NamedTracks {
                 self.alike.join(", ")
             ));
         }
-        let of_fragment = |fragment: &UnsureTrack| {
-            let [start, end] = fragment.frames;
-            let UnsureTrack { track, label, .. } = fragment;
-            let last = end - 1;
-            format!(
-                "{track} in frames {start} to {last} may be {label}: not sure, so it has no label"
-            )
-        };
         if !self.others.is_empty() {
             let (count, some) = (self.others.len(), self.others.iter().take(SHOWN));
             let some = some.map(String::as_str).collect::<Vec<_>>().join(", ");
@@ -148,7 +162,14 @@ impl NamedTracks {
                 "{lost} pieces of tracks are no label's, and no column was free for them: taken out"
             ));
         }
-        lines.extend(self.unsure.iter().map(of_fragment));
+        lines.extend(self.unsure.iter().map(|fragment| {
+            let [start, end] = fragment.frames;
+            let UnsureTrack { track, label, .. } = fragment;
+            let last = end - 1;
+            format!(
+                "{track} in frames {start} to {last} may be {label}: not sure, so it has no label"
+            )
+        }));
         lines
     }
 

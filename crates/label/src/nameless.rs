@@ -11,6 +11,7 @@ use super::loose_tracks::{LooseTracks, PathLabels};
 use super::marker_distances::Distances;
 use super::named_tracks::NamedTracks;
 use super::naming::{Naming, Run, count_labels};
+use super::templates::Templates;
 use super::tuning::nameless::*;
 use super::tuning::naming::{FEWEST_LABELS, ROUNDS, SLOPE};
 use crate::Result;
@@ -19,8 +20,8 @@ use crate::pose::zeros::Zeros;
 use ndarray::Array2;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
-/// than `sure` (0 to 1) keeps none. Of several people, whom `who` names by where their labels are,
-/// each label has its person's name before it: `Ann:LFHD`.
+/// than `sure` (0 to 1) keeps none. Of several people, each label has its person's name before it, as
+/// the labeled takes of `like` have it: `Ann:LFHD`.
 ///
 /// # Errors
 /// Those of the model.
@@ -29,7 +30,7 @@ pub fn name_tracks(
     rate: f64,
     model: &dyn LabelModel,
     sure: f64,
-    who: &dyn Fn(&[Array2<f64>]) -> Vec<String>,
+    like: &Templates,
 ) -> Result<NamedTracks> {
     let poses = &*Zeros::emptied(poses);
     let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
@@ -50,8 +51,11 @@ pub fn name_tracks(
         .iter_mut()
         .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
     let moves = hosts.moves(&tracks, &labels);
-    let names = naming.names(&labels, who);
+    let names = naming.names(&labels, like);
     let mut named = NamedTracks::new(moves, hosts.names(&names), &poses.points);
+    let people = naming.positions(&labels);
+    let is_like = |of: &Array2<f64>| like.has(naming.set(), of.view());
+    named.are_like = people.iter().all(is_like);
     named.tell(
         &tracks,
         [&labels, &best.labels],

@@ -10,6 +10,7 @@
 
 use super::label_model::{FittedLabels, LabelModel, NamedFrame};
 use super::loose_tracks::{LooseTracks, PathLabels};
+use super::templates::Templates;
 use super::tuning::naming::*;
 use crate::Result;
 use crate::numeric::assignment::assign;
@@ -77,17 +78,13 @@ impl<'a> Naming<'a> {
         self.model.is_one_of_several(label % self.set().len())
     }
 
-    /// What the labels are called, by where those of each person are.
-    pub(super) fn names(
-        &self,
-        of: &PathLabels,
-        who: &dyn Fn(&[Array2<f64>]) -> Vec<String>,
-    ) -> Vec<String> {
+    /// What the labels are called: of several people by the labeled takes of `like`.
+    pub(super) fn names(&self, of: &PathLabels, like: &Templates) -> Vec<String> {
         let set = self.set();
         if self.people == 1 {
             return set.to_vec();
         }
-        let people = who(&self.positions(of));
+        let people = like.who(set, &self.positions(of));
         let named = people
             .iter()
             .flat_map(|p| set.iter().map(move |l| format!("{p}:{l}")));

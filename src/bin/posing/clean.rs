@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::audit::Limits;
 use posing::clean::{
-    CleanOutput, CleanReport, CleanSettings, OutputFormat, SkeletonSettings, clean,
+    CleanOutput, CleanReport, CleanSettings, NamingSettings, OutputFormat, SkeletonSettings, clean,
 };
 use posing::cli::args::{OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::choice::choice;
@@ -165,6 +165,15 @@ pub struct Args {
     keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
+    /// Marker set of tracks without names, by its name or file [default: labeled takes in the
+    /// folder, those of --like, then the built-in set that fits]
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        conflicts_with = "no_labels",
+        help_heading = "Labels"
+    )]
+    set: Option<String>,
     /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
     /// less sure stays, and is a finding
     #[arg(
@@ -262,7 +271,9 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         args.outliers == Some(OutlierDetection::Auto)
     };
     let read = args.read.rules()?;
-    let like = args.like.templates(&read)?;
+    let takes = args.like.takes(&read)?;
+    let like = args.like.templates_of(&takes)?;
+    let set = args.set.as_deref().map(marker_set).transpose()?;
     let limit = |of: fn(NoiseLimit) -> Option<f64>| args.noise_limit.and_then(of);
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
@@ -283,7 +294,9 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             take_out: args.outliers != Some(OutlierDetection::None),
             like,
             option_names: messages::option_names(),
+            ..LabelSettings::default()
         }),
+        naming: NamingSettings::new(takes, set.as_deref())?,
         smooth: !args.no_smooth,
         held_is_missing: args.held_is_missing,
         limits: Limits::default(),

@@ -74,6 +74,13 @@ impl<'a> EarlierResult<'a> {
         self.record.as_ref().map_or(&Value::Null, |r| &r.solved)
     }
 
+    /// Whether the names of the result came from labeled takes beside the capture, or would have
+    /// if there had been any.
+    pub(super) fn names_came_from_beside(&self) -> bool {
+        let made_from = self.record.as_ref().and_then(|r| r.made_from.as_ref());
+        made_from.is_some_and(|made_from| made_from.labeled_beside.is_some())
+    }
+
     /// What became of the file, where the result is still what was made of the same.
     pub(super) fn unchanged(&self, made_from: &MadeFrom) -> Option<Summary> {
         let earlier = self.record.as_ref()?;

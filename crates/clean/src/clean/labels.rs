@@ -1,12 +1,13 @@
 //! The labels of a capture, put right before it is cleaned.
 
+use super::naming::{Named, NamedBy};
 use super::places::PlaceToSee;
 use crate::Result;
 use crate::draw::href::encoded;
 use crate::draw::scene::Table;
 use crate::error::OptionNames;
 use crate::io::MotionFile;
-use crate::label::{LabelReport, LabelSettings, check_labels};
+use crate::label::{LabelReport, LabelSettings, NamedTracks, check_labels};
 use ndarray::{Array2, ArrayView2};
 
 /// Changes that a note tells each.
@@ -17,6 +18,8 @@ const TABLED: usize = 300;
 /// What was done to the labels of a capture.
 #[derive(Default)]
 pub(super) struct Relabeled {
+    /// By what it got names, if it had none.
+    pub named: Option<NamedBy>,
     pub report: LabelReport,
     /// The positions (frames, 3 P) as they were, where some moved.
     pub captured: Option<Array2<f64>>,
@@ -28,12 +31,18 @@ pub(super) struct Relabeled {
 pub(super) fn relabeled(
     settings: Option<&LabelSettings>,
     file: MotionFile,
+    named: Option<Named>,
 ) -> Result<(MotionFile, Relabeled)> {
     let Some(settings) = settings.filter(|_| file.motion().is_none()) else {
         return Ok((file, Relabeled::default()));
     };
+    let (by, report) = match named {
+        Some(Named { by, report }) => (Some(by), report),
+        None => (None, None),
+    };
     let mut out = Relabeled {
-        report: check_labels(&file, settings)?,
+        named: by,
+        report: report.map_or_else(|| check_labels(&file, settings), Ok)?,
         captured: None,
         option_names: settings.option_names,
     };
@@ -46,6 +55,11 @@ pub(super) fn relabeled(
 }
 
 impl Relabeled {
+    /// Whether names or positions are others than the capture's.
+    pub(super) fn are_changed(&self) -> bool {
+        self.captured.is_some() || self.report.named.is_some()
+    }
+
     /// The positions of a file as they were captured (frames, 3 points), cm.
     pub(super) fn captured<'a>(&'a self, file: &'a MotionFile) -> ArrayView2<'a, f64> {
         self.captured
@@ -63,9 +77,9 @@ impl Relabeled {
     /// What was changed, a line each, the first of them.
     pub(super) fn notes(&self) -> Vec<String> {
         let changes = &self.report.changes;
-        let mut out: Vec<String> = (changes.iter().take(LISTED))
-            .map(|change| format!("labels: {}", change.what))
-            .collect();
+        let mut out = self.names();
+        let first = changes.iter().take(LISTED);
+        out.extend(first.map(|change| format!("labels: {}", change.what)));
         if changes.len() > LISTED {
             let more = changes.len() - LISTED;
             out.push(format!("labels: {more} more changes; the record has them"));
@@ -75,12 +89,26 @@ impl Relabeled {
         out
     }
 
+    /// By what a capture without names got some, a line each.
+    fn names(&self) -> Vec<String> {
+        let Some(by) = &self.named else {
+            return Vec::new();
+        };
+        let names = self.report.named.iter().flat_map(NamedTracks::notes);
+        let what = by.by.as_deref().unwrap_or_default();
+        let names = names.map(|line| format!("labels: {line}, as in {what}"));
+        names
+            .chain(by.passed_over.iter().map(|why| format!("labels: {why}")))
+            .collect()
+    }
+
     /// What is not sure, a line each.
     pub(super) fn findings(&self) -> impl Iterator<Item = String> + '_ {
-        self.report
-            .unsure
-            .iter()
-            .map(|u| format!("labels: {}", u.what))
+        let doubts = self.report.named.iter().flat_map(NamedTracks::doubts);
+        let nothing = self.named.as_ref().and_then(NamedBy::nothing);
+        let unsure = self.report.unsure.iter().map(|u| u.what.clone());
+        let all = nothing.into_iter().chain(doubts).chain(unsure);
+        all.map(|what| format!("labels: {what}"))
     }
 
     /// Where to look.
@@ -103,12 +131,14 @@ impl Relabeled {
     /// What the record has of it: nothing of files without labels.
     pub(super) fn record(&self) -> Option<&LabelReport> {
         let LabelReport {
+            named,
             changes,
             unsure,
             unchecked,
             ..
         } = &self.report;
-        let is_empty = changes.is_empty() && unsure.is_empty() && unchecked.is_none();
+        let is_empty =
+            changes.is_empty() && unsure.is_empty() && unchecked.is_none() && named.is_none();
         (!is_empty).then_some(&self.report)
     }
 }

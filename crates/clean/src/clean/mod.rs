@@ -5,8 +5,11 @@ mod earlier_result;
 mod findings;
 mod held;
 mod label_file;
+mod labeled_beside;
 mod labels;
 mod list;
+mod name_source;
+mod naming;
 mod notes;
 mod opened;
 mod outcome;
@@ -28,6 +31,7 @@ mod summary;
 mod written;
 
 pub use label_file::write_labeled;
+pub use naming::NamingSettings;
 pub use outcome::FileOutcome;
 pub use places::PlaceToSee;
 pub use record::Summary;
@@ -38,6 +42,7 @@ pub use skeleton::SkeletonSettings;
 pub use sources::OutputFormat;
 
 use self::earlier_list::EarlierList;
+use self::labeled_beside::LabeledBeside;
 use self::list::list_path;
 use self::record::record_path;
 use self::sources::Job;
@@ -166,6 +171,7 @@ fn clean_all(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Vec<CleanedFile> {
     let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let beside = LabeledBeside::default();
     let fates: Vec<Mutex<Option<CleanedFile>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
         loop {
@@ -173,7 +179,7 @@ fn clean_all(
             let (Some(job), Some(fate)) = (jobs.get(at), fates.get(at)) else {
                 break;
             };
-            let outcome = FileOutcome::of(settings, job);
+            let outcome = FileOutcome::of(settings, job, &beside);
             *fate.lock().unwrap_or_else(|e| e.into_inner()) = Some(outcome);
             progress(1 + finished.fetch_add(1, Ordering::Relaxed), jobs.len());
         }

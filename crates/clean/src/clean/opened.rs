@@ -2,6 +2,7 @@
 //! run made of it.
 
 use super::earlier_result::EarlierResult;
+use super::labeled_beside::{LabeledBeside, LabeledTakes};
 use super::record::{Fingerprint, MadeFrom, Summary};
 use super::settings::CleanSettings;
 use super::skeleton::SkeletonSettings;
@@ -9,11 +10,14 @@ use super::sources::{Job, is_of_rotations};
 use crate::Result;
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, skeleton_of};
 use crate::io::{Input, MotionFile, MotionFormat};
+use std::sync::Arc;
 
 /// A file on its way to a result.
 pub(super) struct Run<'a> {
     pub settings: &'a CleanSettings,
     pub job: &'a Job,
+    /// The labeled takes beside captures.
+    pub beside: &'a LabeledBeside,
     /// How the capture is read.
     pub read: ReadOptions,
     /// What the result is made from.
@@ -43,6 +47,7 @@ impl<'a> Opened<'a> {
     pub(super) fn new(
         settings: &'a CleanSettings,
         job: &'a Job,
+        beside: &'a LabeledBeside,
         (input, packed): (Fingerprint, Vec<u8>),
     ) -> Result<Opened<'a>> {
         let packed = std::io::Cursor::new(packed);
@@ -59,10 +64,12 @@ impl<'a> Opened<'a> {
             settings: settings.recorded(job, format, &read)?,
             input,
             skeleton,
+            labeled_beside: None,
         };
         let run = Run {
             settings,
             job,
+            beside,
             read,
             made_from,
             earlier: EarlierResult::read(&job.output),
@@ -77,7 +84,11 @@ impl<'a> Opened<'a> {
             .run
             .skeletons(self.format)
             .is_none_or(|s| s.is_done(earlier));
-        let unchanged = earlier.unchanged(&self.run.made_from);
+        let mut made_from = self.run.made_from.clone();
+        if earlier.names_came_from_beside() {
+            made_from.labeled_beside = Some(self.run.labeled_beside().digest.clone());
+        }
+        let unchanged = earlier.unchanged(&made_from);
         unchanged.filter(|_| !self.run.settings.again && has_skeleton)
     }
 
@@ -107,6 +118,11 @@ impl<'a> Opened<'a> {
 }
 
 impl<'a> Run<'a> {
+    /// The labeled takes in the folder of the capture.
+    pub(super) fn labeled_beside(&self) -> Arc<LabeledTakes> {
+        self.beside.of(&self.job.input, self.settings)
+    }
+
     /// How a skeleton is made beside the result, if one is asked for; none of rotations.
     pub(super) fn skeletons(&self, format: MotionFormat) -> Option<&'a SkeletonSettings> {
         let skeletons = self.settings.skeletons.as_ref();

@@ -1,6 +1,7 @@
 //! What became of a file: it is opened, prepared, restored, written and recorded, a step a file.
 
 use super::earlier_result::EarlierResult;
+use super::labeled_beside::LabeledBeside;
 use super::opened::Opened;
 use super::record::{Fingerprint, Summary};
 use super::settings::CleanSettings;
@@ -26,11 +27,15 @@ pub enum FileOutcome {
 impl FileOutcome {
     /// Cleans a file; the digest of the capture, where it can be read, comes with what became of
     /// it.
-    pub(crate) fn of(settings: &CleanSettings, job: &Job) -> (FileOutcome, Option<String>) {
+    pub(super) fn of(
+        settings: &CleanSettings,
+        job: &Job,
+        beside: &LabeledBeside,
+    ) -> (FileOutcome, Option<String>) {
         let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e));
         let input = packed.map(|packed| (Fingerprint::of(&job.input, &packed), packed));
         let sha256 = input.as_ref().ok().map(|(input, _)| input.sha256.clone());
-        let run = || clean_file(settings, job, input?);
+        let run = || clean_file(settings, job, beside, input?);
         // A defect of ours in one file is to stop no other.
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(run));
         let broken = |_| {
@@ -80,9 +85,10 @@ impl FileOutcome {
 fn clean_file(
     settings: &CleanSettings,
     job: &Job,
+    beside: &LabeledBeside,
     capture: (Fingerprint, Vec<u8>),
 ) -> Result<FileOutcome> {
-    let opened = Opened::new(settings, job, capture)?;
+    let opened = Opened::new(settings, job, beside, capture)?;
     if let Some(summary) = opened.unchanged() {
         return Ok(FileOutcome::Unchanged(summary));
     }

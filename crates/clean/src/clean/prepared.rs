@@ -2,6 +2,7 @@
 
 use super::held::empty_held;
 use super::labels::{Relabeled, relabeled};
+use super::naming::named;
 use super::opened::{Opened, Run, Unpacked};
 use super::redo::Redone;
 use crate::audit::{TakeAudit, audit_motion, name_options};
@@ -29,12 +30,16 @@ impl<'a> Opened<'a> {
     /// Those of reading. [`Error::Data`]: it has no rate or an odd unit, its labels cannot be
     /// checked, or what is to be done again is not there.
     pub(super) fn prepared(self) -> Result<Prepared<'a>> {
-        let (run, capture, file) = self.read()?;
+        let (mut run, capture, file) = self.read()?;
         check(&run, &file)?;
         let settings = run.settings;
+        let (file, named) = named(file, &run)?;
+        if named.is_some() {
+            run.made_from.labeled_beside = Some(run.labeled_beside().digest.clone());
+        }
         let mut before = audit_motion(&file, &settings.limits);
         name_options(&mut before, settings.option_names);
-        let (mut file, labels) = relabeled(settings.labels.as_ref(), file)?;
+        let (mut file, labels) = relabeled(settings.labels.as_ref(), file, named)?;
         if settings.held_is_missing {
             empty_held(&mut file)?;
         }

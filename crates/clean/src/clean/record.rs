@@ -1,6 +1,7 @@
 //! The record beside a result: what it was made from and by which settings, what the file was taken
 //! for, what was found and changed.
 
+use super::naming::NamedBy;
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;
@@ -58,6 +59,9 @@ pub(crate) struct MadeFrom {
     /// The skeleton of an AMC take.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub skeleton: Option<Fingerprint>,
+    /// The digest of the labeled takes beside a capture without names.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub labeled_beside: Option<String>,
 }
 
 impl MadeFrom {
@@ -145,6 +149,9 @@ pub(crate) struct Record<'a> {
     /// Segments that counted as missing.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     pub redone: &'a [Segment],
+    /// By what a capture without names got some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub named: Option<NamedBy>,
     /// What was done to its labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelReport>,

@@ -1,5 +1,6 @@
 //! The last step: the record of a result, and what else stands beside it.
 
+use super::naming::NamedBy;
 use super::page::write_page;
 use super::record::{Fingerprint, Record, Summary};
 use super::written::Written;
@@ -36,6 +37,7 @@ impl Written<'_> {
             audit: take.before.clone(),
             summary: &summary,
             redone: &run.settings.redo,
+            named: take.labels.named.clone(),
             labels: take.labels.record().cloned(),
             gaps: gap_lines(&restored.points),
             gaps_by_point: Vec::new(),
@@ -56,7 +58,12 @@ impl Written<'_> {
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
-        match skeletons.write(&take.run.job.output, &take.file, &self.restored.points) {
+        let doubt = take.labels.named.as_ref().and_then(NamedBy::doubt);
+        let written = match doubt {
+            Some(doubt) => Err(doubt.into()),
+            None => skeletons.write(&take.run.job.output, &take.file, &self.restored.points),
+        };
+        match written {
             Ok(solved) => {
                 let findings = solved["findings"].as_array().into_iter().flatten();
                 let findings = findings.filter_map(|f| f.as_str());

@@ -1,5 +1,6 @@
 //! How files are cleaned.
 
+use super::naming::NamingSettings;
 use super::skeleton::SkeletonSettings;
 use super::sources::{Job, OutputFormat, is_of_rotations};
 use crate::Result;
@@ -27,6 +28,8 @@ pub struct CleanSettings {
     pub rotation_noise_limit: f64,
     /// How labels are put right first, if they are.
     pub labels: Option<LabelSettings>,
+    /// What names tracks without names, beside labeled takes in their folders.
+    pub naming: NamingSettings,
     /// Whether noise is removed at all.
     pub smooth: bool,
     /// Whether rotations that were held are missing.
@@ -89,6 +92,9 @@ impl CleanSettings {
                 "take_out": settings.take_out,
                 "like": settings.like.digest(),
             });
+            if let Some(set) = &self.naming.set {
+                out["labels"]["set"] = json!(set.by);
+            }
         }
         if !self.redo.is_empty() {
             out["redo"] = json!(self.redo);

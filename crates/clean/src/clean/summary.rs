@@ -37,7 +37,7 @@ impl Written<'_> {
         } else {
             self.unheld
         };
-        let copied = take.labels.captured.is_none() && self.is_copied();
+        let copied = !take.labels.are_changed() && self.is_copied();
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),

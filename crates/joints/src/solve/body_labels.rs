@@ -207,6 +207,7 @@ impl Search<'_> {
 mod tests {
     use super::*;
     use crate::io::PointMove;
+    use crate::label::Templates;
     use crate::label::nameless::name_tracks;
     use crate::pose::{Poses, point_at};
     use crate::solve::marker_solver::tests::person;
@@ -256,7 +257,7 @@ mod tests {
         let (poses, _) = person(240);
         let (nameless, truth) = nameless(&poses);
         let model = BodyModel::new(MarkerSet::find("cmu41").unwrap()).unwrap();
-        let found = name_tracks(&nameless, 60.0, &model, 0.9, &|_| Vec::new()).unwrap();
+        let found = name_tracks(&nameless, 60.0, &model, 0.9, &Templates::default()).unwrap();
         let mut xyz = nameless.xyz.clone();
         PointMove::make_all(&found.moves, &mut xyz);
         let (mut right, mut wrong) = (0, 0);
@@ -285,7 +286,7 @@ mod tests {
         let mut nameless = nameless(&poses).0;
         nameless.xyz.mapv_inplace(|v| (v * 91.7).rem_euclid(300.0));
         let model = BodyModel::new(MarkerSet::find("pig").unwrap()).unwrap();
-        let error = name_tracks(&nameless, 60.0, &model, 0.9, &|_| Vec::new()).unwrap_err();
+        let error = name_tracks(&nameless, 60.0, &model, 0.9, &Templates::default()).unwrap_err();
         assert!(
             error.to_string().contains("no body with these labels"),
             "{error}"

@@ -1,0 +1,65 @@
+//! What names tracks: labeled takes, or a marker set.
+
+use crate::Result;
+use crate::io::MotionFile;
+use crate::label::{LabelModel, Templates};
+use crate::pose::Poses;
+use crate::solve::{BodyModel, MarkerSet, naming_model};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Takes of one marker set that are learned from, at most.
+const MOST_LEARNED: usize = 8;
+/// People of a take, as far as sets are chosen by the number of its tracks.
+const MOST_PEOPLE: usize = 4;
+
+/// What names tracks.
+pub(super) struct Source {
+    /// What it is called: the files of labeled takes, or a set.
+    pub by: String,
+    pub model: Box<dyn LabelModel>,
+    /// The labeled takes; none of a set.
+    pub like: Arc<Templates>,
+}
+
+impl Source {
+    /// What labeled takes of one marker set say; why they say nothing.
+    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> std::result::Result<Source, String> {
+        files.truncate(MOST_LEARNED);
+        let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
+        let by = names.join(" and ");
+        let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
+        let not = |e: crate::Error| format!("{by} names nothing: {e}");
+        Ok(Source {
+            model: naming_model(&takes, None).map_err(not)?,
+            like: Arc::new(Templates::learn(&files, true).map_err(not)?),
+            by,
+        })
+    }
+
+    pub(super) fn of_set(set: &MarkerSet) -> Result<Source> {
+        Ok(Source {
+            by: set.name.clone(),
+            model: Box::new(BodyModel::new(set)?),
+            like: Arc::default(),
+        })
+    }
+
+    /// How well the set fits so many tracks at best; see [`NamedTracks::fit`].
+    pub(super) fn best_fit(&self, tracks: usize) -> f64 {
+        let labels = self.model.labels().len();
+        let alike = (0..labels).filter(|l| self.model.is_one_of_several(*l));
+        let labels = labels - alike.count();
+        let of = |people: usize| {
+            let due = people * labels;
+            2.0 * due.min(tracks) as f64 / (due + tracks).max(1) as f64
+        };
+        (1..=MOST_PEOPLE).map(of).fold(0.0, f64::max)
+    }
+}
+
+/// A file's name without its folder.
+fn file_name(path: &str) -> String {
+    let name = Path::new(path).file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
