@@ -96,6 +96,20 @@ pub fn points_of_person(points: &[String], name: &str) -> Result<Vec<(usize, Str
     Ok(person.points.iter().map(own).collect())
 }
 
+/// The people that the names of points tell apart, each with their points and the own names of
+/// these; points that are nobody's are left out. Empty where they tell none.
+pub fn people_by_name(points: &[String]) -> Vec<(String, Vec<(usize, String)>)> {
+    let people = named(points, &labeled(points));
+    if people.len() < 2 {
+        return Vec::new();
+    }
+    let own = |person: Person| {
+        let of = |p: &usize| (*p, person.own_name(&points[*p]).to_string());
+        (person.name.clone(), person.points.iter().map(of).collect())
+    };
+    people.into_iter().map(own).collect()
+}
+
 /// How many people the names of points tell apart.
 pub fn named_people(points: &[String]) -> usize {
     named(points, &labeled(points)).len()

@@ -3,6 +3,7 @@
 use super::naming::NamedBy;
 use super::page::write_page;
 use super::record::{Fingerprint, Record, Summary};
+use super::skeleton::people_of;
 use super::written::Written;
 use crate::Result;
 use crate::pose::PointNaming;
@@ -61,13 +62,11 @@ impl Written<'_> {
         let doubt = take.labels.named.as_ref().and_then(NamedBy::doubt);
         let written = match doubt {
             Some(doubt) => Err(doubt.into()),
-            None => skeletons.write(&take.run.job.output, &take.file, &self.restored.points),
+            None => skeletons.write(&take.run.earlier, &take.file, &self.restored.points),
         };
         match written {
             Ok(solved) => {
-                let findings = solved["findings"].as_array().into_iter().flatten();
-                let findings = findings.filter_map(|f| f.as_str());
-                let findings = findings.map(|f| format!("skeleton: {f}")).collect();
+                let findings = people_of(&solved).iter().flat_map(findings_of).collect();
                 (Some(solved), findings)
             }
             Err(e) => {
@@ -77,4 +76,16 @@ impl Written<'_> {
             }
         }
     }
+}
+
+/// What is to be told of a skeleton.
+fn findings_of(solved: &Value) -> Vec<String> {
+    let findings = solved["findings"].as_array().into_iter().flatten();
+    let told = findings.filter_map(|f| f.as_str()).map(String::from);
+    let none = solved["none"].as_str().map(|why| format!("none: {why}"));
+    let person = solved["person"].as_str();
+    let of_person = person.map_or(String::new(), |person| format!("{person}: "));
+    let all = told.chain(none);
+    all.map(|what| format!("skeleton: {of_person}{what}"))
+        .collect()
 }

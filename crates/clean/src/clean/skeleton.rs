@@ -4,14 +4,16 @@
 use super::earlier_result::EarlierResult;
 use super::record::Fingerprint;
 use crate::gait::GivenValues;
+use crate::io::motion_folder::motion_files_in;
 use crate::io::output::write_file;
 use crate::io::{MotionFile, Output};
+use crate::label::people::people_by_name;
 use crate::pose::{Poses, Status};
 use crate::prior::provenance::hex;
 use crate::restore::Restoration;
 use crate::solve::{JointSet, MarkerSet, SolveSettings, solve};
 use crate::{Error, Place, Result};
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
@@ -54,21 +56,39 @@ impl SkeletonSettings {
 
     /// Where the skeleton or the centers of a result go.
     pub(super) fn path(&self, output: &Path) -> PathBuf {
-        beside(
-            output,
-            ENDS[usize::from(self.joints == JointSet::Anatomical)],
-        )
+        beside(output, self.end())
+    }
+
+    /// Where those of one of several people go.
+    fn path_of_person(&self, output: &Path, person: &str) -> PathBuf {
+        let name = output.file_name().unwrap_or_default().to_string_lossy();
+        let stem = name.split('.').next().unwrap_or_default();
+        // What no file name holds.
+        let is_held = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
+        let person: String = person.chars().filter(|c| is_held(*c)).collect();
+        output.with_file_name(format!("{stem}-{person}{}", self.end()))
+    }
+
+    fn end(&self) -> &'static str {
+        ENDS[usize::from(self.joints == JointSet::Anatomical)]
     }
 
     /// Whether the skeleton that a record tells of is there, or why there is none.
     pub(super) fn is_done(&self, earlier: &EarlierResult<'_>) -> bool {
-        earlier.solved()["none"].is_string() || is_own(earlier, &self.path(earlier.output))
+        let of_people = people_of(earlier.solved());
+        let is_done = |solved: &Value| {
+            solved["none"].is_string() || file_of(earlier, solved).is_some_and(|path| path.exists())
+        };
+        !earlier.solved().is_null() && of_people.iter().all(is_done)
     }
 
     /// Fails where a file of somebody else stands at the path of the skeleton.
     pub(super) fn check(&self, earlier: &EarlierResult<'_>) -> Result<()> {
-        let path = self.path(earlier.output);
-        if !path.exists() || is_own(earlier, &path) {
+        self.check_path(earlier, &self.path(earlier.output))
+    }
+
+    fn check_path(&self, earlier: &EarlierResult<'_>, path: &Path) -> Result<()> {
+        if !path.exists() || is_own(earlier, path) {
             return Ok(());
         }
         let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
@@ -77,28 +97,65 @@ impl SkeletonSettings {
     }
 
     /// Solves a take whose points were cleaned, and writes its skeleton and motion, or its centers,
-    /// beside the result; what is to be told of it.
+    /// beside the result; what is to be told of it. Each of several people has their own, all with
+    /// the frames of the take.
     ///
     /// # Errors
     /// Those of [`solve`]; [`Error::Usage`]: several takes. [`Error::Io`]: writing fails.
     pub(super) fn write(
         &self,
-        output: &Path,
+        earlier: &EarlierResult<'_>,
         file: &MotionFile,
         points: &Restoration<'_>,
     ) -> Result<Value> {
-        let poses = Poses {
-            xyz: points.xyz().to_owned(),
-            ..file.poses().clone()
-        };
-        if poses.takes().len() > 1 {
+        if file.poses().takes().len() > 1 {
             return Err(Error::usage("several takes, and a skeleton is of one"));
         }
+        let all = (0..file.poses().points.len()).map(|p| (p, file.poses().points[p].clone()));
+        let people = people_by_name(&file.poses().points);
+        if people.len() < 2 {
+            return self.write_person(
+                &self.path(earlier.output),
+                file,
+                points,
+                &all.collect::<Vec<_>>(),
+            );
+        }
+        let one = |(person, own): &(String, Vec<(usize, String)>)| {
+            let path = self.path_of_person(earlier.output, person);
+            let written = self
+                .check_path(earlier, &path)
+                .and_then(|()| self.write_person(&path, file, points, own));
+            let mut report = match written {
+                Err(e @ Error::Io { .. }) => return Err(e),
+                written => written.unwrap_or_else(|e| json!({"none": e.to_string()})),
+            };
+            report["person"] = json!(person);
+            Ok(report)
+        };
+        let reports = people.iter().map(one).collect::<Result<Vec<Value>>>()?;
+        Ok(json!({ "people": reports }))
+    }
+
+    /// Solves one person, of some points with their own names.
+    fn write_person(
+        &self,
+        path: &Path,
+        file: &MotionFile,
+        points: &Restoration<'_>,
+        own: &[(usize, String)],
+    ) -> Result<Value> {
+        let columns: Vec<usize> = own.iter().flat_map(|(p, _)| 3 * p..3 * p + 3).collect();
+        let poses = Poses {
+            points: own.iter().map(|(_, name)| name.clone()).collect(),
+            xyz: points.xyz().select(Axis(1), &columns),
+            ..file.poses().clone()
+        };
         let is_centers = self.joints == JointSet::Anatomical;
         let of_points = (poses.frames(), poses.points.len());
-        let doubt = |(t, p): (usize, usize)| match points.status(t, p) {
+        let doubt = |(t, k): (usize, usize)| match points.status(t, own[k].0) {
             Status::Observed => 0.0,
-            _ => points.sd(t, p),
+            _ => points.sd(t, own[k].0),
         };
         let filled = is_centers.then(|| Array2::from_shape_fn(of_points, doubt));
         let subject = file.c3d().map(GivenValues::of_c3d);
@@ -111,37 +168,70 @@ impl SkeletonSettings {
             ..SolveSettings::default()
         };
         let solved = solve(&poses, &settings, &mut |_| ())?;
-        let path = self.path(output);
         if is_centers {
-            solved.write_table(Output::file(&path)?)?;
+            solved.write_table(Output::file(path)?)?;
         } else {
             let rate = file.rate().ok_or("no rate, which BVH needs")?;
-            write_file(&path, &solved.to_bvh(rate)?.to_bytes(1.0))?;
+            write_file(path, &solved.to_bvh(rate)?.to_bytes(1.0))?;
         }
         let mut report = solved.report();
-        report["output"] = json!(Fingerprint::read(&path)?);
+        report["output"] = json!(Fingerprint::read(path)?);
         Ok(report)
     }
 }
 
-/// Whether a file beside a result is there, and the one that its record tells of.
-fn is_own(earlier: &EarlierResult<'_>, path: &Path) -> bool {
-    let found = Fingerprint::read(path);
-    found.is_ok_and(|found| earlier.solved()["output"]["sha256"] == json!(found.sha256))
+/// What a record says of the skeleton of each person.
+pub(super) fn people_of(solved: &Value) -> Vec<Value> {
+    match solved["people"].as_array() {
+        Some(people) => people.clone(),
+        None => vec![solved.clone()],
+    }
 }
 
-/// Takes away the skeleton or the centers of a result that is made anew.
+/// The file of a skeleton that a record tells of, beside the result.
+fn file_of(earlier: &EarlierResult<'_>, solved: &Value) -> Option<PathBuf> {
+    let name = solved["output"]["file"].as_str()?;
+    let path = earlier.output.with_file_name(name);
+    is_own(earlier, &path).then_some(path)
+}
+
+/// Whether a file beside a result is there, and one that its record tells of.
+fn is_own(earlier: &EarlierResult<'_>, path: &Path) -> bool {
+    let Ok(found) = Fingerprint::read(path) else {
+        return false;
+    };
+    let is_it = |solved: &Value| solved["output"]["sha256"] == json!(found.sha256);
+    people_of(earlier.solved()).iter().any(is_it)
+}
+
+/// Takes away the skeletons or the centers of a result that is made anew.
 pub(super) fn remove_old(earlier: &EarlierResult<'_>) {
-    let paths = ENDS.map(|end| beside(earlier.output, end));
-    for path in paths.iter().filter(|path| is_own(earlier, path)) {
+    for solved in people_of(earlier.solved()) {
         // Where that fails, it stands there as an old one.
-        let _ = std::fs::remove_file(path);
+        let _ = file_of(earlier, &solved).map(std::fs::remove_file);
     }
 }
 
 /// Whether a file is a skeleton or centers that stand beside a result.
 pub(super) fn is_skeleton(path: &Path) -> bool {
     let name = path.to_string_lossy();
-    let mut results = ENDS.iter().filter_map(|end| name.strip_suffix(end));
-    results.any(|result| is_own(&EarlierResult::read(Path::new(result)), path))
+    let mut stems = ENDS.iter().filter_map(|end| name.strip_suffix(end));
+    let Some(stem) = stems.next() else {
+        return false;
+    };
+    is_own(&EarlierResult::read(Path::new(stem)), path) || is_of_person(path)
+}
+
+/// Whether a file is the skeleton of one of several people of a result in its folder.
+fn is_of_person(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let results = motion_files_in(folder).into_iter().filter(|result| {
+        let own = result.file_name().unwrap_or_default().to_string_lossy();
+        let stem = own.split('.').next().unwrap_or_default();
+        name.strip_prefix(stem)
+            .is_some_and(|rest| rest.starts_with('-'))
+    });
+    let mut results = results.collect::<Vec<_>>().into_iter();
+    results.any(|result| is_own(&EarlierResult::read(&result), path))
 }
