@@ -153,7 +153,12 @@ pub(crate) fn wanted(
 }
 
 /// Exchanges pairs of tracks in every frame of a take, after all other changes in it.
-pub(crate) fn exchange_in_take(changes: &mut Vec<Change>, pairs: &[usize], take: &Range<usize>) {
+pub(crate) fn exchange_in_take(
+    changes: &mut Vec<Change>,
+    pairs: &[usize],
+    take: &Range<usize>,
+    by: SideBy,
+) {
     let other = |point: usize| {
         let k = pairs.iter().position(|p| *p == point)?;
         pairs.get(k ^ 1).copied()
@@ -200,7 +205,7 @@ pub(crate) fn exchange_in_take(changes: &mut Vec<Change>, pairs: &[usize], take:
             tracks: pair.to_vec(),
             moves: moves.collect(),
             nats: f64::NAN,
-            side: Some(SideBy::Template),
+            side: Some(by),
         });
     }
 }

@@ -2,9 +2,10 @@
 
 use super::changes::{Change, ChangeKind};
 use super::label_model::LabelModel;
+use super::label_settings::LabelSettings;
 use super::named_tracks::{NamedTracks, UnsureTrack};
 use super::nameless::name_tracks;
-use super::relabeling::{LabelSettings, Relabeling, relabel};
+use super::relabeling::{Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
 use super::templates::Templates;
 use crate::error::OptionNames;

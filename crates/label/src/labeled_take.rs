@@ -1,5 +1,6 @@
 //! A take as its labels are put right: labels first, then the tracks without one.
 
+use super::label_model::LabelModel;
 use super::templates::Templates;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -20,4 +21,6 @@ pub(crate) struct LabeledTake<'a> {
     /// The person whose labels these are, and labeled takes to compare them with.
     pub person: &'a str,
     pub like: &'a Templates,
+    /// The body that they are on.
+    pub body: Option<&'a dyn LabelModel>,
 }

@@ -15,6 +15,7 @@
 use posing_core::{Error, Place, Result, error, numeric, pose};
 use posing_io as io;
 
+mod body_exchanges;
 #[doc(hidden)]
 pub mod changes;
 mod chirality;
@@ -27,6 +28,7 @@ mod handedness;
 mod hosts;
 mod identities;
 mod label_model;
+mod label_settings;
 mod labeled_take;
 mod links;
 mod loose_tracks;
@@ -43,6 +45,7 @@ mod paths;
 #[doc(hidden)]
 pub mod people;
 mod person_template;
+mod referee;
 #[doc(hidden)]
 pub mod relabeling;
 pub(crate) mod repair;
@@ -60,8 +63,8 @@ pub use file::{LabelChange, LabelReport, UnsureLabels, check_labels, label_from_
 #[doc(hidden)]
 pub use file::{labeled_as, name_file};
 pub use label_model::{FittedLabels, LabelModel, NamedFrame};
+pub use label_settings::LabelSettings;
 pub use named_tracks::{FoundLabel, MovedFragment, NamedTracks, UnsureTrack};
 pub use people::points_of_person;
-pub use relabeling::LabelSettings;
 pub use sides::SideBy;
 pub use templates::Templates;

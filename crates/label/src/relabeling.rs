@@ -1,48 +1,22 @@
 //! The labels of a table of points put right, take by take and person by person.
 
+use super::body_exchanges::judged;
 use super::changes::{Change, ChangeKind, changes, exchange_in_take, moves, wanted};
+use super::label_model::LabelModel;
+use super::label_settings::LabelSettings;
 use super::labeled_take::LabeledTake;
 use super::people::{Person, parted_by_distances, people_of_markers};
 use super::repair::repair;
-use super::sides::Unsure;
+use super::sides::{SideBy, Unsure};
 use super::templates::{Templates, WholeTake, WholeTakeKind};
 use super::unlabeled::is_unlabeled;
-use crate::error::OptionNames;
 use crate::io::PointMove;
 use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::zeros::Zeros;
-use crate::pose::{Poses, Segment, point_at};
+use crate::pose::{Poses, point_at};
 use ndarray::{ArrayView2, Axis, s};
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::Arc;
-
-/// How labels are put right.
-#[derive(Clone)]
-pub struct LabelSettings {
-    /// Segments of points whose labels stay.
-    pub keep: Vec<Segment>,
-    /// Whether positions of a label that are no label's are taken out.
-    pub take_out: bool,
-    /// Labeled takes to compare with.
-    pub like: Arc<Templates>,
-    /// Whether labels come from these takes, which are right where both differ.
-    pub are_by_like: bool,
-    /// What reports call options.
-    pub option_names: OptionNames,
-}
-
-impl Default for LabelSettings {
-    fn default() -> LabelSettings {
-        LabelSettings {
-            keep: Vec::new(),
-            take_out: true,
-            like: Arc::default(),
-            are_by_like: false,
-            option_names: OptionNames::default(),
-        }
-    }
-}
 
 /// What is done to the labels of a table; points and frames are those of the table.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,6 +60,7 @@ pub fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Relabeling
             frames,
             measured,
             like: &settings.like,
+            body: settings.body.as_deref(),
         });
     }
     let kept: Vec<(usize, Vec<usize>)> = (settings.keep.iter())
@@ -127,6 +102,7 @@ struct Part<'a> {
     /// Rows a second: measured frames, or all where these keep their times.
     rate: f64,
     like: &'a Templates,
+    body: Option<&'a dyn LabelModel>,
 }
 
 impl Part<'_> {
@@ -146,14 +122,12 @@ impl Relabeling {
     }
 
     /// Adds what is wrong in every frame of a take once these changes are made. Labels that are
-    /// exchanged in takes of the same people are put right where that is sure, unless one `is_kept`
-    /// in a take.
+    /// exchanged in takes of the same people are put right where that is sure, and those that body
+    /// and mirror image say are, unless one `is_kept` in a take.
     fn check_whole_takes(
         &mut self,
         poses: &Poses,
-        LabelSettings {
-            like, are_by_like, ..
-        }: &LabelSettings,
+        settings: &LabelSettings,
         is_kept: impl Fn(usize, &Range<usize>) -> bool,
     ) {
         let mut poses = Cow::Borrowed(poses);
@@ -161,20 +135,39 @@ impl Relabeling {
             PointMove::make_all(&self.moves(), &mut poses.to_mut().xyz);
         }
         for take in poses.takes() {
-            let (found, notes) = like.check(&poses, &take);
+            for pair in &settings.exchange {
+                let at = |name: &String| poses.points.iter().position(|p| p == name);
+                if let (Some(a), Some(b)) = (at(&pair[0]), at(&pair[1])) {
+                    exchange_in_take(&mut self.changes, &[a, b], &take, SideBy::Given);
+                    let one = |from, to| PointMove {
+                        from,
+                        to: Some(to),
+                        frames: take.clone(),
+                    };
+                    PointMove::make_all(&[one(a, b), one(b, a)], &mut poses.to_mut().xyz);
+                }
+            }
+            let (found, notes) = settings.like.check(&poses, &take);
             self.notes.extend(notes);
+            let xyz = poses.xyz.slice(s![take.clone(), ..]);
+            let people = people_of_markers(&poses.points, xyz);
+            let found = judged(found, &people, (&poses.points, xyz), settings);
             // Pairs are those of a body whose hand is right.
             let has_hand = found.iter().any(|w| w.kind == WholeTakeKind::Hand);
             for mut whole in found {
                 let is_pair = match whole.kind {
-                    WholeTakeKind::Hand => true,
+                    WholeTakeKind::Hand | WholeTakeKind::Body => true,
                     WholeTakeKind::Exchanged => whole.points.len() == 2 && !has_hand,
                     WholeTakeKind::EitherSide => false,
                 };
                 let is_free = !whole.points.iter().any(|p| is_kept(*p, &take));
-                let is_sure = whole.is_sure || *are_by_like;
-                if like.are_same_person() && is_pair && is_free && is_sure {
-                    exchange_in_take(&mut self.changes, &whole.points, &take);
+                let may_be = settings.like.are_same_person() || whole.kind == WholeTakeKind::Body;
+                if may_be && is_pair && is_free && whole.is_sure {
+                    let by = match whole.kind {
+                        WholeTakeKind::Body => SideBy::Body,
+                        _ => SideBy::Template,
+                    };
+                    exchange_in_take(&mut self.changes, &whole.points, &take, by);
                     whole.is_put_back = true;
                 }
                 self.whole.push((take.clone(), whole));
@@ -232,6 +225,7 @@ impl Relabeling {
             rate: take.rate,
             person: &person.name,
             like: take.like,
+            body: take.body,
         });
         let Some(found) = found else {
             self.unchecked = Some(

@@ -5,6 +5,8 @@ use super::fragments::Fragment;
 use super::identities::{Course, Exchange, Followed};
 use super::labeled_take::LabeledTake;
 use super::mirror::Mirror;
+use super::referee::Referee;
+use super::tuning::referee::TOLD;
 use super::tuning::sides::*;
 use crate::pose::point_at;
 use ndarray::ArrayView2;
@@ -32,6 +34,10 @@ pub enum SideBy {
     Mirror,
     /// A labeled take.
     Template,
+    /// The places of labels on bodies.
+    Body,
+    /// Somebody said so.
+    Given,
 }
 
 impl SideBy {
@@ -41,6 +47,8 @@ impl SideBy {
             SideBy::Length => "length",
             SideBy::Mirror => "mirror image",
             SideBy::Template => "labeled take",
+            SideBy::Body => "body",
+            SideBy::Given => "option",
         }
     }
 }
@@ -98,6 +106,7 @@ impl LabeledTake<'_> {
             let followed = course.follow(&exchanges);
             let groups = self.groups(labels, &followed);
             let side = self.right_side(labels, &groups, &mirror);
+            let side = side.or_else(|| self.side_by_body(labels, &groups, &followed));
             // The side that has fewer frames; where nothing is known, all.
             let open: Vec<Range<usize>> = match side {
                 Some(_) => of_state(&followed, None),
@@ -122,6 +131,30 @@ impl LabeledTake<'_> {
         }
         out.exchanged.sort_by_key(|s| s.frames.start);
         out
+    }
+
+    /// The state in which the names of labels that were exchanged fit the body best.
+    fn side_by_body(
+        &self,
+        labels: &[usize],
+        groups: &[Group],
+        followed: &Followed,
+    ) -> Option<(usize, SideBy)> {
+        let own: Vec<usize> = (0..self.labels).collect();
+        let referee = Referee::new(self.body?, self.names, &own, self.xyz)?;
+        let cost = |group: &Group| {
+            let wrong = exchanged(labels, followed, group.state);
+            let from = |t: usize, point: usize| {
+                let at = wrong.iter().find(|e| e.frames.contains(&t));
+                let to = at.and_then(|e| Some(e.to[e.labels.iter().position(|l| *l == point)?]));
+                to.unwrap_or(point)
+            };
+            Some((referee.cost(&from)?, group.state))
+        };
+        let mut costs = groups.iter().map(cost).collect::<Option<Vec<_>>>()?;
+        costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let is_clear = costs.get(1)?.0 - costs[0].0 >= TOLD;
+        is_clear.then_some((costs[0].1, SideBy::Body))
     }
 
     /// In how many frames any of some labels is seen.

@@ -77,6 +77,8 @@ pub enum WholeTakeKind {
     Exchanged,
     /// The first half of them are exchanged, or the others, their mirror images.
     EitherSide,
+    /// Two labels are exchanged with each other, as the places of labels on bodies say.
+    Body,
 }
 
 impl Templates {
@@ -348,6 +350,17 @@ fn labeled_people(poses: &Poses, take: &Range<usize>) -> Vec<Labeled> {
 }
 
 impl WholeTake {
+    /// Two points that are exchanged as the body says.
+    pub(crate) fn by_body(points: Vec<usize>, is_sure: bool) -> WholeTake {
+        WholeTake {
+            kind: WholeTakeKind::Body,
+            points,
+            like: Vec::new(),
+            is_sure,
+            is_put_back: false,
+        }
+    }
+
     /// What is wrong in words; `names` are those of the table.
     pub fn sentence(&self, names: &[String]) -> String {
         let name = |k: usize| names[self.points[k]].as_str();
@@ -366,6 +379,14 @@ impl WholeTake {
                     1 => format!("{all} are exchanged in every frame, here or in {like}"),
                     _ => format!("{all} are exchanged in every frame: {like} have them otherwise"),
                 }
+            }
+            WholeTakeKind::Body => {
+                let [a, b] = [name(0), name(1)];
+                format!(
+                    "{a} and {b} are exchanged in every frame, as their places on the body say: \
+                     give a labeled take with the option `like`, or put them right with the option \
+                     `exchange {a}:{b}`"
+                )
             }
             WholeTakeKind::EitherSide => {
                 let all: Vec<&str> = (0..self.points.len()).map(name).collect();

@@ -14,7 +14,7 @@ use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
 use posing::label::{LabelModel, LabelSettings, check_labels, label_from_nothing};
 use posing::pose::{Segment, check_unit};
-use posing::solve::{BodyModel, MarkerSet, naming_model};
+use posing::solve::{BodyModel, MarkerSet, body_of, naming_model};
 use posing::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -193,7 +193,11 @@ fn label(
     let (file, report) = match model {
         Some(model) => label_from_nothing(&file, model, args.sure, settings)?,
         None => {
-            let report = check_labels(&file, settings)?;
+            let settings = LabelSettings {
+                body: body_of(&file.poses().points, None),
+                ..settings.clone()
+            };
+            let report = check_labels(&file, &settings)?;
             (file, report)
         }
     };

@@ -1,6 +1,7 @@
 //! The labeled takes in the folders of captures, by which tracks without names are named.
 
 use super::earlier_result::EarlierResult;
+use super::labels::on_body;
 use super::name_source::Source;
 use super::record::Fingerprint;
 use super::settings::CleanSettings;
@@ -126,7 +127,8 @@ impl Labeled {
 
     /// Why its labels are not to be believed.
     fn in_doubt(&self) -> Option<String> {
-        let report = check_labels(&self.file, &LabelSettings::default()).ok()?;
+        let report =
+            check_labels(&self.file, &on_body(&LabelSettings::default(), &self.file)).ok()?;
         let unsure = report.unsure.first()?;
         Some(unsure.what.clone())
     }

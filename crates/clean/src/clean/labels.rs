@@ -8,6 +8,7 @@ use crate::draw::scene::Table;
 use crate::error::OptionNames;
 use crate::io::MotionFile;
 use crate::label::{LabelReport, LabelSettings, NamedTracks, check_labels};
+use crate::solve::body_of;
 use ndarray::{Array2, ArrayView2};
 
 /// Changes that a note tells each.
@@ -42,7 +43,7 @@ pub(super) fn relabeled(
     };
     let mut out = Relabeled {
         named: by,
-        report: report.map_or_else(|| check_labels(&file, settings), Ok)?,
+        report: report.map_or_else(|| check_labels(&file, &on_body(settings, &file)), Ok)?,
         captured: None,
         option_names: settings.option_names,
     };
@@ -52,6 +53,14 @@ pub(super) fn relabeled(
     let moved = file.moved(&out.report.moves)?;
     out.captured = Some(file.table.poses.xyz);
     Ok((moved, out))
+}
+
+/// How the labels of a file are put right, with the body that they are on.
+pub(super) fn on_body(settings: &LabelSettings, file: &MotionFile) -> LabelSettings {
+    LabelSettings {
+        body: body_of(&file.poses().points, None),
+        ..settings.clone()
+    }
 }
 
 impl Relabeled {

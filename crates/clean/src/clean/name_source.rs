@@ -17,7 +17,7 @@ const MOST_PEOPLE: usize = 4;
 pub(super) struct Source {
     /// What it is called: the files of labeled takes, or a set.
     pub by: String,
-    pub model: Box<dyn LabelModel>,
+    pub model: Arc<dyn LabelModel>,
     /// The labeled takes; none of a set.
     pub like: Arc<Templates>,
 }
@@ -31,7 +31,7 @@ impl Source {
         let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
         let not = |e: crate::Error| format!("{by} names nothing: {e}");
         Ok(Source {
-            model: naming_model(&takes, None).map_err(not)?,
+            model: naming_model(&takes, None).map_err(not)?.into(),
             like: Arc::new(Templates::learn(&files, true).map_err(not)?),
             by,
         })
@@ -40,7 +40,7 @@ impl Source {
     pub(super) fn of_set(set: &MarkerSet) -> Result<Source> {
         Ok(Source {
             by: set.name.clone(),
-            model: Box::new(BodyModel::new(set)?),
+            model: Arc::new(BodyModel::new(set)?),
             like: Arc::default(),
         })
     }

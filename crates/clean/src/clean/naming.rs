@@ -154,6 +154,7 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
             labels.like.clone()
         },
         are_by_like: is_theirs,
+        body: Some(source.model.clone()),
         ..labels.clone()
     };
     let by = NamedBy {
