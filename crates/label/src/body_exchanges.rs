@@ -66,20 +66,24 @@ impl<'a> Judge<'a> {
         if has_hand {
             return found;
         }
-        let mut out: Vec<WholeTake> = (found.into_iter())
+        let sure_of = |(gain, pair): (f64, [usize; 2])| {
+            let is_sure = gain >= SURE && self.mirror_agrees(pair);
+            WholeTake::by_body(pair.to_vec(), is_sure)
+        };
+        let by_body: Vec<WholeTake> = self.referee.exchanged().into_iter().map(sure_of).collect();
+        let meets = |whole: &WholeTake, others: &[WholeTake]| {
+            let mut all = others.iter().flat_map(|other| &other.points);
+            all.any(|p| whole.points.contains(p))
+        };
+        // The mirror image does not say which pair of several it is.
+        let is_other = |w: &WholeTake| w.kind != WholeTakeKind::EitherSide || !meets(w, &by_body);
+        let found = found.into_iter().filter(is_other);
+        let mut out: Vec<WholeTake> = found
             .filter_map(|whole| self.of(whole, are_by_like))
             .collect();
-        // What nothing else says.
-        let known: Vec<usize> = out.iter().flat_map(|whole| whole.points.clone()).collect();
-        for (gain, pair) in self.referee.exchanged() {
-            let is_known = pair.iter().any(|p| known.contains(p));
-            if !is_known
-                && !out
-                    .iter()
-                    .any(|w| pair.iter().any(|p| w.points.contains(p)))
-            {
-                let is_sure = gain >= SURE && self.mirror_says(pair) == Some(true);
-                out.push(WholeTake::by_body(pair.to_vec(), is_sure));
+        for whole in by_body {
+            if !meets(&whole, &out) {
+                out.push(whole);
             }
         }
         out
@@ -120,13 +124,29 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// What the sides of the body say of two points that are exchanged or not.
-    fn mirror_says(&self, pair: [usize; 2]) -> Option<bool> {
+    /// Whether the sides of the body say that two points are exchanged, or differ less once they
+    /// are.
+    fn mirror_agrees(&self, pair: [usize; 2]) -> bool {
         let points = &self.person.points;
-        let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-        let own = self.xyz.select(Axis(1), &columns);
         let at = |p: usize| points.iter().position(|q| *q == p);
-        let pair = [at(pair[0])?, at(pair[1])?];
-        Mirror::new(&self.names, own.view()).says(&Distances::measure(own.view()), pair)
+        let [Some(a), Some(b)] = pair.map(at) else {
+            return false;
+        };
+        let columns = |points: &[usize]| -> Vec<usize> {
+            points.iter().flat_map(|p| 3 * p..3 * p + 3).collect()
+        };
+        let own = self.xyz.select(Axis(1), &columns(points));
+        let as_named = Mirror::new(&self.names, own.view());
+        let distances = Distances::measure(own.view());
+        let says = as_named.says(&distances, [a, b]);
+        let before = as_named.exchanged(&distances).len();
+        if says.is_some() || before == 0 {
+            return says == Some(true);
+        }
+        let mut exchanged = points.clone();
+        exchanged.swap(a, b);
+        let put_back = self.xyz.select(Axis(1), &columns(&exchanged));
+        let after = Mirror::new(&self.names, put_back.view());
+        after.exchanged(&Distances::measure(put_back.view())).len() < before
     }
 }

@@ -71,12 +71,12 @@ impl LabeledTakes {
                 continue;
             };
             digest.update(format!("{} {}\n", take.file.table.name, take.sha256));
-            match take.in_doubt() {
-                Some(why) => {
+            match take.put_right() {
+                Err(why) => {
                     let name = path.file_name().unwrap_or_default().to_string_lossy();
                     out.passed_over.push(format!("{name} names nothing: {why}"));
                 }
-                None => by_labels.entry(take.labels.clone()).or_default().push(take),
+                Ok(take) => by_labels.entry(take.labels.clone()).or_default().push(take),
             }
         }
         out.digest = hex(&digest.finalize());
@@ -125,12 +125,19 @@ impl Labeled {
         })
     }
 
-    /// Why its labels are not to be believed.
-    fn in_doubt(&self) -> Option<String> {
-        let report =
-            check_labels(&self.file, &on_body(&LabelSettings::default(), &self.file)).ok()?;
-        let unsure = report.unsure.first()?;
-        Some(unsure.what.clone())
+    /// The take with its labels put right; why they are not to be believed.
+    fn put_right(self) -> std::result::Result<Labeled, String> {
+        let settings = on_body(&LabelSettings::default(), &self.file);
+        let report = check_labels(&self.file, &settings).map_err(|e| e.to_string())?;
+        if let Some(unsure) = report.unsure.first() {
+            return Err(unsure.what.clone());
+        }
+        let file = if report.moves.is_empty() {
+            self.file
+        } else {
+            self.file.moved(&report.moves).map_err(|e| e.to_string())?
+        };
+        Ok(Labeled { file, ..self })
     }
 }
 
