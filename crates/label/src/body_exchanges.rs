@@ -4,7 +4,7 @@
 use super::label_model::LabelModel;
 use super::label_settings::LabelSettings;
 use super::marker_distances::Distances;
-use super::mirror::Mirror;
+use super::mirror::{Mirror, image};
 use super::people::Person;
 use super::referee::Referee;
 use super::templates::{WholeTake, WholeTakeKind};
@@ -67,7 +67,8 @@ impl<'a> Judge<'a> {
             return found;
         }
         let sure_of = |(gain, pair): (f64, [usize; 2])| {
-            let is_sure = gain >= SURE && self.mirror_agrees(pair);
+            let is_sure =
+                gain >= SURE && (self.other_side_is_right(pair) || self.mirror_agrees(pair));
             WholeTake::by_body(pair.to_vec(), is_sure)
         };
         let by_body: Vec<WholeTake> = self.referee.exchanged().into_iter().map(sure_of).collect();
@@ -122,6 +123,20 @@ impl<'a> Judge<'a> {
             }
             _ => Some(whole),
         }
+    }
+
+    /// Whether the mirror images of two points fit the body as they are named. Where they do not
+    /// either, markers may be meant to be where they are.
+    fn other_side_is_right(&self, pair: [usize; 2]) -> bool {
+        let image = |p: usize| {
+            let label = self.person.points.iter().position(|q| *q == p)?;
+            let image = image(&self.names, label).filter(|image| *image != label)?;
+            Some(self.person.points[image])
+        };
+        let [Some(a), Some(b)] = pair.map(image) else {
+            return false;
+        };
+        self.referee.gain(&[a, b]).is_some_and(|gain| gain <= -TOLD)
     }
 
     /// Whether the sides of the body say that two points are exchanged, or differ less once they
