@@ -71,7 +71,8 @@ fn are_joints(tracks: Tracks<'_>, moving: &[usize]) -> bool {
 /// some range (cm).
 fn is_steady(tracks: Tracks<'_>, p: usize, q: usize, within: RangeInclusive<f64>) -> bool {
     let (mut low, mut high, mut count) = (f64::INFINITY, 0_f64, 0);
-    for t in 0..tracks.frames() {
+    let [p_seen, q_seen] = [p, q].map(|point| &tracks.spans[point]);
+    for t in p_seen.start.max(q_seen.start)..p_seen.end.min(q_seen.end) {
         let apart = (tracks.at(t, p) - tracks.at(t, q)).length();
         if !apart.is_finite() {
             continue;

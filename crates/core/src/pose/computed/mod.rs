@@ -10,6 +10,7 @@ use super::poses::point_at;
 use super::zeros::Zeros;
 use glam::DVec3;
 use ndarray::ArrayView2;
+use std::ops::Range;
 
 /// More points are not tried: every pair is compared.
 const MOST_POINTS: usize = 500;
@@ -27,17 +28,20 @@ const MOVES: f64 = 1.0;
 /// and tips of forces, the axes of segments and what is fixed to them, a center of mass above its
 /// projection. Of a table of joints, which are rigid to each other, no axes.
 pub fn computed_points(poses: &Poses) -> Vec<usize> {
+    if poses.frames() < FEWEST_FRAMES || poses.points.len() > MOST_POINTS {
+        return Vec::new();
+    }
+    let all = spans(poses.xyz.view());
     let tracks = Tracks {
         names: &poses.points,
         xyz: poses.xyz.view(),
+        spans: &all,
     };
-    if tracks.frames() < FEWEST_FRAMES || tracks.points() > MOST_POINTS {
-        return Vec::new();
-    }
     let mut found = plates::computed(tracks);
     let emptied = Zeros::emptied(poses);
     found.extend(axes::computed(Tracks {
         xyz: emptied.xyz.view(),
+        spans: &spans(emptied.xyz.view()),
         ..tracks
     }));
     found.sort_unstable();
@@ -65,6 +69,21 @@ struct Tracks<'a> {
     names: &'a [String],
     /// (frames, 3 P), cm, y up.
     xyz: ArrayView2<'a, f64>,
+    /// From which frame to which each is seen: most tracks of many are seen for a short while.
+    spans: &'a [Range<usize>],
+}
+
+/// The frames from the first to the last in which each point is seen.
+fn spans(xyz: ArrayView2<'_, f64>) -> Vec<Range<usize>> {
+    let of = |p: usize| {
+        let is_seen = |t: &usize| point_at(xyz, *t, p).is_finite();
+        let first = (0..xyz.nrows()).find(is_seen);
+        let last = (0..xyz.nrows()).rev().find(is_seen);
+        first
+            .zip(last)
+            .map_or(0..0, |(first, last)| first..last + 1)
+    };
+    (0..xyz.ncols() / 3).map(of).collect()
 }
 
 impl Tracks<'_> {
