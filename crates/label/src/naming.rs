@@ -136,8 +136,13 @@ impl<'a> Naming<'a> {
 
     /// A person by the labels for which some frames vote; `None` where that is no body.
     pub(super) fn one_body(&self) -> Result<Option<Run>> {
-        let all = self.elected(&self.votes()?);
-        if count_labels(&all) < FEWEST_LABELS {
+        let votes = self.votes()?;
+        let all = self.elected(&votes);
+        let points: usize = votes.iter().map(|vote| vote.named.len()).sum();
+        let seen = points as f64 / votes.len().max(1) as f64;
+        let due = LEAST_ELECTED * seen.min(self.set().len() as f64);
+        let elected = count_labels(&all);
+        if elected < FEWEST_LABELS || (elected as f64) < due {
             return Ok(None);
         }
         self.improved(self.fitted(all, ROUNDS)?).map(Some)

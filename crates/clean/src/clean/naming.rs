@@ -182,7 +182,7 @@ fn try_source<'s>(
     }
 }
 
-/// How many tracks of a capture without names are seen at a time, mostly; `None` where it has
+/// How many tracks of a capture without names are seen at a time, at most but for few frames; `None` where it has
 /// names, or too few tracks for a body.
 fn tracks_without_names(file: &MotionFile) -> Option<usize> {
     let poses = file.poses();
@@ -198,6 +198,6 @@ fn tracks_without_names(file: &MotionFile) -> Option<usize> {
     let step = poses.frames().div_ceil(LOOKED_AT).max(1);
     let mut counts: Vec<usize> = (0..poses.frames()).step_by(step).map(seen).collect();
     counts.sort_unstable();
-    let mostly = *counts.get(counts.len() / 2)?;
-    (mostly >= FEWEST).then_some(mostly)
+    let most = *counts.get(9 * counts.len() / 10)?;
+    (most >= FEWEST).then_some(most)
 }
