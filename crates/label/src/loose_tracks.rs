@@ -2,8 +2,8 @@
 
 use super::evidence::independent_frames;
 use super::fragments::{Fragment, fragments};
-use super::links::{Links, chains};
-use super::tuning::naming::LOOKED_AT;
+use super::links::{Link, Links, chains};
+use super::tuning::naming::{LOOKED_AT, ONE_TRACK, REACH};
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;
 use glam::DVec3;
@@ -35,7 +35,8 @@ impl<'a> LooseTracks<'a> {
         rate: f64,
     ) -> LooseTracks<'a> {
         let fragments = fragments(xyz, runs, rate);
-        let links = Links::new(xyz, &fragments, 0, rate).links;
+        let mut links = Links::new(xyz, &fragments, 0, rate).links;
+        links.extend(across_gaps(xyz, &fragments, &links, rate));
         let paths = chains(fragments.len(), links.into_iter());
         let mut owner = Array2::from_elem((xyz.nrows(), xyz.ncols() / 3), None);
         for (path, of) in paths.iter().enumerate() {
@@ -182,4 +183,29 @@ impl<'a> LooseTracks<'a> {
             .iter()
             .flat_map(|p| self.fragments[*p].frames.clone())
     }
+}
+
+/// Links across gaps of a track that nothing else goes on in: who wrote the track took both sides
+/// for one marker.
+fn across_gaps(
+    xyz: ArrayView2<'_, f64>,
+    fragments: &[Fragment],
+    links: &[Link],
+    rate: f64,
+) -> Vec<Link> {
+    let (mut goes_on, mut is_met) = (vec![false; fragments.len()], vec![false; fragments.len()]);
+    for link in links {
+        (goes_on[link.from], is_met[link.to]) = (true, true);
+    }
+    let link = |from: usize| {
+        let (early, late) = (&fragments[from], fragments.get(from + 1)?);
+        let is_free = !goes_on[from] && !is_met[from + 1] && early.track == late.track;
+        let time = late.frames.start.saturating_sub(early.frames.end) as f64 / rate;
+        let [a, b] = [early.frames.end - 1, late.frames.start];
+        let apart = point_at(xyz, a, early.track).distance(point_at(xyz, b, late.track));
+        let is_gap = !early.jumps[1] && !late.jumps[0] && time <= ONE_TRACK;
+        let to = from + 1;
+        (is_free && is_gap && apart <= REACH * time).then_some(Link { from, to })
+    };
+    (0..fragments.len()).filter_map(link).collect()
 }

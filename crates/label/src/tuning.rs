@@ -385,6 +385,10 @@ pub(crate) mod naming {
     pub(crate) const ODD: f64 = 5.0;
     /// A label is almost free where those that have it have one in so many frames of a path.
     pub(crate) const SHORT: usize = 4;
+    /// Both sides of a gap of a track of so many seconds are one marker, if it gets there at so many
+    /// cm/s.
+    pub(crate) const ONE_TRACK: f64 = 0.5;
+    pub(crate) const REACH: f64 = 400.0;
     /// A person is there where one in so many of the labels is seen.
     pub(crate) const PRESENT_SHARE: usize = 4;
     /// Share of the take from which on a path is long, and how many such paths are tried.
