@@ -24,6 +24,12 @@ pub trait LabelModel: Send + Sync {
     /// Whether a track of this name has a label already, one of these or of others.
     fn is_label(&self, name: &str) -> bool;
 
+    /// Whether labels are fitted by those that are known beside them in a frame, and so better by
+    /// more of them; else a body is, by some frames.
+    fn is_of_neighbors(&self) -> bool {
+        false
+    }
+
     /// Names the points of frames, each by itself; cm, y up.
     ///
     /// # Errors
@@ -46,6 +52,9 @@ pub struct FittedLabels {
     /// How little is known of where each label is on the body, cm: large of those that are known in
     /// no frame.
     pub sd: Vec<f64>,
+    /// How far each label may be from its position, of how far markers on a body may be: less than
+    /// 1 where the positions are exact.
+    pub reach: Vec<f64>,
     /// How far that is from where such labels are mostly, standard deviations.
     pub deviations: Vec<f64>,
 }

@@ -45,6 +45,11 @@ mod paths;
 #[doc(hidden)]
 pub mod people;
 mod person_template;
+mod posture_file;
+mod posture_fit;
+mod posture_labels;
+mod posture_model;
+mod posture_search;
 mod referee;
 #[doc(hidden)]
 pub mod relabeling;
@@ -66,5 +71,8 @@ pub use label_model::{FittedLabels, LabelModel, NamedFrame};
 pub use label_settings::LabelSettings;
 pub use named_tracks::{FoundLabel, MovedFragment, NamedTracks, UnsureTrack};
 pub use people::points_of_person;
+#[doc(hidden)]
+pub use posture_file::PosturesInFile;
+pub use posture_model::PostureModel;
 pub use sides::SideBy;
 pub use templates::Templates;

@@ -13,7 +13,7 @@ use super::named_tracks::NamedTracks;
 use super::naming::{Naming, Run, count_labels};
 use super::templates::Templates;
 use super::tuning::nameless::*;
-use super::tuning::naming::{FEWEST_LABELS, ROUNDS, SLOPE};
+use super::tuning::naming::{FEWEST_LABELS, MOSTLY_SURE, SLOPE};
 use crate::Result;
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
@@ -35,16 +35,18 @@ pub fn name_tracks(
     let poses = &*Zeros::emptied(poses);
     let tracks = LooseTracks::new(poses.xyz.view(), &poses.runs(), rate);
     let naming = Naming::new(&tracks, model);
-    let Some((naming, best)) = named_bodies(naming)? else {
-        let what = "no body with these labels is found in its tracks; is it another marker set, or \
-                    does another axis point up (the option `up`)?";
-        return Err(what.into());
-    };
+    let none = "no body with these labels is found in its tracks; is it another marker set, or \
+                does another axis point up (the option `up`)?";
+    let (naming, best) = named_bodies(naming)?.ok_or(none)?;
     let least = sure.max(0.5);
     let mut labels = best.sure(&tracks, SLOPE * (least / (1.0 - least)).ln());
     labels
         .iter_mut()
         .for_each(|label| *label = label.filter(|l| !naming.is_one_of_several(*l)));
+    let most = MOSTLY_SURE * naming.set().len() as f64;
+    if model.is_of_neighbors() && (count_labels(&labels) as f64) < most {
+        return Err(none.into());
+    }
     let hosts = Hosts::new(&tracks, &labels, naming.labels());
     // A label without a column of its own has nowhere to go.
     labels
@@ -94,7 +96,7 @@ fn named_bodies(one: Naming<'_>) -> Result<Option<(Naming<'_>, Run)>> {
             .next()
     };
     let labels = (0..all.is_open.len()).map(label_of).collect();
-    let run = all.fitted(labels, ROUNDS)?;
+    let run = all.fitted(labels, all.rounds())?;
     Ok(Some((all, run)))
 }
 

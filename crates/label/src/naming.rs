@@ -145,7 +145,7 @@ impl<'a> Naming<'a> {
         if elected < FEWEST_LABELS || (elected as f64) < due {
             return Ok(None);
         }
-        self.improved(self.fitted(all, ROUNDS)?).map(Some)
+        self.improved(self.fitted(all, self.rounds())?).map(Some)
     }
 
     /// Fits the model of each person to where the labels are in the frames (frames, 3 L).
@@ -162,6 +162,10 @@ impl<'a> Naming<'a> {
         Ok(FittedLabels {
             places: concatenate(Axis(1), &places).map_err(|e| e.to_string())?,
             sd: fits.iter().flat_map(|fit| fit.sd.iter().copied()).collect(),
+            reach: fits
+                .iter()
+                .flat_map(|fit| fit.reach.iter().copied())
+                .collect(),
             deviations: fits
                 .iter()
                 .flat_map(|fit| fit.deviations.iter().copied())
@@ -223,10 +227,19 @@ impl<'a> Naming<'a> {
         self.tracks.elect(&sums)
     }
 
+    /// Rounds of a fit, at most.
+    pub(super) fn rounds(&self) -> usize {
+        if self.model.is_of_neighbors() {
+            GROWING_ROUNDS
+        } else {
+            ROUNDS
+        }
+    }
+
     /// Fits the model, and labels by it, in so many rounds at most.
     pub(super) fn fitted(&self, mut labels: PathLabels, rounds: usize) -> Result<Run> {
-        let mut round = 0;
-        loop {
+        let mut best: Option<Run> = None;
+        for round in 1.. {
             let known = self
                 .tracks
                 .positions(&labels, self.labels())
@@ -235,23 +248,29 @@ impl<'a> Naming<'a> {
             let mut costs = self.costs(&fit);
             let mut next = self.nearest(&costs);
             self.drop_needless(&mut costs, &mut next);
-            round += 1;
             // Nothing changes, and what is new is of labels that the fit knew.
+            let is_known = |label| labels.contains(label) && !self.model.is_of_neighbors();
             let is_settled = labels.iter().zip(&next).all(|(was, is)| match (was, is) {
-                (None, Some(_)) => labels.contains(is),
+                (None, Some(_)) => is_known(is),
                 _ => was == is,
             });
             labels = next;
+            let run = Run {
+                score: self.score(&labels, &costs),
+                labels: labels.clone(),
+                nats: costs.mapv(nats),
+                deviations: fit.deviations,
+            };
             if is_settled || round == rounds {
-                let nats = costs.mapv(nats);
-                return Ok(Run {
-                    score: self.score(&labels, &costs),
-                    labels,
-                    nats,
-                    deviations: fit.deviations,
-                });
+                // One that goes round in circles is best in one of its rounds.
+                let is_better = |best: &Run| !is_settled && best.score > run.score;
+                return Ok(best.filter(is_better).unwrap_or(run));
+            }
+            if best.as_ref().is_none_or(|best| run.score > best.score) {
+                best = Some(run);
             }
         }
+        Err("no round".into())
     }
 
     /// Improves a run: one that has fitted itself to wrong names sees no better ones, so long paths
@@ -269,7 +288,7 @@ impl<'a> Naming<'a> {
             };
             let run = self.fitted(self.given(&best.labels, path, label), 1)?;
             if run.score > best.score {
-                best = self.fitted(run.labels, ROUNDS - 1)?;
+                best = self.fitted(run.labels, self.rounds() - 1)?;
             }
         }
         Ok(best)
@@ -348,18 +367,28 @@ impl<'a> Naming<'a> {
         let row_of = |t: usize| self.frames.binary_search(&t).ok();
         let rows = map_chunks(tracks.paths.len(), 4, |range| {
             let row = |path: usize| {
-                let (mut sums, mut count) = (vec![0.0; self.labels()], 0.0);
+                let mut sums = vec![(0.0, 0.0); self.labels()];
                 let known = tracks
                     .positions_of(path)
                     .filter_map(|(t, at)| Some((row_of(t)?, at)));
                 for (n, at) in known {
-                    count += 1.0;
-                    for (label, sum) in sums.iter_mut().enumerate() {
+                    for (label, (sum, count)) in sums.iter_mut().enumerate() {
                         let far = point_at(fit.places.view(), n, label).distance_squared(at);
-                        *sum += (far * wider[label] + anywhere[label]).min(FARTHEST * FARTHEST);
+                        if far.is_finite() {
+                            let far = far / fit.reach[label].powi(2);
+                            *sum += (far * wider[label] + anywhere[label]).min(FARTHEST * FARTHEST);
+                            *count += 1.0;
+                        }
                     }
                 }
-                sums.into_iter().map(move |s| s / count)
+                let mean = |(sum, count): (f64, f64)| {
+                    if count > 0.0 {
+                        sum / count
+                    } else {
+                        FARTHEST * FARTHEST
+                    }
+                };
+                sums.into_iter().map(mean)
             };
             range.flat_map(row).collect::<Vec<f64>>()
         });

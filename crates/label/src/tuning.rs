@@ -359,8 +359,12 @@ pub(crate) mod naming {
     pub(crate) const SHORTEST: f64 = 0.15;
     /// How fast the vote of a frame falls with its cost over the least, in shares of that.
     pub(crate) const WEIGHT: f64 = 2.0;
-    /// Rounds of a fit to the take.
+    /// Share of the labels that are sure, at least, where no body tells which may be missing: in
+    /// another posture than any of a template some plates fit others.
+    pub(crate) const MOSTLY_SURE: f64 = 0.7;
+    /// Rounds of a fit to the take: of a body, and of labels that grow from their neighbors.
     pub(crate) const ROUNDS: usize = 4;
+    pub(crate) const GROWING_ROUNDS: usize = 8;
     /// Frames a second that it is fitted to, and frames of a path among them, at least.
     pub(crate) const RATE: f64 = 30.0;
     pub(crate) const FEWEST_PLACES: usize = 3;
@@ -396,4 +400,103 @@ pub(crate) mod naming {
     pub(crate) const TRIED: usize = 2;
     /// Share of the take that a label has at least: the rest may be reflections.
     pub(crate) const RARE: f64 = 0.15;
+}
+
+/// Labels of labeled takes, without a body.
+pub(crate) mod posture_model {
+    /// Labels that are seen, at least, and the share of a take's frames in which they are.
+    pub(crate) const FEWEST_LABELS: usize = 4;
+    pub(crate) const RARE: f64 = 0.05;
+    /// Frames of a take that are looked at, and the share of its labels that a posture has.
+    pub(crate) const LOOKED_AT: usize = 200;
+    pub(crate) const FULL: f64 = 0.9;
+    /// Postures of all takes, and of each at least; those that differ by less are one, cm.
+    pub(crate) const MOST_POSTURES: usize = 12;
+    pub(crate) const FEWEST_POSTURES: usize = 3;
+    pub(crate) const ALIKE: f64 = 2.0;
+    /// People, at most, that are compared with each other.
+    pub(crate) const MOST_PEOPLE: usize = 20;
+    /// Half of the distances of labels that stand still spread less, cm.
+    pub(crate) const STANDING: f64 = 0.3;
+    /// How much a distance changes in a body that was seen only standing, and how much one end of
+    /// it goes round the other: shares of it; cm of the most rigid; and what is known of two that
+    /// are never seen together, cm.
+    pub(crate) const BENDS: f64 = 0.06;
+    pub(crate) const TURNS: f64 = 0.1;
+    pub(crate) const STIFF: f64 = 0.1;
+    pub(crate) const FAR_APART: f64 = 20.0;
+}
+
+/// The search for names of a frame.
+pub(crate) mod posture_search {
+    /// Turns about the vertical, and how many of these of all postures are tried.
+    pub(crate) const YAWS: usize = 12;
+    pub(crate) const STARTS: usize = 8;
+    /// Farthest distance that counts for that choice, cm.
+    pub(crate) const FARTHEST: f64 = 30.0;
+    /// Rounds, and the gates of the first and the last, cm.
+    pub(crate) const GATES: usize = 12;
+    pub(crate) const WIDE: f64 = 50.0;
+    pub(crate) const NARROW: f64 = 8.0;
+    pub(crate) const LAST_ROUNDS: usize = 2;
+    /// Share of the labels of the best frame that fit in one whose posture is known; the cost of
+    /// another.
+    pub(crate) const KNOWN_POSTURE: f64 = 0.75;
+    pub(crate) const NOWHERE: f64 = 1e9;
+    /// Gates from which on distances tell by how exact they are, and how exact that is, cm.
+    pub(crate) const EXACT: f64 = 15.0;
+    pub(crate) const SD: f64 = 0.5;
+    /// Rounds after which half of the starts are left, and the first of a frame beside another.
+    pub(crate) const HALVED: [usize; 2] = [2, 5];
+    pub(crate) const FROM_BESIDE: usize = 4;
+    /// By which share of the gate distances seem to change more, as all labels carry all at first.
+    pub(crate) const STIFFER: f64 = 0.1;
+    /// The size is asked in gates below, cm, of distances so long, cm, that change by a smaller
+    /// share; so many tell it, and nobody is smaller or larger.
+    pub(crate) const SIZED: f64 = 25.0;
+    pub(crate) const LONG: f64 = 8.0;
+    pub(crate) const STEADY: f64 = 0.08;
+    pub(crate) const FEWEST_RATIOS: usize = 10;
+    pub(crate) const SIZES: [f64; 2] = [0.75, 1.35];
+}
+
+/// The fit of the labels to a take.
+pub(crate) mod posture_fit {
+    /// Neighbors that carry a label, and those that say which posture is nearest.
+    pub(crate) const NEIGHBORS: usize = 8;
+    pub(crate) const COMPARED: usize = 5;
+    /// A label is held where the third of its neighbors is not so much looser than it is at best;
+    /// else it is carried on over so many frames of the fit at most.
+    pub(crate) const LOOSER: f64 = 4.0;
+    pub(crate) const NEARBY: usize = 90;
+    /// Frames as which count what labeled takes say of how rigid a distance is.
+    pub(crate) const LEARNED: f64 = 30.0;
+    /// Deviation of the most rigid neighbors, cm.
+    pub(crate) const STIFF: f64 = 0.3;
+    /// Positions of a label that tell where it is on this person, at least, and as how many count
+    /// the labeled takes.
+    pub(crate) const FEWEST: usize = 3;
+    pub(crate) const BELIEVED: f64 = 3.0;
+    /// Deviation of that: in the half of the labels that differ most, and cm, at least; of a label
+    /// that is not known.
+    pub(crate) const UNLIKE: f64 = 1.5;
+    pub(crate) const LEAST_UNLIKE: f64 = 0.7;
+    pub(crate) const UNKNOWN: f64 = 2.0;
+    /// Deviations from which on the person's own position is hardly believed.
+    pub(crate) const ODD: f64 = 2.5;
+    /// How far a label may be from its position, of that on a body: at least; cm that count as all.
+    pub(crate) const LEAST_REACH: f64 = 0.35;
+    pub(crate) const REACHES: f64 = 2.0;
+    /// Half of the labels are so far from where the postures have them, cm: they are not these.
+    pub(crate) const OTHER: f64 = 4.0;
+    /// Deviations from which on a label is elsewhere, and the share of them that may be before they
+    /// are others.
+    pub(crate) const MISPLACED: f64 = 4.0;
+    pub(crate) const MOST_MISPLACED: f64 = 0.25;
+    /// The size, as in the search; frames that tell it, at most.
+    pub(crate) const SIZED_FRAMES: usize = 40;
+    pub(crate) const LONG: f64 = 8.0;
+    pub(crate) const STEADY: f64 = 0.08;
+    pub(crate) const FEWEST_RATIOS: usize = 10;
+    pub(crate) const SIZES: [f64; 2] = [0.75, 1.35];
 }

@@ -91,6 +91,7 @@ impl LabelModel for BodyModel {
         Ok(FittedLabels {
             deviations: (0..self.labels.len()).map(|m| fit.deviations(m)).collect(),
             places: fit.positions()?,
+            reach: vec![1.0; self.labels.len()],
             sd: fit.position_deviations()?,
         })
     }
