@@ -499,3 +499,61 @@ fn takes_without_labels_are_named_in_their_own_format() {
     );
     assert!(error.contains("there is no marker set nil"), "{error}");
 }
+
+#[test]
+fn a_folder_makes_a_set_of_any_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("takes")).unwrap();
+    let labeled = table(false);
+    fs::write(path("takes").join("ann.csv"), &labeled).unwrap();
+    fs::write(path("takes").join("notes.csv"), "who\nAnn\n").unwrap();
+    let mut raw = labeled;
+    for (name, track) in [
+        ("a", "*3"),
+        ("b", "*1"),
+        ("c", "*5"),
+        ("d", "*2"),
+        ("e", "*4"),
+    ] {
+        raw = raw.replace(&format!(",{name}."), &format!(",{track}."));
+    }
+    fs::write(path("raw.csv"), raw).unwrap();
+    let (set, to) = (path("set.json"), path("out.csv"));
+    let done = command("label")
+        .args(["--learn-set", text(&path("takes")), "-o", text(&set)])
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(
+        said.contains("learned from") && said.contains("ann.csv"),
+        "{said}"
+    );
+    command("label")
+        .args([
+            "--from-nothing",
+            "--set",
+            text(&set),
+            text(&path("raw.csv")),
+        ])
+        .args(["-o", text(&to)])
+        .assert()
+        .success();
+    let header = |file: &Path| {
+        fs::read_to_string(file)
+            .unwrap()
+            .lines()
+            .next()
+            .unwrap()
+            .to_string()
+    };
+    assert_eq!(header(&to), header(&path("takes").join("ann.csv")));
+    // It names tracks, and makes no skeleton.
+    let error = fails(
+        "solve",
+        &["--set", text(&set), text(&to), "-o", "x.csv"],
+        b"",
+        1,
+    );
+    assert!(error.contains("no skeleton: the set"), "{error}");
+}

@@ -12,9 +12,11 @@ use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::io::MotionFile;
+use posing::io::motion_file::ReadRules;
+use posing::io::motion_folder::MotionFolder;
 use posing::label::{LabelModel, LabelSettings, check_labels, label_from_nothing};
 use posing::pose::{Segment, check_unit};
-use posing::solve::{BodyModel, MarkerSet, body_of, naming_model};
+use posing::solve::{MarkerSet, body_of, naming_model};
 use posing::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -43,9 +45,11 @@ use std::path::{Path, PathBuf};
         \n  posing label gait.c3d -o labeled.c3d\
         \n  posing label captures/ -o labeled/ --up y || echo something is not sure\
         \n  posing label --dry-run walk.csv\
-        \n  posing label raw.c3d --from-nothing --set cmu41 -o named.c3d || echo see the record",
+        \n  posing label raw.c3d --from-nothing --set cmu41 -o named.c3d || echo see the record\
+        \n  posing label --learn-set gait.c3d -o set.json\
+        \n  posing label raw.c3d --from-nothing --set set.json -o again.c3d || echo see the record",
     group = clap::ArgGroup::new("markers").args(["set", "like"]).multiple(true),
-    group = clap::ArgGroup::new("task").args(["from_nothing", "learn"])
+    group = clap::ArgGroup::new("task").args(["from_nothing", "learn", "learn_set"])
 )]
 pub struct Args {
     /// Takes, and folders that are searched for them
@@ -70,7 +74,8 @@ pub struct Args {
     #[command(flatten)]
     like: LikeArgs,
     /// Name the tracks of takes without any labels, as the markers of --set or of the takes of
-    /// --like: by a body that is put at the points of some frames, and then fitted to the take
+    /// --like: by a body, or by postures of theirs where few of their labels are on landmarks, put
+    /// at the points of some frames and then fitted to the take
     #[arg(long, requires = "markers", help_heading = "From nothing")]
     from_nothing: bool,
     /// Marker set: cmu41, pig, rajagopal, opencap, motive, isb or sprint, or a file of one
@@ -99,6 +104,16 @@ pub struct Args {
         help_heading = "From nothing"
     )]
     learn: bool,
+    /// Learn a marker set from the labeled takes of folders, of any labels, and write it to
+    /// SET.json for --set: from those in which people stand still, if there are some. If too few
+    /// of the labels are on known landmarks, the set names tracks, and solve makes no skeleton by
+    /// it
+    #[arg(
+        long,
+        conflicts_with_all = ["from_nothing", "learn", "like", "dry_run", "json"],
+        help_heading = "From nothing"
+    )]
+    learn_set: bool,
     /// Keep the label of a point in a stretch, in seconds as the file has them: LFHD:1.2-1.9 (may
     /// be given again, of one take)
     #[arg(
@@ -111,7 +126,7 @@ pub struct Args {
 }
 
 pub fn work(args: &Args) -> Result<Outcome> {
-    if args.learn {
+    if args.learn || args.learn_set {
         return learn(args, args.output.as_deref().unwrap_or(Path::new("-")));
     }
     if args.dry_run {
@@ -150,36 +165,55 @@ fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
     )
 }
 
-/// The body with the markers of the set, placed as in the labeled takes if there are some.
+/// The model of the set, or of the labeled takes.
 fn model(args: &Args, like: &[MotionFile]) -> Result<Box<dyn LabelModel>> {
     let set = args.set.as_deref().map(marker_set).transpose()?;
-    match (like.is_empty(), set) {
-        (true, Some(set)) => Ok(Box::new(BodyModel::new(&set)?)),
-        (_, set) => {
-            let takes: Vec<_> = like.iter().map(MotionFile::poses).collect();
-            naming_model(&takes, set.as_deref())
-        }
-    }
-}
-
-/// The marker set of some labeled takes.
-fn learned(files: &[MotionFile], name: &str, set: Option<&MarkerSet>) -> Result<MarkerSet> {
-    let takes: Vec<_> = files.iter().map(|file| (file.poses(), None)).collect();
-    MarkerSet::learn(name, &takes, set)
+    let takes: Vec<_> = like.iter().map(MotionFile::poses).collect();
+    naming_model(&takes, set.as_deref())
 }
 
 /// Learns a marker set and writes it.
 fn learn(args: &Args, to: &Path) -> Result<Outcome> {
     let rules = args.read.rules();
-    let files = args
-        .inputs
-        .iter()
-        .map(|path| MotionFile::open_by(path, &rules));
     let set = args.set.as_deref().map(marker_set).transpose()?;
-    let files = files.collect::<Result<Vec<_>>>()?;
-    let set = learned(&files, &to.display().to_string(), set.as_deref())?;
-    write_bytes(Some(to), set.to_json()?.as_bytes(), false)?;
+    let (set, name) = (set.as_deref(), to.display().to_string());
+    let learned = if args.learn_set {
+        let files = labeled_files(&args.inputs, &rules)?;
+        let takes: Vec<_> = files.iter().map(MotionFile::poses).collect();
+        let (learned, used) = MarkerSet::learn_from(&name, &takes, set)?;
+        let of = |n: &usize| files[*n].table.name.as_str();
+        let used: Vec<&str> = used.iter().map(of).collect();
+        messages::info(&format!("learned from {}", used.join(", ")));
+        learned
+    } else {
+        let files = args.inputs.iter();
+        let files = files.map(|path| MotionFile::open_by(path, &rules));
+        let files = files.collect::<Result<Vec<_>>>()?;
+        let takes: Vec<_> = files.iter().map(|file| (file.poses(), None)).collect();
+        MarkerSet::learn(&name, &takes, set)?
+    };
+    write_bytes(Some(to), learned.to_json()?.as_bytes(), false)?;
     Ok(Outcome::Done)
+}
+
+/// The takes of points among some files and those of folders; what is none in a folder is passed
+/// over.
+fn labeled_files(inputs: &[PathBuf], rules: &ReadRules) -> Result<Vec<MotionFile>> {
+    let mut files = Vec::new();
+    for input in inputs {
+        if !input.is_dir() {
+            files.push(MotionFile::open_by(input, rules)?);
+            continue;
+        }
+        for (path, _) in MotionFolder::search(input, None, |_| true).files {
+            match MotionFile::open_by(&path, rules) {
+                Ok(file) if file.motion().is_none() => files.push(file),
+                Ok(_) => {}
+                Err(e) => messages::info(&format!("passed over: {e}")),
+            }
+        }
+    }
+    Ok(files)
 }
 
 fn label(

@@ -3,6 +3,8 @@
 use super::landmarks::{JointSet, Landmark, landmark};
 use super::tuning::{SD, TRUE_SD};
 use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
+use crate::label::{LabelModel, PostureModel, PosturesInFile};
+use crate::pose::Poses;
 use crate::prior::rotations::bones::PAIRED;
 use crate::{Error, Place, Result};
 use glam::DVec3;
@@ -20,6 +22,8 @@ pub struct MarkerSet {
     pub(crate) joints: JointSet,
     /// By a marker's name, in small letters and without . _ and -.
     lines: BTreeMap<String, Line>,
+    /// Labels without landmarks, as they are in some postures.
+    pub(super) postures: Option<PostureModel>,
 }
 
 /// A line of a set.
@@ -39,6 +43,8 @@ struct Learned {
     kind: String,
     joints: JointSet,
     markers: BTreeMap<String, LearnedMarker>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    postures: Option<PosturesInFile>,
 }
 
 /// A marker of the left side or the middle: the bone, the share of it at which the offset begins,
@@ -138,6 +144,11 @@ impl MarkerSet {
             .filter(|l: &Learned| l.kind == KIND)
             .ok_or_else(|| bad("is no marker set that label or solve has learned".to_string()))?;
         check_count(learned.markers.len()).map_err(&bad)?;
+        let postures = learned.postures.map(|postures| {
+            check_count(postures.count()).map_err(&bad)?;
+            let what = "is no marker set: its labels and postures do not fit each other";
+            postures.model().ok_or_else(|| bad(what.to_string()))
+        });
         let known = |(pattern, marker): (String, LearnedMarker)| {
             let offset_and_sd = [marker.offset, marker.sd].map(DVec3::from_array);
             (
@@ -148,6 +159,7 @@ impl MarkerSet {
         let markers = learned.markers.into_iter().map(known);
         Ok(MarkerSet {
             joints: learned.joints,
+            postures: postures.transpose()?,
             ..MarkerSet::of_landmarks(&name, markers)
         })
     }
@@ -205,7 +217,19 @@ impl MarkerSet {
             name: name.to_string(),
             joints,
             lines,
+            postures: None,
         }
+    }
+
+    /// A set of labels without landmarks, as they are in labeled takes.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: too few labels.
+    pub(super) fn of_postures(name: &str, takes: &[&Poses]) -> Result<MarkerSet> {
+        Ok(MarkerSet {
+            postures: Some(PostureModel::learn(takes)?),
+            ..MarkerSet::of_landmarks(name, std::iter::empty())
+        })
     }
 
     /// A learned set as a file (JSON).
@@ -227,6 +251,7 @@ impl MarkerSet {
             kind: KIND.to_string(),
             joints: self.joints,
             markers: self.lines.values().map(marker).collect(),
+            postures: self.postures.as_ref().map(PosturesInFile::from),
         };
         let text = serde_json::to_string_pretty(&learned);
         text.map(|t| t + "\n")
@@ -262,6 +287,9 @@ impl MarkerSet {
             let (at, sd) = (at.join(" "), sd.map(|v| format!("{v:.1}")).join(" "));
             let name = &line.pattern;
             lines.push(format!("{name:<10} {bone} {along}, {at} (sd {sd}) cm"));
+        }
+        if let Some(postures) = &self.postures {
+            lines.push(format!("labels     {}", postures.labels().join(", ")));
         }
         lines.push(format!("markers    {}", known.len()));
         lines.join("\n") + "\n"

@@ -308,6 +308,13 @@ impl AllMarkers {
 
 /// The error of a take that has so few markers of a set.
 pub(super) fn too_few(set: &MarkerSet, known: usize) -> Error {
+    if set.postures.is_some() {
+        return Error::unfit(format!(
+            "no skeleton: the set {} names labels, and says of none where on a body it is; give a \
+             file of lines such as LKNE = \"KNL\"",
+            set.name
+        ));
+    }
     Error::unfit(format!(
         "too few markers: the set {} knows {known} of its points, and {FEWEST_MARKERS} are needed; \
          give a set that knows them: a file of lines such as LKNE = \"KNL\"",

@@ -90,3 +90,11 @@ pub(super) mod learning {
     /// Standard deviation of that position in another take, cm.
     pub(crate) const OTHER_SD: f64 = 2.0;
 }
+
+/// What labeled takes teach.
+pub(super) mod naming_model {
+    /// Labels of a take, at least.
+    pub(crate) const FEWEST_LABELS: usize = 4;
+    /// Half of the labels of a static take move less, cm: who stands sways.
+    pub(crate) const STILL: f64 = 3.0;
+}
