@@ -39,6 +39,7 @@ mod named_tracks;
 #[doc(hidden)]
 pub mod nameless;
 mod naming;
+mod next_fragments;
 #[doc(hidden)]
 pub mod out_and_back;
 mod paths;

@@ -8,13 +8,16 @@
 //! without a gap are linked before others: a point's own return some frames later is cheap too.
 
 use super::fragments::Fragment;
+use super::next_fragments::NextFragments;
 use super::tuning::links::*;
 use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
+use std::collections::HashSet;
+use std::ops::Range;
 
 /// A fragment that goes on in another.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Link {
     /// The fragments.
     pub from: usize,
@@ -59,26 +62,41 @@ impl End {
 
 /// What it costs that one end goes on in another after `gap` missing frames, χ².
 pub(crate) fn link_cost(from: &End, to: &End, gap: usize, rate: f64) -> f64 {
-    let half = (gap + 1) as f64 / 2.0;
-    let time = (gap + 1) as f64 / rate;
-    let variance = NOISE.powi(2)
-        + 2.0 * (ACCELERATION * (time / 2.0).powi(2)).powi(2)
-        + 2.0 * (VELOCITY_NOISE * half).powi(2);
-    let carried = (from.at + half * from.velocity).distance_squared(to.at + half * to.velocity);
+    let frames = (gap + 1) as f64;
     // What stood still on both sides may have moved meanwhile; what moves goes on.
-    let still = variance + (STILL * time).powi(2);
+    let still = variance(gap, rate) + (STILL * frames / rate).powi(2);
     let speed = from
         .velocity
         .length_squared()
         .min(to.velocity.length_squared());
-    let moved = (from.at.distance_squared(to.at) + speed * ((gap + 1) as f64).powi(2)) / still;
-    (carried / variance).min(moved)
+    let moved = (from.at.distance_squared(to.at) + speed * frames.powi(2)) / still;
+    carried_cost(from, to, gap, rate).min(moved)
 }
+
+/// The same if it neither stands nor starts to move.
+fn carried_cost(from: &End, to: &End, gap: usize, rate: f64) -> f64 {
+    let half = (gap + 1) as f64 / 2.0;
+    let carried = (from.at + half * from.velocity).distance_squared(to.at + half * to.velocity);
+    carried / variance(gap, rate)
+}
+
+/// By how much two ends may miss each other, cm².
+fn variance(gap: usize, rate: f64) -> f64 {
+    let half = (gap + 1) as f64 / 2.0;
+    let time = (gap + 1) as f64 / rate;
+    NOISE.powi(2)
+        + 2.0 * (ACCELERATION * (time / 2.0).powi(2)).powi(2)
+        + 2.0 * (VELOCITY_NOISE * half).powi(2)
+}
+
+/// What it costs that an end goes on in another after so many frames at a rate.
+type LinkCost = fn(&End, &End, usize, f64) -> f64;
 
 /// The links between fragments that hold, and the ends of all.
 pub(crate) struct Links {
     pub links: Vec<Link>,
     pub ends: Vec<[End; 2]>,
+    next: NextFragments,
 }
 
 impl Links {
@@ -91,35 +109,43 @@ impl Links {
         rate: f64,
     ) -> Links {
         let ends: Vec<[End; 2]> = fragments.iter().map(|p| End::both(xyz, p)).collect();
-        let mut by_start: Vec<usize> = (0..fragments.len()).collect();
-        by_start.sort_by_key(|p| (fragments[*p].frames.start, *p));
-        let starts: Vec<usize> = by_start
-            .iter()
-            .map(|p| fragments[*p].frames.start)
-            .collect();
-        let longest = (LONGEST * rate) as usize;
+        let starts = Starts::new(fragments);
+        let [longest, soon] = [LONGEST, CLOSED_GAP].map(|seconds| (seconds * rate) as usize);
         let mut links: Vec<Link> = Vec::new();
         let mut is_taken = vec![[false; 2]; fragments.len()];
-        for gaps in [0..1, 1..longest + 1] {
+        let candidates = |gaps: Range<usize>, is_taken: &[[bool; 2]], cost_of: LinkCost| {
             let mut found: Vec<(Link, f64)> = Vec::new();
             for from in (0..fragments.len()).filter(|p| !is_taken[*p][1]) {
                 let end = fragments[from].frames.end;
-                let first = starts.partition_point(|s| *s < end + gaps.start);
-                let next = by_start[first..]
-                    .iter()
-                    .take_while(|p| fragments[**p].frames.start < end + gaps.end);
-                for &to in next.filter(|p| !is_taken[**p][0]) {
+                let next = starts.within(end + gaps.start..end + gaps.end);
+                for &to in next.iter().filter(|p| !is_taken[**p][0]) {
                     let gap = fragments[to].frames.start - end;
-                    let cost = link_cost(&ends[from][1], &ends[to][0], gap, rate);
+                    let cost = cost_of(&ends[from][1], &ends[to][0], gap, rate);
                     if cost <= HIGHEST + CHEAPER {
                         found.push((Link { from, to }, cost));
                     }
                 }
             }
-            // Across a gap, only evidence joins a fragment without a label.
+            found
+        };
+        let soon = candidates(0..soon + 1, &is_taken, carried_cost);
+        let next = NextFragments::new(&soon, fragments);
+        let track = |p: usize| Some(fragments[p].track).filter(|track| *track < labels);
+        for gaps in [0..1, 1..longest + 1] {
+            let mut found = candidates(gaps.clone(), &is_taken, link_cost);
+            let closing: HashSet<Link> = next.closing(&links, track).into_iter().collect();
+            // A label does not go on without one, nor begin so, where it does elsewhere. Across a
+            // gap, only evidence joins a fragment without a label; and no two labels change places
+            // there if one of them goes on without a label.
             let is_allowed = |link: &Link| {
-                let tracks = [link.from, link.to].map(|p| fragments[p].track);
-                gaps.start == 0 || tracks[0] == tracks[1] || tracks.iter().all(|t| *t < labels)
+                let of = [link.from, link.to].map(track);
+                let are_labels = of.iter().all(Option::is_some);
+                if gaps.start == 0 {
+                    return are_labels || of == [None; 2] || !next.is_elsewhere(link);
+                }
+                let is_closed = next.beside(link).any(|other| closing.contains(&other));
+                let is_same = fragments[link.from].track == fragments[link.to].track;
+                is_same || are_labels && !is_closed
             };
             // What is clear leaves fewer choices to the others.
             loop {
@@ -136,7 +162,36 @@ impl Links {
                 links.extend(clear);
             }
         }
-        Links { links, ends }
+        Links { links, ends, next }
+    }
+
+    /// Links fragments without a label into the gaps that they close; `label` says which a fragment
+    /// has.
+    pub(crate) fn close(&mut self, label: impl Fn(usize) -> Option<usize>) {
+        let closing = self.next.closing(&self.links, label);
+        self.links.extend(closing);
+    }
+}
+
+/// Fragments in the order of their starts.
+struct Starts {
+    fragments: Vec<usize>,
+    frames: Vec<usize>,
+}
+
+impl Starts {
+    fn new(of: &[Fragment]) -> Starts {
+        let mut fragments: Vec<usize> = (0..of.len()).collect();
+        fragments.sort_by_key(|p| (of[*p].frames.start, *p));
+        let frames = fragments.iter().map(|p| of[*p].frames.start).collect();
+        Starts { fragments, frames }
+    }
+
+    /// Those that start in some frames.
+    fn within(&self, frames: Range<usize>) -> &[usize] {
+        let [first, end] =
+            [frames.start, frames.end].map(|t| self.frames.partition_point(|s| *s < t));
+        &self.fragments[first..end]
     }
 }
 

@@ -9,7 +9,7 @@ use super::people::{Person, parted_by_distances, people_of_markers};
 use super::repair::repair;
 use super::sides::{SideBy, Unsure};
 use super::templates::{Templates, WholeTake, WholeTakeKind};
-use super::unlabeled::is_unlabeled;
+use super::unlabeled::{is_unlabeled, labeled};
 use crate::io::PointMove;
 use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::zeros::Zeros;
@@ -32,8 +32,8 @@ pub struct Relabeling {
     pub unchecked: Option<&'static str>,
 }
 
-/// Labels of more points are not checked.
-const MOST_POINTS: usize = 500;
+/// More labels are not checked: all pairs of them are compared.
+const MOST_LABELS: usize = 500;
 /// Fewer labels say nothing of each other.
 const FEWEST_LABELS: usize = 4;
 
@@ -41,8 +41,8 @@ const FEWEST_LABELS: usize = 4;
 pub fn relabel(poses: &Poses, rate: f64, settings: &LabelSettings) -> Relabeling {
     let poses = &*Zeros::emptied(poses);
     let mut out = Relabeling::default();
-    if poses.points.len() > MOST_POINTS {
-        out.unchecked = Some("there are over 500 points");
+    if labeled(&poses.points).len() > MOST_LABELS {
+        out.unchecked = Some("there are over 500 labels");
         return out;
     }
     let all_runs = poses.runs();

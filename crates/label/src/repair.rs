@@ -47,8 +47,8 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
     if 2 * short.count() > fragments.len() {
         return None;
     }
-    let Links { mut links, ends } = Links::new(take.xyz, &fragments, take.labels, take.rate);
-    let found = exchanges(&fragments, &mut links, take.labels);
+    let mut links = Links::new(take.xyz, &fragments, take.labels, take.rate);
+    let found = exchanges(&fragments, &mut links.links, take.labels);
     let named = take.xyz.slice(ndarray::s![.., ..3 * take.labels]);
     let sides = if found.is_empty() {
         Sides::default()
@@ -67,8 +67,9 @@ pub(crate) fn repair(take: LabeledTake<'_>) -> Option<Repair> {
         }
     };
     let identities: Vec<Option<usize>> = fragments.iter().map(identity).collect();
-    let mut paths = Paths::new(take, fragments, ends, identities);
-    paths.join(&links);
+    links.close(|fragment| identities[fragment]);
+    let mut paths = Paths::new(take, fragments, links.ends, identities);
+    paths.join(&links.links);
     let unsure: Vec<usize> = sides.unsure.iter().flat_map(|u| u.labels.clone()).collect();
     paths.keep(&unsure);
     for round in 0..ROUNDS {
@@ -289,6 +290,74 @@ mod tests {
         assert_eq!(changes, []);
         assert_eq!(unsure.len(), 1);
         assert_eq!(unsure[0].labels, [4, 10]);
+    }
+
+    /// A take in which a label is lost in some frames, and a track without one is at `place` of
+    /// what it is then, in those frames but the first and the last.
+    fn with_loose(
+        truth: &Array2<f64>,
+        label: usize,
+        lost: Range<usize>,
+        place: impl Fn(usize, DVec3) -> DVec3,
+    ) -> Array2<f64> {
+        let mut xyz = Array2::from_elem((FRAMES, truth.ncols() + 3), f64::NAN);
+        xyz.slice_mut(ndarray::s![.., ..truth.ncols()])
+            .assign(truth);
+        for t in lost.clone() {
+            let position = place(t, point_at(truth.view(), t, label));
+            set(&mut xyz, t, label, DVec3::NAN);
+            if t > lost.start && t + 1 < lost.end {
+                set(&mut xyz, t, truth.ncols() / 3, position);
+            }
+        }
+        xyz
+    }
+
+    #[test]
+    fn what_closes_a_gap_at_both_ends_is_the_label_and_what_lies_beside_is_not() {
+        // A marker that hangs loose swings away and back: no distance to it holds.
+        let mut truth = body();
+        for t in 280..360 {
+            let share = (std::f64::consts::PI * (t as f64 - 280.0) / 80.0)
+                .sin()
+                .powi(2);
+            let away = point_at(truth.view(), t, 3) + 25.0 * share * DVec3::new(1.0, 0.5, -1.0);
+            set(&mut truth, t, 3, away);
+        }
+        let closed = with_loose(&truth, 3, 300..340, |_, position| position);
+        let (changes, unsure) = found(&closed);
+        let all: Vec<_> = changes.iter().map(of).collect();
+        assert_eq!(all, [(ChangeKind::Joined, 301..339, vec![15, 3])]);
+        assert_eq!(unsure, []);
+        // As long, and as still beside the marker as a reflection.
+        let beside = |_, position| position + DVec3::new(3.0, 4.0, -3.0);
+        let (changes, unsure) = found(&with_loose(&truth, 3, 300..340, beside));
+        assert_eq!((changes, unsure), (vec![], vec![]));
+    }
+
+    #[test]
+    fn a_label_goes_on_in_its_own_track_and_not_in_its_neighbor_s_a_frame_earlier() {
+        // Two markers at rest, 4 cm apart; the track of one begins where the other's label ends.
+        let mut truth = body();
+        for t in 0..FRAMES {
+            let rest = DVec3::new(0.0, 130.0, 9.0) + 0.02 * (t as f64).sin();
+            set(&mut truth, t, 12, rest);
+            set(&mut truth, t, 13, rest - 4.0 * DVec3::Y);
+        }
+        let xyz = with_loose(&truth, 12, 299..340, |_, position| position);
+        let mut xyz = with_loose(&xyz, 13, 300..341, |_, position| position);
+        set(&mut xyz, 339, 15, DVec3::NAN);
+        let (changes, unsure) = found(&xyz);
+        let all: Vec<_> = changes.iter().map(of).collect();
+        let joined = |frames, tracks| (ChangeKind::Joined, frames, tracks);
+        assert_eq!(
+            all,
+            [
+                joined(300..339, vec![15, 12]),
+                joined(301..340, vec![16, 13])
+            ]
+        );
+        assert_eq!(unsure, []);
     }
 
     fn lose(xyz: &mut Array2<f64>, frames: Range<usize>, points: &[usize]) {

@@ -129,6 +129,10 @@ pub(crate) mod links {
     /// Highest cost of a link, and by how much it is cheaper than others, χ².
     pub(crate) const HIGHEST: f64 = 36.0;
     pub(crate) const CHEAPER: f64 = 12.0;
+    /// The same of a link that closes a gap at both ends, and the longest time to each, seconds: a
+    /// reflection is farther away.
+    pub(crate) const CLOSED: f64 = 16.0;
+    pub(crate) const CLOSED_GAP: f64 = 0.08;
 }
 
 /// What distances say of a position.
