@@ -6,7 +6,9 @@ use super::complete::Complete;
 use super::denoise::Denoise;
 use super::gap::{Gap, empty_gaps, find_gaps};
 use super::noise_estimation::point_noise;
+use super::steady_distances::SteadyDistances;
 use super::take::{Method, PointMapping, Take, TakeResult};
+use super::tuning::clean::{MOST_SD, SURE_SD};
 use super::tuning::noise_estimation::NOISE_LIMIT;
 use ndarray::ArrayView2;
 
@@ -48,7 +50,7 @@ impl Default for Clean {
             noise_limit: NOISE_LIMIT,
             outliers: true,
             max_gap: None,
-            max_sd: 5.0,
+            max_sd: MOST_SD,
             fps: None,
         }
     }
@@ -74,16 +76,21 @@ impl Clean {
         }
     }
 
-    /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean
-    /// square over its frames.
-    fn is_unsure(&self, gap: &Gap, out: &TakeResult) -> bool {
-        let variances = gap
-            .frames
-            .clone()
-            .map(|t| out.state(t, gap.point).sd.powi(2));
-        let mean = variances.sum::<f64>() / gap.frames.len() as f64;
-        mean.sqrt() > self.max_sd
+    /// Whether the fill of a gap is likely far off: its standard deviation is larger than is wanted,
+    /// or would be if it were off by what it breaks steady distances.
+    fn is_unsure(&self, gap: &Gap, out: &TakeResult, seen: ArrayView2<'_, f64>) -> bool {
+        let sd = typical_sd(gap, out);
+        let broken_by = || SteadyDistances::measure(seen, gap.point).broken_by(gap, out);
+        sd > self.max_sd || sd > SURE_SD && broken_by() > 3.0_f64.sqrt() * self.max_sd
     }
+}
+
+/// The standard deviation of a coordinate in a filled gap: the root mean square over its frames,
+/// cm; NaN where it is not filled.
+fn typical_sd(gap: &Gap, out: &TakeResult) -> f64 {
+    let frames = gap.frames.clone();
+    let variances = frames.map(|t| out.state(t, gap.point).sd.powi(2));
+    (variances.sum::<f64>() / gap.frames.len() as f64).sqrt()
 }
 
 impl Method for Clean {
@@ -108,9 +115,38 @@ impl Method for Clean {
             out.doubtful_noise = Some(level);
         }
         let gaps = find_gaps(take.xyz, take.runs);
-        let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out));
+        let unsure = gaps
+            .iter()
+            .filter(|gap| self.is_unsure(gap, &out, take.xyz));
         let unsure: Vec<&Gap> = unsure.collect();
         empty_gaps(&mut out, take.xyz, unsure.into_iter());
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Status;
+    use ndarray::Array2;
+
+    #[test]
+    fn a_gap_stays_where_its_fill_is_likely_far_off() {
+        let mut out = TakeResult::of(Array2::zeros((4, 6)));
+        for (point, sds) in [[3.5, 2.0], [4.5, 3.0]].into_iter().enumerate() {
+            for (k, sd) in sds.into_iter().enumerate() {
+                out.set(1 + k, point, Status::Inferred, sd);
+            }
+        }
+        let is_unsure = |point| {
+            let gap = Gap {
+                point,
+                frames: 1..3,
+                before: Some(0),
+                after: Some(3),
+            };
+            Clean::default().is_unsure(&gap, &out, out.xyz.view())
+        };
+        assert_eq!([is_unsure(0), is_unsure(1)], [false, true]);
     }
 }

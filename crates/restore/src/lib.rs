@@ -76,6 +76,7 @@ pub(crate) mod restoration;
 mod restorer;
 pub(crate) mod rigid;
 mod sifted_take;
+mod steady_distances;
 mod take;
 mod tuning;
 mod upright;

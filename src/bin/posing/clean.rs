@@ -179,7 +179,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "CM",
-        default_value = "5",
+        default_value = "3",
         value_parser = parse_length,
         help_heading = "Method"
     )]
