@@ -23,6 +23,14 @@ pub(crate) struct Fragment {
     pub jumps: [bool; 2],
 }
 
+/// A fragment that goes on in another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Link {
+    /// The fragments.
+    pub from: usize,
+    pub to: usize,
+}
+
 /// The fragments of the tracks of `xyz` (frames, 3 J; cm, NaN missing), track after track and in
 /// the order of their frames. `runs` are ranges of consecutive frames, `rate` is in frames a
 /// second.

@@ -7,8 +7,7 @@
 //! leave it open, it is not known; neither is it where they say so though no track ends.
 
 use super::evidence::{Evidence, independent_frames};
-use super::fragments::Fragment;
-use super::links::Link;
+use super::fragments::{Fragment, Link};
 use super::tuning::identities::*;
 use crate::pose::point_at;
 use glam::DVec3;

@@ -7,7 +7,7 @@
 //! holds where it is far cheaper than every other of both ends. Fragments that follow each other
 //! without a gap are linked before others: a point's own return some frames later is cheap too.
 
-use super::fragments::Fragment;
+use super::fragments::{Fragment, Link};
 use super::next_fragments::NextFragments;
 use super::tuning::links::*;
 use crate::pose::point_at;
@@ -15,14 +15,6 @@ use glam::DVec3;
 use ndarray::ArrayView2;
 use std::collections::HashSet;
 use std::ops::Range;
-
-/// A fragment that goes on in another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Link {
-    /// The fragments.
-    pub from: usize,
-    pub to: usize,
-}
 
 /// The position of an end of a fragment, cm, and its velocity away from the fragment, cm a frame.
 #[derive(Debug, Clone, Copy)]

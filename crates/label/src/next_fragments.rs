@@ -4,8 +4,7 @@
 //! nearly from end to end. What starts where a point went and ends where it comes back is that
 //! point, however its distances to others spread: a reflection is farther away at one end at least.
 
-use super::fragments::Fragment;
-use super::links::Link;
+use super::fragments::{Fragment, Link};
 use super::tuning::links::{CHEAPER, CLOSED};
 use std::collections::{HashMap, HashSet};
 

@@ -3,9 +3,9 @@
 //! another path gives for its own, or none.
 
 use super::evidence::{Evidence, independent_frames};
-use super::fragments::Fragment;
+use super::fragments::{Fragment, Link};
 use super::labeled_take::LabeledTake;
-use super::links::{End, Link, chains, link_cost};
+use super::links::{End, chains, link_cost};
 use super::tuning::out_and_back;
 use super::tuning::repair::*;
 use crate::io::PointMove;

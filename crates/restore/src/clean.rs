@@ -76,8 +76,8 @@ impl Clean {
         }
     }
 
-    /// Whether the fill of a gap is likely far off: its standard deviation is larger than is wanted,
-    /// or would be if it were off by what it breaks steady distances.
+    /// Whether the fill of a gap is likely far off: its standard deviation is larger than is
+    /// wanted, or would be if it were off by what it breaks steady distances.
     fn is_unsure(&self, gap: &Gap, out: &TakeResult, seen: ArrayView2<'_, f64>) -> bool {
         let sd = typical_sd(gap, out);
         let broken_by = || SteadyDistances::measure(seen, gap.point).broken_by(gap, out);
