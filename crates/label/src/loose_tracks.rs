@@ -1,8 +1,8 @@
 //! Tracks without labels, cut to paths each of which is one marker, and the label of each path.
 
 use super::evidence::independent_frames;
-use super::fragments::{Fragment, fragments};
-use super::links::{Link, Links, chains};
+use super::fragments::{Fragment, Link, fragments};
+use super::links::{Links, chains};
 use super::tuning::naming::{LOOKED_AT, ONE_TRACK, REACH};
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;
