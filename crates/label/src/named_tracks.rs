@@ -25,7 +25,8 @@ pub struct NamedTracks {
     #[doc(hidden)]
     pub are_like: bool,
     /// How well labels and tracks fit each other, 0 to 1: what is named, twice, in all that is
-    /// seen of the tracks and all that would be of the people's labels.
+    /// seen of the tracks and all that would be of the people's labels. People whose distances are
+    /// those of labeled takes may have part of the labels.
     pub fit: f64,
     /// The labels that were found.
     pub labels: Vec<FoundLabel>,
@@ -104,7 +105,8 @@ impl NamedTracks {
 
     /// Whether so many labels are no track's that these may be of another marker set.
     fn is_other_set(&self) -> bool {
-        self.missing.len() as f64 > MISSING * (self.labels.len() + self.missing.len()) as f64
+        !self.are_like
+            && self.missing.len() as f64 > MISSING * (self.labels.len() + self.missing.len()) as f64
     }
 
     /// Lines for people: what was named, and what somebody should look at.
@@ -183,7 +185,7 @@ impl NamedTracks {
         (labels, points): (&[String], &[String]),
     ) {
         self.people = naming.people;
-        self.fit = naming.fit_of(sure);
+        self.fit = naming.fit_of(sure, self.are_like);
         let is_other =
             |path: &usize| likely[*path].is_none() && 2 * tracks.frames(*path) > tracks.xyz.nrows();
         let others = (0..likely.len()).filter(is_other);

@@ -17,7 +17,6 @@ use super::tuning::naming::{FEWEST_LABELS, MOSTLY_SURE, SLOPE};
 use crate::Result;
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
-use ndarray::Array2;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
 /// than `sure` (0 to 1) keeps none. Of several people, each label has its person's name before it, as
@@ -43,8 +42,11 @@ pub fn name_tracks(
     labels
         .iter_mut()
         .for_each(|label| *label = label.filter(|l| !naming.is_one_of_several(*l)));
+    let people = naming.positions(&labels);
+    let are_like = people.iter().all(|of| like.has(naming.set(), of.view()));
+    // Of other people, postures alone say little where many labels are not found.
     let most = MOSTLY_SURE * naming.set().len() as f64;
-    if model.is_of_neighbors() && (count_labels(&labels) as f64) < most {
+    if model.is_of_neighbors() && !are_like && (count_labels(&labels) as f64) < most {
         return Err(none.into());
     }
     let hosts = Hosts::new(&tracks, &labels, naming.labels());
@@ -55,9 +57,7 @@ pub fn name_tracks(
     let moves = hosts.moves(&tracks, &labels);
     let names = naming.names(&labels, like);
     let mut named = NamedTracks::new(moves, hosts.names(&names), &poses.points);
-    let people = naming.positions(&labels);
-    let is_like = |of: &Array2<f64>| like.has(naming.set(), of.view());
-    named.are_like = people.iter().all(is_like);
+    named.are_like = are_like;
     named.tell(
         &tracks,
         [&labels, &best.labels],

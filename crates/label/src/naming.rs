@@ -101,10 +101,11 @@ impl<'a> Naming<'a> {
         (0..self.people).map(one).collect()
     }
 
-    /// How well labels and tracks fit each other; see [`NamedTracks::fit`].
+    /// How well labels and tracks fit each other, where the people are those of labeled takes or
+    /// not; see [`NamedTracks::fit`].
     ///
     /// [`NamedTracks::fit`]: super::named_tracks::NamedTracks::fit
-    pub(super) fn fit_of(&self, of: &PathLabels) -> f64 {
+    pub(super) fn fit_of(&self, of: &PathLabels, are_like: bool) -> f64 {
         let tracks = self.tracks;
         let shortest = (SHORTEST * tracks.rate) as usize;
         let (mut named, mut seen) = (0, 0);
@@ -125,7 +126,12 @@ impl<'a> Naming<'a> {
         };
         let positions = self.positions(of);
         let rows = positions.iter().flat_map(|of| of.rows());
-        let due = set * rows.filter(is_there).count();
+        // A take of a person that is known may have part of the labels.
+        let due = if are_like {
+            named
+        } else {
+            set * rows.filter(is_there).count()
+        };
         2.0 * named as f64 / (seen + due).max(1) as f64
     }
 

@@ -86,7 +86,7 @@ impl LabeledTakes {
         for (_, takes) in groups {
             let files: Vec<MotionFile> = takes.into_iter().map(|take| take.file).collect();
             match Source::of_takes(files) {
-                Ok(source) => out.sources.push(source),
+                Ok(sources) => out.sources.extend(sources),
                 Err(why) => out.passed_over.push(why),
             }
         }

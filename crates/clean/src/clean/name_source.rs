@@ -2,9 +2,9 @@
 
 use crate::Result;
 use crate::io::MotionFile;
-use crate::label::{LabelModel, Templates};
+use crate::label::{LabelModel, PostureModel, Templates};
 use crate::pose::Poses;
-use crate::solve::{BodyModel, MarkerSet, naming_model};
+use crate::solve::{MarkerSet, naming_model};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -23,24 +23,33 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// What labeled takes of one marker set say; why they say nothing.
-    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> std::result::Result<Source, String> {
+    /// What labeled takes of one marker set say: by the body that they are on, if they are, and by
+    /// their postures alone; why they say nothing.
+    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> std::result::Result<Vec<Source>, String> {
         files.truncate(MOST_LEARNED);
         let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
         let by = names.join(" and ");
         let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
         let not = |e: crate::Error| format!("{by} names nothing: {e}");
-        Ok(Source {
-            model: naming_model(&takes, None).map_err(not)?.into(),
-            like: Arc::new(Templates::learn(&files, true).map_err(not)?),
-            by,
-        })
+        let like = Arc::new(Templates::learn(&files, true).map_err(not)?);
+        let source = |model: Arc<dyn LabelModel>| Source {
+            by: by.clone(),
+            model,
+            like: like.clone(),
+        };
+        let first = source(naming_model(&takes, None).map_err(not)?.into());
+        if first.model.is_of_neighbors() {
+            return Ok(vec![first]);
+        }
+        let postures = PostureModel::learn(&takes).ok();
+        let postures = postures.map(|model| source(Arc::new(model)));
+        Ok([first].into_iter().chain(postures).collect())
     }
 
     pub(super) fn of_set(set: &MarkerSet) -> Result<Source> {
         Ok(Source {
             by: set.name.clone(),
-            model: Arc::new(BodyModel::new(set)?),
+            model: naming_model(&[], Some(set))?.into(),
             like: Arc::default(),
         })
     }

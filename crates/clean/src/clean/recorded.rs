@@ -1,6 +1,5 @@
 //! The last step: the record of a result, and what else stands beside it.
 
-use super::naming::NamedBy;
 use super::page::write_page;
 use super::record::{Fingerprint, Record, Summary};
 use super::skeleton::people_of;
@@ -59,11 +58,7 @@ impl Written<'_> {
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
-        let doubt = take.labels.named.as_ref().and_then(NamedBy::doubt);
-        let written = match doubt {
-            Some(doubt) => Err(doubt.into()),
-            None => skeletons.write(&take.run.earlier, &take.file, &self.restored.points),
-        };
+        let written = skeletons.write(&take.run.earlier, &take.file, &self.restored.points);
         match written {
             Ok(solved) => {
                 let findings = people_of(&solved).iter().flat_map(findings_of).collect();
