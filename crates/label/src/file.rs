@@ -114,9 +114,9 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
 }
 
 /// Names the tracks of a file, none of which has a label, as a model says, and puts these labels
-/// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (0 to
-/// 1) has no label. Several people are called as the labeled takes of the settings are that have
-/// their distances, else by numbers.
+/// right: the file with them, and what [`check_labels`] finds then. What is less than `sure` (from
+/// 0.5, below 1) has no label. Several people are called as the labeled takes of the settings are
+/// that have their distances, else by numbers.
 ///
 /// # Errors
 /// [`Error::Data`]: neither the file nor an option says its rate; it holds several takes, rotations

@@ -237,8 +237,9 @@ pub(super) fn stands(distances: &Distances) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Templates;
     use crate::label_model::LabelModel;
-    use crate::naming::name_tracks;
+    use crate::nameless::name_tracks;
     use crate::{PosturesInFile, numeric};
     use glam::DMat3;
 
@@ -316,7 +317,7 @@ mod tests {
         let model = PostureModel::learn(&[&plates(30, 0.0)]).unwrap();
         let walking = plates(180, 1.0);
         let (tracks, of) = nameless(&walking);
-        let found = name_tracks(&tracks, 60.0, &model, 0.9).unwrap();
+        let found = name_tracks(&tracks, 60.0, &model, 0.9, &Templates::default()).unwrap();
         assert_eq!(found.missing, [""; 0]);
         for (track, name) in &found.names {
             assert_eq!(*name, walking.points[of[*track]]);
@@ -333,7 +334,7 @@ mod tests {
         other
             .xyz
             .mapv_inplace(|v| 0.4 * v + (v * 71.3).rem_euclid(60.0));
-        let said = name_tracks(&other, 60.0, &model, 0.9);
+        let said = name_tracks(&other, 60.0, &model, 0.9, &Templates::default());
         assert!(said.is_err_and(|e| e.to_string().contains("no body")));
     }
 

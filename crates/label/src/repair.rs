@@ -214,6 +214,7 @@ mod tests {
             rate: 120.0,
             person: "",
             like: &Templates::default(),
+            body: None,
         })
         .unwrap();
         (
