@@ -160,7 +160,7 @@ fn of_markers_alone(take: &Take) -> SolvedTake {
     }
     let began = Instant::now();
     let settings = SolveSettings {
-        deviations: true,
+        deviations_every: 1,
         ..settings(take)
     };
     let solved = solved(&take.markers, &settings);

@@ -186,7 +186,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         set,
         skeleton: given.as_ref().map(|asf| &asf.skeleton),
         statics: statics.as_ref().map(MotionFile::poses),
-        deviations: args.sd,
+        deviations_every: usize::from(args.sd),
         subject: Some(&subject),
         filled: file.table.sd.as_ref(),
     };

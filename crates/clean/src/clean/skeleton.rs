@@ -28,6 +28,9 @@ pub struct SkeletonSettings {
     pub joints: JointSet,
 }
 
+/// Frames from which the record has the median deviations of a skeleton's joints.
+const FRAMES_OF_SD: usize = 30;
+
 /// The ends of the names of skeletons and of centers.
 const ENDS: [&str; 2] = [".bvh", ".centers.csv"];
 
@@ -162,7 +165,12 @@ impl SkeletonSettings {
         let settings = SolveSettings {
             set: self.set.as_ref(),
             joints: self.joints,
-            deviations: true,
+            // The record has their medians.
+            deviations_every: if is_centers {
+                1
+            } else {
+                poses.frames().div_ceil(FRAMES_OF_SD)
+            },
             subject: subject.as_ref(),
             filled: filled.as_ref(),
             ..SolveSettings::default()

@@ -73,11 +73,12 @@ impl Fitted<'_> {
         Ok(all.collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
 
+    /// The deviations of the joints of a set in every so many frames; NaN in the others.
     pub(super) fn deviations(
         &self,
         sequence: &SequenceFit,
         precision: &Array2<f64>,
-        set: JointSet,
+        (set, every): (JointSet, usize),
     ) -> Result<Array2<f64>> {
         let (names, bones) = self.named_bones(set)?;
         let joints = self.body.marker_bones();
@@ -95,6 +96,9 @@ impl Fitted<'_> {
         let rows = map_chunks(count, 8, |range| {
             let mut scratch = Scratch::default();
             let mut of = |t: usize| {
+                if t % every > 0 {
+                    return vec![f64::NAN; bones.len()];
+                }
                 let state = solver
                     .equations
                     .states

@@ -30,8 +30,8 @@ pub struct SolveSettings<'a> {
     pub skeleton: Option<&'a Skeleton>,
     /// A static take of the person, with the same markers and others.
     pub statics: Option<&'a Poses>,
-    /// Whether deviations are asked for.
-    pub deviations: bool,
+    /// In every how many frames deviations are asked for; 0: in none.
+    pub deviations_every: usize,
     /// What is given of the subject by Plug-in Gait's names, as a C3D file has it in its group
     /// PROCESSING: with it, anatomical joints under Plug-in Gait's markers are at its centers.
     pub subject: Option<&'a GivenValues>,
@@ -105,8 +105,10 @@ pub fn solve(
     let ends: Vec<(String, usize)> = names.iter().cloned().zip(bones).collect();
     let unsolved = (0..poses.frames()).filter(|t| !solved[*t]);
     unsolved.for_each(|t| joints.row_mut(t).fill(f64::NAN));
-    let deviations = || fitted.deviations(&sequence, &calibrated.precision, settings.joints);
-    let mut sd = settings.deviations.then(deviations).transpose()?;
+    let every = settings.deviations_every;
+    let deviations =
+        || fitted.deviations(&sequence, &calibrated.precision, (settings.joints, every));
+    let mut sd = (every > 0).then(deviations).transpose()?;
     let markers: Vec<usize> = body.markers.iter().map(|m| m.bone).collect();
     let by_body = BodyCenters::new(&fitted.skeleton, &sequence.values, &ends);
     let centers = if settings.has_plug_in_gait(set) {
@@ -399,7 +401,7 @@ pub(super) mod tests {
 
     fn solved(poses: &Poses, deviations: bool) -> SolvedTake {
         let settings = SolveSettings {
-            deviations,
+            deviations_every: usize::from(deviations),
             ..SolveSettings::default()
         };
         solve(poses, &settings, &mut |_| ()).unwrap()

@@ -313,7 +313,7 @@ mod tests {
         let settings = SolveSettings {
             joints,
             subject,
-            deviations: true,
+            deviations_every: 1,
             ..SolveSettings::default()
         };
         solve(poses, &settings, &mut |_| ()).unwrap()
