@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 /// Lines of code that a crate may have, `posing` being the facade and the program.
 const BUDGET: [(&str, usize); 16] = [
     ("body", 4_400),
-    ("clean", 4_900),
+    // Tracks without names get some, by labeled takes beside them or sets; people apart.
+    ("clean", 5_350),
     ("core", 5_400),
     ("draw", 2_750),
     ("edit", 3_600),
@@ -17,7 +18,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("joints", 8_400),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
     // names, the body as a referee, and loose pieces that close gaps.
-    ("label", 6_100),
+    ("label", 6_350),
     ("likeness", 4_550),
     ("models", 10_800),
     ("papers", 6_250),

@@ -19,8 +19,8 @@ use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
-/// than `sure` (0 to 1) keeps none. Of several people, each label has its person's name before it, as
-/// the labeled takes of `like` have it: `Ann:LFHD`.
+/// than `sure` (0 to 1) keeps none. Of several people, each label has its person's name before it,
+/// as the labeled takes of `like` have it: `Ann:LFHD`.
 ///
 /// # Errors
 /// Those of the model.

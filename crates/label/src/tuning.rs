@@ -353,8 +353,8 @@ pub(crate) mod nameless {
 pub(crate) mod naming {
     /// Labels that the frames agree on, at least.
     pub(crate) const FEWEST_LABELS: usize = 8;
-    /// Labels that they agree on, as a share of those of the set or of the tracks that are seen at a
-    /// time, at least: .90 to 1.00 of the right set of nine takes, .03 to .76 of others.
+    /// Labels that they agree on, at least, as a share of those of the set or of the tracks that
+    /// are seen at a time: .90 to 1.00 of the right set of nine takes, .03 to .76 of others.
     pub(crate) const LEAST_ELECTED: f64 = 0.75;
     /// Frames that are named by themselves, and how many of a stretch are looked at for the one.
     pub(crate) const KEY_FRAMES: usize = 18;
@@ -393,8 +393,8 @@ pub(crate) mod naming {
     pub(crate) const ODD: f64 = 5.0;
     /// A label is almost free where those that have it have one in so many frames of a path.
     pub(crate) const SHORT: usize = 4;
-    /// Both sides of a gap of a track of so many seconds are one marker, if it gets there at so many
-    /// cm/s.
+    /// Both sides of a gap of a track of so many seconds are one marker, if it gets there with so
+    /// many cm/s.
     pub(crate) const ONE_TRACK: f64 = 0.5;
     pub(crate) const REACH: f64 = 400.0;
     /// A person is there where one in so many of the labels is seen.

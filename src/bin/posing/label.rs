@@ -16,7 +16,7 @@ use posing::io::motion_file::ReadRules;
 use posing::io::motion_folder::MotionFolder;
 use posing::label::{LabelModel, LabelSettings, check_labels, label_from_nothing};
 use posing::pose::{Segment, check_unit};
-use posing::solve::{MarkerSet, body_of, naming_model};
+use posing::solve::{MarkerSet, naming_model, on_body};
 use posing::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -227,10 +227,7 @@ fn label(
     let (file, report) = match model {
         Some(model) => label_from_nothing(&file, model, args.sure, settings)?,
         None => {
-            let settings = LabelSettings {
-                body: body_of(&file.poses().points, None),
-                ..settings.clone()
-            };
+            let settings = on_body(settings, &file.poses().points);
             let report = check_labels(&file, &settings)?;
             (file, report)
         }

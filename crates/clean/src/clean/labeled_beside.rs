@@ -1,11 +1,10 @@
 //! The labeled takes in the folders of captures, by which tracks without names are named.
 
 use super::earlier_result::EarlierResult;
-use super::labels::on_body;
 use super::name_source::Source;
 use super::record::Fingerprint;
-use super::settings::CleanSettings;
 use crate::io::MotionFile;
+use crate::io::motion_file::ReadRules;
 use crate::io::motion_folder::motion_files_in;
 use crate::label::people::named_people;
 use crate::label::unlabeled::{is_computed, labeled, own_name};
@@ -13,6 +12,8 @@ use crate::label::{LabelSettings, check_labels};
 use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, point_at};
 use crate::prior::provenance::hex;
+use crate::solve::on_body;
+use crate::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -51,23 +52,23 @@ struct Labeled {
 
 impl LabeledBeside {
     /// The labeled takes in the folder of a capture.
-    pub(super) fn of(&self, capture: &Path, settings: &CleanSettings) -> Arc<LabeledTakes> {
+    pub(super) fn of(&self, capture: &Path, rules: &ReadRules) -> Arc<LabeledTakes> {
         let folder = capture.parent().unwrap_or(Path::new("")).to_path_buf();
         let mut folders = self.folders.lock().unwrap_or_else(|e| e.into_inner());
         let cell = folders.entry(folder.clone()).or_default().clone();
         drop(folders);
-        let read = || Arc::new(LabeledTakes::read(&folder, settings));
+        let read = || Arc::new(LabeledTakes::read(&folder, rules));
         cell.get_or_init(read).clone()
     }
 }
 
 impl LabeledTakes {
-    fn read(folder: &Path, settings: &CleanSettings) -> LabeledTakes {
+    fn read(folder: &Path, rules: &ReadRules) -> LabeledTakes {
         let mut out = LabeledTakes::default();
         let mut by_labels: BTreeMap<BTreeSet<String>, Vec<Labeled>> = BTreeMap::new();
         let mut digest = Sha256::new();
         for path in candidates(folder) {
-            let Some(take) = Labeled::open(&path, settings) else {
+            let Some(take) = Labeled::open(&path, rules) else {
                 continue;
             };
             digest.update(format!("{} {}\n", take.file.table.name, take.sha256));
@@ -87,7 +88,7 @@ impl LabeledTakes {
             let files: Vec<MotionFile> = takes.into_iter().map(|take| take.file).collect();
             match Source::of_takes(files) {
                 Ok(sources) => out.sources.extend(sources),
-                Err(why) => out.passed_over.push(why),
+                Err(why) => out.passed_over.push(why.to_string()),
             }
         }
         out
@@ -111,8 +112,8 @@ fn candidates(folder: &Path) -> Vec<PathBuf> {
 
 impl Labeled {
     /// A take with labels; `None` where it cannot be read, or is none of one person with labels.
-    fn open(path: &Path, settings: &CleanSettings) -> Option<Labeled> {
-        let file = MotionFile::open_by(path, &settings.read).ok()?;
+    fn open(path: &Path, rules: &ReadRules) -> Option<Labeled> {
+        let file = MotionFile::open_by(path, rules).ok()?;
         if file.motion().is_some() || named_people(&file.poses().points) > 1 {
             return None;
         }
@@ -125,17 +126,20 @@ impl Labeled {
         })
     }
 
-    /// The take with its labels put right; why they are not to be believed.
-    fn put_right(self) -> std::result::Result<Labeled, String> {
-        let settings = on_body(&LabelSettings::default(), &self.file);
-        let report = check_labels(&self.file, &settings).map_err(|e| e.to_string())?;
+    /// The take with its labels put right.
+    ///
+    /// # Errors
+    /// Why they are not to be believed.
+    fn put_right(self) -> Result<Labeled> {
+        let settings = on_body(&LabelSettings::default(), &self.file.poses().points);
+        let report = check_labels(&self.file, &settings)?;
         if let Some(unsure) = report.unsure.first() {
-            return Err(unsure.what.clone());
+            return Err(Error::usage(unsure.what.clone()));
         }
         let file = if report.moves.is_empty() {
             self.file
         } else {
-            self.file.moved(&report.moves).map_err(|e| e.to_string())?
+            self.file.moved(&report.moves)?
         };
         Ok(Labeled { file, ..self })
     }

@@ -1,6 +1,7 @@
 //! The labels of a capture, put right before it is cleaned.
 
-use super::naming::{Named, NamedBy};
+use super::named_by::NamedBy;
+use super::naming::Named;
 use super::places::PlaceToSee;
 use crate::Result;
 use crate::draw::href::encoded;
@@ -8,7 +9,7 @@ use crate::draw::scene::Table;
 use crate::error::OptionNames;
 use crate::io::MotionFile;
 use crate::label::{LabelReport, LabelSettings, NamedTracks, check_labels};
-use crate::solve::body_of;
+use crate::solve::on_body;
 use ndarray::{Array2, ArrayView2};
 
 /// Changes that a note tells each.
@@ -43,7 +44,10 @@ pub(super) fn relabeled(
     };
     let mut out = Relabeled {
         named: by,
-        report: report.map_or_else(|| check_labels(&file, &on_body(settings, &file)), Ok)?,
+        report: report.map_or_else(
+            || check_labels(&file, &on_body(settings, &file.poses().points)),
+            Ok,
+        )?,
         captured: None,
         option_names: settings.option_names,
     };
@@ -53,14 +57,6 @@ pub(super) fn relabeled(
     let moved = file.moved(&out.report.moves)?;
     out.captured = Some(file.table.poses.xyz);
     Ok((moved, out))
-}
-
-/// How the labels of a file are put right, with the body that they are on.
-pub(super) fn on_body(settings: &LabelSettings, file: &MotionFile) -> LabelSettings {
-    LabelSettings {
-        body: body_of(&file.poses().points, None),
-        ..settings.clone()
-    }
 }
 
 impl Relabeled {

@@ -9,6 +9,7 @@ mod labeled_beside;
 mod labels;
 mod list;
 mod name_source;
+mod named_by;
 mod naming;
 mod notes;
 mod opened;
@@ -31,7 +32,7 @@ mod summary;
 mod written;
 
 pub use label_file::write_labeled;
-pub use naming::NamingSettings;
+pub use name_source::NamingSettings;
 pub use outcome::FileOutcome;
 pub use places::PlaceToSee;
 pub use record::Summary;

@@ -1,10 +1,10 @@
-//! What names tracks: labeled takes, or a marker set.
+//! What names tracks without names: labeled takes, or a marker set.
 
-use crate::Result;
 use crate::io::MotionFile;
 use crate::label::{LabelModel, PostureModel, Templates};
 use crate::pose::Poses;
 use crate::solve::{MarkerSet, naming_model};
+use crate::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,6 +12,33 @@ use std::sync::Arc;
 const MOST_LEARNED: usize = 8;
 /// People of a take, as far as sets are chosen by the number of its tracks.
 const MOST_PEOPLE: usize = 4;
+
+/// What may name the tracks of captures without names, beside labeled takes in their folders.
+#[derive(Default)]
+pub struct NamingSettings {
+    /// What labeled takes that were given say.
+    pub(super) like: Vec<Source>,
+    /// The marker set that was given.
+    pub(super) set: Option<Source>,
+}
+
+impl NamingSettings {
+    /// Those of labeled takes and of a marker set.
+    ///
+    /// # Errors
+    /// The takes say nothing of labels, or the set has too few markers.
+    pub fn new(like: Vec<MotionFile>, set: Option<&MarkerSet>) -> Result<NamingSettings> {
+        let like = if like.is_empty() {
+            Vec::new()
+        } else {
+            Source::of_takes(like)?
+        };
+        Ok(NamingSettings {
+            like,
+            set: set.map(Source::of_set).transpose()?,
+        })
+    }
+}
 
 /// What names tracks.
 pub(super) struct Source {
@@ -25,12 +52,12 @@ pub(super) struct Source {
 impl Source {
     /// What labeled takes of one marker set say: by the body that they are on, if they are, and by
     /// their postures alone; why they say nothing.
-    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> std::result::Result<Vec<Source>, String> {
+    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> Result<Vec<Source>> {
         files.truncate(MOST_LEARNED);
         let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
         let by = names.join(" and ");
         let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
-        let not = |e: crate::Error| format!("{by} names nothing: {e}");
+        let not = |e: Error| Error::usage(format!("{by} names nothing: {e}"));
         let like = Arc::new(Templates::learn(&files, true).map_err(not)?);
         let source = |model: Arc<dyn LabelModel>| Source {
             by: by.clone(),

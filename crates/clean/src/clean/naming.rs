@@ -3,6 +3,7 @@
 
 use super::labeled_beside::labels_of;
 use super::name_source::Source;
+use super::named_by::NamedBy;
 use super::opened::Run;
 use crate::Result;
 use crate::io::MotionFile;
@@ -11,7 +12,6 @@ use crate::label::{LabelReport, LabelSettings, NamedTracks, labeled_as, name_fil
 use crate::pose::point_at;
 use crate::pose::zeros::Zeros;
 use crate::solve::MarkerSet;
-use serde::Serialize;
 use std::sync::LazyLock;
 
 /// Labels and tracks fit each other as well as this where names are given: right ones of 60 takes
@@ -26,62 +26,11 @@ const FEWEST: usize = 8;
 /// Frames that are looked at for how many tracks are seen at a time.
 const LOOKED_AT: usize = 40;
 
-/// What may name the tracks of captures without names, beside labeled takes in their folders.
-#[derive(Default)]
-pub struct NamingSettings {
-    /// What labeled takes that were given say.
-    pub(super) like: Vec<Source>,
-    /// The marker set that was given.
-    pub(super) set: Option<Source>,
-}
-
-impl NamingSettings {
-    /// Those of labeled takes and of a marker set.
-    ///
-    /// # Errors
-    /// The takes say nothing of labels, or the set has too few markers.
-    pub fn new(like: Vec<MotionFile>, set: Option<&MarkerSet>) -> Result<NamingSettings> {
-        let like = if like.is_empty() {
-            Vec::new()
-        } else {
-            Source::of_takes(like).map_err(crate::Error::usage)?
-        };
-        Ok(NamingSettings {
-            like,
-            set: set.map(Source::of_set).transpose()?,
-        })
-    }
-}
-
 /// The built-in sets.
 static BUILT_IN: LazyLock<Vec<Source>> = LazyLock::new(|| {
     let sets = MarkerSet::shipped().iter();
     sets.filter_map(|set| Source::of_set(set).ok()).collect()
 });
-
-/// By what the tracks of a capture got their names.
-#[derive(Debug, Clone, Serialize)]
-pub(crate) struct NamedBy {
-    /// The files of labeled takes, or a marker set; `None`: nothing fits.
-    pub by: Option<String>,
-    /// How well labels and tracks fit each other, 0 to 1.
-    pub fit: f64,
-    /// Labeled takes that were passed over, and why.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub passed_over: Vec<String>,
-}
-
-impl NamedBy {
-    /// What to say where nothing names the tracks.
-    pub(super) fn nothing(&self) -> Option<String> {
-        self.by.is_none().then(|| {
-            "its tracks have no names, and no labeled take beside it, marker set or built-in set \
-             fits them: put a labeled take of the person in its folder, such as a static one, or \
-             give one with the option `like`"
-                .to_string()
-        })
-    }
-}
 
 /// What became of a capture without names.
 pub(super) struct Named {
@@ -171,8 +120,8 @@ fn try_source<'s>(
     }
 }
 
-/// How many tracks of a capture without names are seen at a time, at most but for few frames; `None` where it has
-/// names, or too few tracks for a body.
+/// How many tracks of a capture without names are seen at a time, few frames aside; `None` where
+/// it has names, or too few tracks for a body.
 fn tracks_without_names(file: &MotionFile) -> Option<usize> {
     let poses = file.poses();
     let loose: Vec<usize> = (0..poses.points.len())

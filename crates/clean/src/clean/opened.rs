@@ -120,7 +120,7 @@ impl<'a> Opened<'a> {
 impl<'a> Run<'a> {
     /// The labeled takes in the folder of the capture.
     pub(super) fn labeled_beside(&self) -> Arc<LabeledTakes> {
-        self.beside.of(&self.job.input, self.settings)
+        self.beside.of(&self.job.input, &self.settings.read)
     }
 
     /// How a skeleton is made beside the result, if one is asked for; none of rotations.

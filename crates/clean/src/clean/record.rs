@@ -1,7 +1,7 @@
 //! The record beside a result: what it was made from and by which settings, what the file was taken
 //! for, what was found and changed.
 
-use super::naming::NamedBy;
+use super::named_by::NamedBy;
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;

@@ -1,6 +1,6 @@
 //! How files are cleaned.
 
-use super::naming::NamingSettings;
+use super::name_source::NamingSettings;
 use super::skeleton::SkeletonSettings;
 use super::sources::{Job, OutputFormat, is_of_rotations};
 use crate::Result;

@@ -32,7 +32,7 @@ pub use marker_sets::MarkerSet;
 #[doc(hidden)]
 pub use marker_solver::doubt;
 pub use marker_solver::{SolveSettings, solve};
-pub use naming_model::{body_of, naming_model};
+pub use naming_model::{naming_model, on_body};
 pub use plug_in_gait::Centers;
 pub use solved_take::{SolvedTake, UsedMarker};
 pub use unseen_limbs::UnseenLimb;

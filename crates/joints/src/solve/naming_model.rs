@@ -5,8 +5,8 @@ use super::body_labels::BodyModel;
 use super::marker_sets::MarkerSet;
 use super::tuning::FEWEST_MARKERS;
 use super::tuning::naming_model::*;
-use crate::label::LabelModel;
 use crate::label::unlabeled::{is_computed, is_unlabeled};
+use crate::label::{LabelModel, LabelSettings};
 use crate::numeric::statistics::{median, quantile};
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
@@ -14,10 +14,18 @@ use crate::{Error, Result};
 use ndarray::Array2;
 use std::sync::Arc;
 
-/// The body that the labels of some points are on, by `set` (`None`: the built-in one that knows
-/// most); `None` where it knows few.
-pub fn body_of(points: &[String], set: Option<&MarkerSet>) -> Option<Arc<dyn LabelModel>> {
-    let set = set.or_else(|| MarkerSet::of(points))?;
+/// How labels are put right, with the body that those among some points are on.
+pub fn on_body(settings: &LabelSettings, points: &[String]) -> LabelSettings {
+    LabelSettings {
+        body: body_of(points),
+        ..settings.clone()
+    }
+}
+
+/// The body that the labels of some points are on, by the built-in set that knows most of them;
+/// `None` where it knows few.
+fn body_of(points: &[String]) -> Option<Arc<dyn LabelModel>> {
+    let set = MarkerSet::of(points)?;
     let known = set.markers(points).len();
     let body = (known >= FEWEST_MARKERS).then(|| BodyModel::new(set).ok());
     body.flatten()
