@@ -21,6 +21,26 @@ pub struct LikeArgs {
     pub same_person: bool,
 }
 
+/// The flag of commands that put labels right as somebody says.
+#[derive(Args, Debug, Clone, Default)]
+pub struct ExchangeArgs {
+    /// Exchange two points in every frame of takes that have both: LSHO:LELB (may be given again)
+    #[arg(
+        long,
+        value_name = "NAME:NAME",
+        value_parser = parse_pair,
+        help_heading = "Labels"
+    )]
+    pub exchange: Vec<[String; 2]>,
+}
+
+fn parse_pair(text: &str) -> std::result::Result<[String; 2], String> {
+    match text.split_once(':') {
+        Some((a, b)) if !a.is_empty() && !b.is_empty() && a != b => Ok([a.into(), b.into()]),
+        _ => Err("expected two points such as LSHO:LELB".to_string()),
+    }
+}
+
 impl LikeArgs {
     /// The takes, read as `rules` say.
     ///

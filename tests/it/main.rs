@@ -37,6 +37,7 @@ mod limits;
 mod marker_files;
 mod mesh_register;
 mod metric;
+mod nameless;
 mod other_programs;
 mod outputs;
 mod pages;

@@ -148,7 +148,7 @@ impl<'a> Naming<'a> {
         let seen = points as f64 / votes.len().max(1) as f64;
         let due = LEAST_ELECTED * seen.min(self.set().len() as f64);
         let elected = count_labels(&all);
-        if elected < FEWEST_LABELS || (elected as f64) < due {
+        if elected < FEWEST_LABELS.min(self.set().len()) || (elected as f64) < due {
             return Ok(None);
         }
         self.improved(self.fitted(all, self.rounds())?).map(Some)

@@ -135,17 +135,21 @@ impl Relabeling {
             PointMove::make_all(&self.moves(), &mut poses.to_mut().xyz);
         }
         for take in poses.takes() {
-            for pair in &settings.exchange {
+            for [a, b] in &settings.exchange {
                 let at = |name: &String| poses.points.iter().position(|p| p == name);
-                if let (Some(a), Some(b)) = (at(&pair[0]), at(&pair[1])) {
-                    exchange_in_take(&mut self.changes, &[a, b], &take, SideBy::Given);
-                    let one = |from, to| PointMove {
-                        from,
-                        to: Some(to),
-                        frames: take.clone(),
-                    };
-                    PointMove::make_all(&[one(a, b), one(b, a)], &mut poses.to_mut().xyz);
-                }
+                let (Some(one), Some(other)) = (at(a), at(b)) else {
+                    let note = format!("{a} and {b} are not both there to be exchanged");
+                    self.notes.push(note);
+                    continue;
+                };
+                exchange_in_take(&mut self.changes, &[one, other], &take, SideBy::Given);
+                let moved = |from, to| PointMove {
+                    from,
+                    to: Some(to),
+                    frames: take.clone(),
+                };
+                let moves = [moved(one, other), moved(other, one)];
+                PointMove::make_all(&moves, &mut poses.to_mut().xyz);
             }
             let (found, notes) = settings.like.check(&poses, &take);
             self.notes.extend(notes);

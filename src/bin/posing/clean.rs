@@ -9,7 +9,7 @@ use posing::cli::args::{OutlierDetection, parse_hertz, parse_positive};
 use posing::cli::choice::choice;
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
-use posing::cli::label_args::LikeArgs;
+use posing::cli::label_args::{ExchangeArgs, LikeArgs};
 use posing::cli::marker_set::marker_set;
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::{OutputPath, command_files};
@@ -165,6 +165,8 @@ pub struct Args {
     keep_labels: Vec<Segment>,
     #[command(flatten)]
     like: LikeArgs,
+    #[command(flatten)]
+    exchange: ExchangeArgs,
     /// Marker set of tracks without names, by its name or file [default: labeled takes in the
     /// folder, those of --like, then the built-in set that fits]
     #[arg(
@@ -293,6 +295,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             keep: args.keep_labels.clone(),
             take_out: args.outliers != Some(OutlierDetection::None),
             like,
+            exchange: args.exchange.exchange.clone(),
             option_names: messages::option_names(),
             ..LabelSettings::default()
         }),

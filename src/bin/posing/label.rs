@@ -5,7 +5,7 @@ use posing::clean::{files_beside, write_labeled};
 use posing::cli::args::parse_if;
 use posing::cli::batch::{BatchJob, EXTENSIONS, batch, each_told};
 use posing::cli::json_report::JsonArgs;
-use posing::cli::label_args::LikeArgs;
+use posing::cli::label_args::{ExchangeArgs, LikeArgs};
 use posing::cli::marker_set::marker_set;
 use posing::cli::paths::{OutputPath, check_written};
 use posing::cli::read_args::TakeReadArgs;
@@ -73,6 +73,8 @@ pub struct Args {
     read: TakeReadArgs,
     #[command(flatten)]
     like: LikeArgs,
+    #[command(flatten)]
+    exchange: ExchangeArgs,
     /// Name the tracks of takes without any labels, as the markers of --set or of the takes of
     /// --like: by a body, or by postures of theirs where few of their labels are on landmarks, put
     /// at the points of some frames and then fitted to the take
@@ -148,6 +150,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let settings = LabelSettings {
         keep: args.keep_labels.clone(),
         like: args.like.templates_of(&like)?,
+        exchange: args.exchange.exchange.clone(),
         option_names: messages::option_names(),
         ..LabelSettings::default()
     };

@@ -8,6 +8,7 @@ use crate::label::relabeling::{Relabeling, relabel};
 use crate::label::sides::Unsure;
 use crate::label::templates::WholeTakeKind;
 use crate::pose::Poses;
+use crate::solve::on_body;
 use std::ops::Range;
 
 /// Pieces of tracks that are listed.
@@ -28,7 +29,7 @@ pub(super) fn add(
     let Some(rate) = file.rate() else {
         return Vec::new();
     };
-    let found = relabel(poses, rate, settings);
+    let found = relabel(poses, rate, &on_body(settings, &poses.points));
     for (frames, take) in poses.takes().into_iter().zip(takes) {
         let of_take = Labels {
             poses,

@@ -92,6 +92,9 @@ impl CleanSettings {
                 "take_out": settings.take_out,
                 "like": settings.like.digest(),
             });
+            if !settings.exchange.is_empty() {
+                out["labels"]["exchange"] = json!(settings.exchange);
+            }
             if let Some(set) = &self.naming.set {
                 out["labels"]["set"] = json!(set.by);
             }
