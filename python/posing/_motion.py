@@ -227,7 +227,7 @@ def clean(
     map: StrPath | None = None,
     **options: Any,
 ) -> Recorded | dict[str, Any]:
-    """Clean takes: put labels right, fill gaps, replace outliers, remove noise.
+    """Clean takes: name tracks, put labels right, fill gaps, replace outliers, remove noise.
 
     Parameters
     ----------
@@ -251,7 +251,8 @@ def clean(
     self, model, map
         As for `complete`.
     **options
-        Further flags of ``posing clean``.
+        Further flags of ``posing clean``: ``solve=True`` also writes skeletons, ``like``
+        and ``set`` name tracks without names, ``exchange=["LSHO:LELB"]`` exchanges points.
 
     Returns
     -------

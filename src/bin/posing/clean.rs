@@ -32,7 +32,10 @@ use std::path::{Path, PathBuf};
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
 /// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
-/// format, with all else that the file says. Labels are put right first, as label does. Gaps are
+/// format, with all else that the file says. Tracks without names get some: by a labeled take in
+/// their folder (a static, or any other), by those of --like, by the set of --set, or by the
+/// built-in set that fits; of several people, each with the person's name before it. Where nothing
+/// fits, none gets a name. Labels are put right then, as label does. Gaps are
 /// filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
 /// --noise-limit are denoised; all else stays to the last digit. With --to, BVH and AMC files
 /// become positions, which are cleaned as others are.
@@ -71,9 +74,9 @@ pub struct Args {
     #[command(flatten)]
     json: JsonArgs,
     /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
-    /// --bvh has them; by a marker set's name or file [default: of each take the one that
-    /// knows most of its markers]. The word anatomical: joint centers as RESULT.centers.csv, as
-    /// solve --joints anatomical --sd has them
+    /// --bvh has them, one for each of several people (NAME-Ann.bvh); by a marker set's name or
+    /// file [default: of each take the one that knows most of its markers]. The word anatomical:
+    /// joint centers as RESULT.centers.csv, as solve --joints anatomical --sd has them
     #[arg(
         long,
         value_name = "NAME|FILE|anatomical",

@@ -59,7 +59,7 @@ sed '1{s/lhipjoint/LFWT/g;s/rhipjoint/RFWT/g;s/lfemur/LKNE/g;s/rfemur/RKNE/g;s/l
 awk -F, -v OFS=, 'NR == 1 { for (i = 3; i <= NF; i++) { split($i, part, "."); $i = "*" int((i - 3) / 3) "." part[2] } } 1' \
   walk.csv | posing xyz2c3d -q -o raw.c3d
 posing xyz2trc -q -o gait.trc walk.csv
-mkdir captures markers; cp gait.trc walk.csv captures/; cp markers.c3d markers/
+mkdir captures markers raw; cp raw.c3d raw/walk.c3d; cp markers.c3d raw/static.c3d; cp gait.trc walk.csv captures/; cp markers.c3d markers/
 printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' '' ',Type,Marker,Marker,Marker' ',Name,A,A,A' ',,Position,Position,Position' \
   'Frame,Time (Seconds),X,Y,Z' > motive.csv
 for t in $(seq 0 99); do echo "$t,,0.$((100 + t)),1,2"; done >> motive.csv
