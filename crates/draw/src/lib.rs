@@ -37,6 +37,8 @@ pub mod player;
 pub mod scene;
 mod scene_geometry;
 #[doc(hidden)]
+pub mod stick_picture;
+#[doc(hidden)]
 pub mod take_page;
 #[doc(hidden)]
 pub mod text_table;
