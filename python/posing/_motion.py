@@ -259,8 +259,10 @@ def clean(
     Recorded or dict
         Without ``output`` the clean take, in centimeters, y up, with its ``record``. With
         it what ``posing clean --json`` prints: ``"files"``, a dict for each file with its
-        ``"outcome"`` and ``"findings"``. A file that failed has an ``"error"``, if
-        others could be cleaned.
+        ``"outcome"``, ``"findings"`` and their ``"places"`` in frames and seconds,
+        ``"named_by"`` (what named tracks without names), ``"put_right"`` (changes of
+        labels of each kind) and ``"people"`` with the ``"file"`` of each skeleton. A
+        file that failed has an ``"error"``, if others could be cleaned.
 
     Raises
     ------

@@ -38,6 +38,7 @@ mod marker_files;
 mod mesh_register;
 mod metric;
 mod nameless;
+mod night;
 mod other_programs;
 mod outputs;
 mod pages;

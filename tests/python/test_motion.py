@@ -189,6 +189,29 @@ def test_a_folder_is_cleaned(gaps, tmp_path):
         posing.clean(raw / "bad.c3d", output=tmp_path / "bad.c3d")
 
 
+def test_a_folder_says_what_named_and_what_was_solved(gait, tmp_path):
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    posing.write(raw / "still.c3d", gait)
+    tracks = [f"*{n}" for n in range(len(gait.names))]
+    posing.write(raw / "raw.c3d", dataclasses.replace(gait, names=tracks))
+    people = [f"{who}:{name}" for who in ("Ann", "Bob") for name in gait.names]
+    both = np.concatenate([gait.xyz, gait.xyz + [150, 0, 0]], axis=1)
+    both[50:90, [0, 1]] = both[50:90, [1, 0]]
+    posing.write(raw / "two.c3d", dataclasses.replace(gait, names=people, xyz=both))
+    done = posing.clean(raw, output=tmp_path / "out", solve=True)
+    files = {Path(file["file"]).name: file for file in done["files"]}
+    assert files["raw.c3d"]["named_by"] == "still.c3d" and files["raw.c3d"]["names_fit"] > 0.9
+    assert files["still.c3d"]["named_by"] is None
+    two = files["two.c3d"]
+    assert [person["person"] for person in two["people"]] == ["Ann", "Bob"]
+    assert all(Path(person["file"]).suffix == ".bvh" for person in two["people"])
+    assert all(Path(person["file"]).is_file() for person in two["people"])
+    assert two["put_right"] == {"swap": 1}
+    assert {"frames": [50, 90]}.items() <= two["places"][0].items()
+    assert two["places"][0]["seconds"] == pytest.approx([50 / 60, 1.5], abs=1e-4)
+
+
 def test_a_plot_is_a_page_that_a_notebook_shows(gaps, motion, tmp_path):
     page = posing.plot(motion, title="A <walk>")
     assert page.startswith("<!DOCTYPE html>") and len(repr(page)) < 50

@@ -5,6 +5,7 @@
 
 mod chromium;
 mod edit;
+mod night;
 mod pages;
 mod pair_label;
 mod plot;

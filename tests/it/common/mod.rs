@@ -6,6 +6,7 @@ pub mod edit_program;
 pub mod evaluations;
 pub mod examples;
 pub mod meshes;
+pub mod night;
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};

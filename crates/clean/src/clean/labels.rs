@@ -2,15 +2,16 @@
 
 use super::named_by::NamedBy;
 use super::naming::Named;
-use super::places::PlaceToSee;
+use super::places::{PlaceToSee, Told};
 use crate::Result;
 use crate::draw::href::encoded;
 use crate::draw::scene::Table;
 use crate::error::OptionNames;
 use crate::io::MotionFile;
-use crate::label::{LabelReport, LabelSettings, NamedTracks, check_labels};
+use crate::label::{LabelReport, LabelSettings, NamedTracks, UnsureTrack, check_labels};
 use crate::solve::on_body;
 use ndarray::{Array2, ArrayView2};
+use std::collections::BTreeMap;
 
 /// Changes that a note tells each.
 const LISTED: usize = 6;
@@ -107,30 +108,48 @@ impl Relabeled {
             .collect()
     }
 
-    /// What is not sure, a line each.
-    pub(super) fn findings(&self) -> impl Iterator<Item = String> + '_ {
-        let doubts = self.report.named.iter().flat_map(NamedTracks::doubts);
+    /// What is not sure.
+    pub(super) fn findings(&self) -> impl Iterator<Item = Told> + '_ {
+        let told = |what: &str, places| Told {
+            line: format!("labels: {what}"),
+            places,
+        };
+        let not_sure = |label, frames| PlaceToSee::of("label not sure", label, frames);
         let nothing = self.named.as_ref().and_then(NamedBy::nothing);
-        let unsure = self.report.unsure.iter().map(|u| u.what.clone());
-        let all = nothing.into_iter().chain(doubts).chain(unsure);
-        all.map(|what| format!("labels: {what}"))
-    }
-
-    /// Where to look.
-    pub(super) fn places(&self) -> impl Iterator<Item = PlaceToSee> + '_ {
-        let unsure = self.report.unsure.iter().flat_map(|u| {
-            u.frames.iter().map(|[start, _]| PlaceToSee {
-                what: "label not sure".to_string(),
-                point: u.labels.first().cloned(),
-                frame: *start,
+        let doubts = self.report.named.iter().flat_map(move |named| {
+            named.doubts().into_iter().map(move |doubt| {
+                let is_of = |u: &&UnsureTrack| {
+                    let [start, _] = u.frames;
+                    doubt.starts_with(&format!("{} in frames {start} to ", u.track))
+                };
+                let at = named.unsure.iter().find(is_of);
+                let place = at.map(|u| not_sure(Some(&u.track), u.frames));
+                told(&doubt, place.into_iter().collect())
             })
         });
-        let changed = self.report.changes.iter().map(|c| PlaceToSee {
-            what: "label changed".to_string(),
-            point: Some(c.to.as_ref().unwrap_or(&c.from).clone()),
-            frame: c.frames[0],
+        let unsure = self.report.unsure.iter().map(move |u| {
+            let places = u.frames.iter().map(|f| not_sure(u.labels.first(), *f));
+            told(&u.what, places.collect())
         });
-        unsure.chain(changed).take(LISTED)
+        let nothing = nothing.map(|what| told(&what, Vec::new()));
+        nothing.into_iter().chain(doubts).chain(unsure)
+    }
+
+    /// Where labels were changed.
+    pub(super) fn places(&self) -> impl Iterator<Item = PlaceToSee> + '_ {
+        self.report.changes.iter().take(LISTED).map(|c| {
+            let label = c.to.as_ref().unwrap_or(&c.from);
+            PlaceToSee::of("label changed", Some(label), c.frames)
+        })
+    }
+
+    /// How many changes of each kind there are.
+    pub(super) fn put_right(&self) -> BTreeMap<String, usize> {
+        let mut out = BTreeMap::new();
+        for change in &self.report.changes {
+            *out.entry(change.kind.name().to_string()).or_default() += 1;
+        }
+        out
     }
 
     /// What the record has of it: nothing of files without labels.

@@ -1,6 +1,8 @@
 //! The list of a run beside its page: a row for each file, for programs.
 
 use super::outcome::FileOutcome;
+use super::person::TakePerson;
+use super::places::PlaceToSee;
 use super::row::Row;
 use crate::draw::href::relative;
 use crate::{Error, Result};
@@ -48,6 +50,15 @@ fn listed(row: &Row, folder: &Path) -> Value {
         }
         (_, Some(s)) => {
             out["findings"] = json!(s.findings);
+            out["places"] = s
+                .places
+                .iter()
+                .map(|place| found_at(place, s.rate))
+                .collect();
+            out["named_by"] = json!(s.named_by);
+            out["names_fit"] = json!(s.names_fit);
+            out["put_right"] = json!(s.put_right);
+            out["people"] = s.people.iter().map(|p| person(row, p, &address)).collect();
             out["notes"] = json!(s.notes);
             out["format"] = json!(s.format);
             for (key, value) in [
@@ -70,4 +81,29 @@ fn listed(row: &Row, folder: &Path) -> Value {
         _ => {}
     }
     out
+}
+
+/// A person of a take: the file of the skeleton, or why there is none.
+fn person(
+    row: &Row,
+    of: &TakePerson,
+    address: &dyn Fn(Option<PathBuf>) -> Option<String>,
+) -> Value {
+    let beside = |file: &String| row.result().map(|result| result.with_file_name(file));
+    json!({
+        "person": of.person,
+        "file": address(of.file.as_ref().and_then(beside)),
+        "none": of.none,
+    })
+}
+
+/// A place to look at, in frames and in seconds.
+fn found_at(place: &PlaceToSee, rate: Option<f64>) -> Value {
+    json!({
+        "finding": place.finding,
+        "what": place.what,
+        "point": place.point,
+        "frames": place.frames(),
+        "seconds": place.seconds(rate),
+    })
 }

@@ -2,6 +2,7 @@
 //! for, what was found and changed.
 
 use super::named_by::NamedBy;
+use super::person::TakePerson;
 use super::places::PlaceToSee;
 use super::replaced::ReplacedPosition;
 use super::rotations::RotationLines;
@@ -16,6 +17,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A file by its name and content.
@@ -122,6 +124,18 @@ pub struct Summary {
     /// Whether there was nothing to change: the result is a copy.
     #[serde(default)]
     pub copied: bool,
+    /// By what tracks without names got some: the files of labeled takes, or a marker set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub named_by: Option<String>,
+    /// How well labels and tracks fit each other, 0 to 1, where tracks had no names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub names_fit: Option<f64>,
+    /// How many changes of labels of each kind put them right.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub put_right: BTreeMap<String, usize>,
+    /// The people of the take, each with skeleton and picture.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub people: Vec<TakePerson>,
     /// What somebody should look at, a line each.
     pub findings: Vec<String>,
     /// How the file was taken, and what was odd in it, a line each.

@@ -1,6 +1,8 @@
 //! The last step: the record of a result, and what else stands beside it.
 
 use super::page::write_page;
+use super::people::people;
+use super::places::{PlaceToSee, Told};
 use super::record::{Fingerprint, Record, Summary};
 use super::skeleton::people_of;
 use super::written::Written;
@@ -17,10 +19,9 @@ impl Written<'_> {
     pub(super) fn recorded(self) -> Result<Summary> {
         let restored = &self.restored;
         let (take, run) = (restored.take, &restored.take.run);
-        let mut summary = self.summary();
-        let (solved, of_skeleton) = self.skeleton();
-        // Whole limbs come first.
-        summary.findings.splice(0..0, of_skeleton);
+        let (mut solved, of_skeleton) = self.skeleton();
+        let people = people(restored, solved.as_mut());
+        let mut summary = self.summary(people, of_skeleton);
         // The result is whole also where its page is not written.
         match write_page(restored, &summary) {
             Ok(note) => summary.notes.extend(note),
@@ -53,7 +54,7 @@ impl Written<'_> {
 
     /// The skeleton beside the result, if it is asked for, and its findings; why there is none is
     /// one.
-    fn skeleton(&self) -> (Option<Value>, Vec<String>) {
+    fn skeleton(&self) -> (Option<Value>, Vec<Told>) {
         let take = self.restored.take;
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
@@ -67,20 +68,33 @@ impl Written<'_> {
             Err(e) => {
                 let e = e.with_option_names(take.run.settings.option_names);
                 let finding = format!("skeleton: none: {e}");
-                (Some(json!({"none": e.to_string()})), vec![finding])
+                (Some(json!({"none": e.to_string()})), vec![finding.into()])
             }
         }
     }
 }
 
 /// What is to be told of a skeleton.
-fn findings_of(solved: &Value) -> Vec<String> {
+fn findings_of(solved: &Value) -> Vec<Told> {
     let findings = solved["findings"].as_array().into_iter().flatten();
     let told = findings.filter_map(|f| f.as_str()).map(String::from);
     let none = solved["none"].as_str().map(|why| format!("none: {why}"));
     let person = solved["person"].as_str();
     let of_person = person.map_or(String::new(), |person| format!("{person}: "));
+    let limbs = solved["unseen_limbs"].as_array();
+    let place = |what: &str| {
+        let is_of = |limb: &&Value| {
+            let name = limb["limb"].as_str();
+            name.is_some_and(|name| what.starts_with(&format!("{name}: ")))
+        };
+        let limb = limbs?.iter().find(is_of)?;
+        let frames: [usize; 2] = serde_json::from_value(limb["frames"].clone()).ok()?;
+        Some(PlaceToSee::of("no marker", None, frames))
+    };
     let all = told.chain(none);
-    all.map(|what| format!("skeleton: {of_person}{what}"))
-        .collect()
+    all.map(|what| Told {
+        places: place(&what).into_iter().collect(),
+        line: format!("skeleton: {of_person}{what}"),
+    })
+    .collect()
 }

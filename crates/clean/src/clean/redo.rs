@@ -40,11 +40,8 @@ impl Redone {
                  again",
                 segment.point
             ));
-            places.push(PlaceToSee {
-                what: "done again".to_string(),
-                point: Some(segment.point.clone()),
-                frame,
-            });
+            let frames = [frame, frame + count.max(1)];
+            places.push(PlaceToSee::of("done again", Some(&segment.point), frames));
         }
         Ok(Redone { places, notes })
     }

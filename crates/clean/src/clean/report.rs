@@ -2,13 +2,9 @@
 
 use super::list::{entries, list, list_path};
 use super::outcome::FileOutcome;
-use super::places::PlaceToSee;
-use super::record::make_folder_of;
+use super::record::{Summary, make_folder_of};
 use super::row::Row;
 use crate::audit::count as count_of;
-use crate::draw::href::{encoded, href};
-use crate::draw::html::escape;
-use crate::draw::plain_page::PlainPage;
 use crate::draw::text_table::aligned;
 use crate::io::output::write_file;
 use crate::{Error, Result};
@@ -16,9 +12,8 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-const STYLE: &str = include_str!("clean.css");
 /// The title of the page.
-const TITLE: &str = "Takes cleaned";
+pub(super) const TITLE: &str = "Takes cleaned";
 const TITLES: [&str; 9] = [
     "file",
     "format",
@@ -153,7 +148,7 @@ impl CleanReport {
     }
 
     /// One line: how many files, and what became of them.
-    fn counts(&self) -> String {
+    pub(super) fn counts(&self) -> String {
         let count = |is: &dyn Fn(&Row) -> bool| self.rows.iter().filter(|r| is(r)).count();
         let of = |word: &str| count(&|row| row.outcome.word() == word);
         let found = count(&|r| r.outcome.summary().is_some_and(|s| !s.findings.is_empty()));
@@ -174,35 +169,6 @@ impl CleanReport {
         }
         line
     }
-
-    /// The page, which stands in `folder`.
-    pub(crate) fn html(&self, folder: &Path) -> String {
-        let mut rows = String::new();
-        for row in &self.rows {
-            push_row(&mut rows, row, folder);
-        }
-        let titles: String = TITLES.iter().map(|t| format!("<th>{t}</th>")).collect();
-        PlainPage {
-            title: TITLE,
-            lead: vec![
-                format!("{}.", escape(&self.counts())),
-                "Missing and filled are positions: points times frames. A file's name leads to a \
-                 page that plays the take, where there is something to see; its result's word \
-                 leads to the record, a JSON file beside the result that says what it was made \
-                 from, what was found, and how each gap was filled."
-                    .to_string(),
-            ],
-            main: format!(
-                "<section><div class=\"wide\"><table class=\"files\">\n\
-                <tr>{titles}</tr>\n\
-                {rows}</table></div></section>"
-            ),
-            style: STYLE,
-            command: "clean",
-            data: "",
-        }
-        .html()
-    }
 }
 
 /// The cells of a file, as [`TITLES`] has them.
@@ -210,96 +176,37 @@ fn cells(row: &Row) -> Vec<String> {
     let mut out = vec![row.name.replace(char::is_control, "\u{fffd}")];
     match row.outcome.summary() {
         Some(s) => {
-            let became = match (s.denoised, s.noise_stays) {
-                (true, _) => " removed",
-                (_, true) => " stays",
-                _ => "",
-            };
             out.push(s.format.clone());
             out.extend(
                 [s.frames, s.points, s.missing, s.filled, s.outliers].map(|n| n.to_string()),
             );
-            out.push(match s.noise_deg {
-                Some(noise) => format!("{noise:.2} deg{became}"),
-                None => format!("{:.2}{became}", s.noise),
-            });
+            out.push(noise(s, ""));
         }
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
-    out.push(match &row.outcome {
-        FileOutcome::Failed {
-            old_result: true, ..
-        } => "failed, old result stays".to_string(),
-        outcome => outcome.word().to_string(),
-    });
+    out.push(fate(row).to_string());
     out
 }
 
-fn push_row(out: &mut String, row: &Row, folder: &Path) {
-    let class = match row.outcome.summary() {
-        None => "failed",
-        Some(s) if !s.findings.is_empty() => "found",
-        Some(_) => "fine",
+/// The noise of a file, and what became of it; positions have the `unit` of lengths.
+pub(super) fn noise(summary: &Summary, unit: &str) -> String {
+    let became = match (summary.denoised, summary.noise_stays) {
+        (true, _) => " removed",
+        (_, true) => " stays",
+        _ => "",
     };
-    let _ = write!(out, "<tr class=\"{class}\">");
-    let link = |path: PathBuf| href(folder, &path);
-    let (page, record) = (row.page().map(link), row.record().map(link));
-    for (i, cell) in cells(row).iter().enumerate() {
-        let tag = if i == 0 { "th" } else { "td" };
-        let to = match i {
-            0 => &page,
-            i if i + 1 == TITLES.len() => &record,
-            _ => &None,
-        };
-        let text = escape(cell);
-        let _ = match to {
-            Some(to) => write!(out, "<{tag}><a href=\"{to}\">{text}</a></{tag}>"),
-            None => write!(out, "<{tag}>{text}</{tag}>"),
-        };
-    }
-    *out += "</tr>\n";
-    let item = |line: &String| format!("<li>{}</li>", escape(line));
-    let more = match &row.outcome {
-        FileOutcome::Failed { error, .. } => item(&error.to_string()),
-        FileOutcome::Cleaned(s) | FileOutcome::Unchanged(s) => {
-            let notes = s.notes.iter();
-            let notes = notes.map(|n| format!("<li class=\"note\">{}</li>", escape(n)));
-            let findings: String = s.findings.iter().map(item).collect();
-            let places = page.as_ref().map(|page| places(&s.places, page));
-            findings + &places.unwrap_or_default() + &notes.collect::<String>()
-        }
-    };
-    if !more.is_empty() {
-        let _ = writeln!(
-            out,
-            "<tr class=\"{class} more\"><td colspan=\"{}\"><ul>{more}</ul></td></tr>",
-            TITLES.len()
-        );
+    match summary.noise_deg {
+        Some(noise) => format!("{noise:.2} deg{became}"),
+        None => format!("{:.2}{unit}{became}", summary.noise),
     }
 }
 
-/// Links to the places of a take on its page.
-fn places(places: &[PlaceToSee], page: &str) -> String {
-    let link = |place: &PlaceToSee| {
-        let (point, trail) = match &place.point {
-            Some(point) => (
-                format!("{point}, "),
-                format!("&amp;trail={}", encoded(point)),
-            ),
-            None => Default::default(),
-        };
-        let text = format!("{point}frame {}: {}", place.frame, place.what);
-        format!(
-            "<a href=\"{page}#frame={}{trail}\">{}</a>",
-            place.frame,
-            escape(&text)
-        )
-    };
-    match places {
-        [] => String::new(),
-        places => {
-            let all: Vec<String> = places.iter().map(link).collect();
-            format!("<li class=\"places\">{}</li>", all.join("; "))
-        }
+/// What became of a file, in words.
+pub(super) fn fate(row: &Row) -> &'static str {
+    match &row.outcome {
+        FileOutcome::Failed {
+            old_result: true, ..
+        } => "failed, old result stays",
+        outcome => outcome.word(),
     }
 }

@@ -1,6 +1,6 @@
 //! What was done to the rotations of a file, for its record and for people.
 
-use super::places::PlaceToSee;
+use super::places::{PlaceToSee, Told};
 use crate::audit::count;
 use crate::ik::rotation_cleaning::{CleanedRotations, CleanedTrack};
 use crate::io::MotionFile;
@@ -166,22 +166,19 @@ impl CleanedFile {
         }
     }
 
-    /// The pops, and gaps that are filled with little to go by.
+    /// The pops.
     pub(crate) fn places(&self) -> Vec<PlaceToSee> {
-        let place = |track: &CleanedTrack, what: &str, frame: usize| PlaceToSee {
-            what: what.to_string(),
-            point: Some(self.name(track).to_string()),
-            frame,
+        let tracks = self.cleaned.tracks.iter();
+        let of = |track: &CleanedTrack| {
+            let place = |run: &Range<usize>| self.place("pop", track, run);
+            track.pops.iter().map(place).collect::<Vec<_>>()
         };
-        let mut out = Vec::new();
-        for track in &self.cleaned.tracks {
-            let unsure = self
-                .unsure(track)
-                .map(|(run, _)| place(track, "unsure", run.start));
-            out.extend(unsure);
-            out.extend(track.pops.iter().map(|run| place(track, "pop", run.start)));
-        }
-        out
+        tracks.flat_map(of).collect()
+    }
+
+    fn place(&self, what: &str, track: &CleanedTrack, run: &Range<usize>) -> PlaceToSee {
+        let joint = self.name(track).to_string();
+        PlaceToSee::of(what, Some(&joint), [run.start, run.end])
     }
 
     /// The gaps that are filled with little to go by.
@@ -202,10 +199,11 @@ impl CleanedFile {
     }
 
     /// What somebody should look at.
-    pub(crate) fn findings(&self) -> Vec<String> {
-        let mut all = Vec::new();
+    pub(crate) fn findings(&self) -> Option<Told> {
+        let (mut all, mut places) = (Vec::new(), Vec::new());
         for track in &self.cleaned.tracks {
             all.extend(self.unsure(track).map(|(frames, error)| {
+                places.push(self.place("unsure", track, frames));
                 let [first, last] = [frames.start, frames.end - 1];
                 let by = match (error.is_nan(), track.is_place) {
                     (true, _) => "nothing to compare with".to_string(),
@@ -220,7 +218,7 @@ impl CleanedFile {
             count(all.len(), "gap"),
             listed(&all)
         );
-        (!all.is_empty()).then_some(line).into_iter().collect()
+        (!all.is_empty()).then_some(Told { line, places })
     }
 
     /// What was done, a line each; `noise_limit`: radians.

@@ -2,6 +2,7 @@
 //! centers as a table.
 
 use super::earlier_result::EarlierResult;
+use super::person::picture;
 use super::record::Fingerprint;
 use crate::gait::GivenValues;
 use crate::io::motion_folder::motion_files_in;
@@ -184,6 +185,11 @@ impl SkeletonSettings {
         }
         let mut report = solved.report();
         report["output"] = json!(Fingerprint::read(path)?);
+        let seen = |t: usize| {
+            let is_seen = |(p, _): &&(usize, String)| points.status(t, *p) == Status::Observed;
+            own.iter().filter(is_seen).count()
+        };
+        report["picture"] = json!(picture(&solved.joints, None, seen));
         Ok(report)
     }
 }

@@ -1,6 +1,7 @@
 //! What became of a file, in numbers and in lines.
 
-use super::places::places;
+use super::person::TakePerson;
+use super::places::{Told, places};
 use super::record::{Fingerprint, Summary};
 use super::written::Written;
 use crate::io::Input;
@@ -12,25 +13,23 @@ use crate::restore::typical_noise;
 use ndarray::ArrayView2;
 
 impl Written<'_> {
-    /// What became of the file.
-    pub(super) fn summary(&self) -> Summary {
+    /// What became of the file, of whose people and skeletons this is told.
+    pub(super) fn summary(&self, people: Vec<TakePerson>, of_skeleton: Vec<Told>) -> Summary {
         let take = self.restored.take;
         let file = &take.file;
         let poses = &file.table.poses;
         let (points, rotations) = (&self.restored.points, self.restored.rotations.as_ref());
-        let (remaining, of_remaining) = self.remaining();
-        let of_rotations = rotations.iter().flat_map(|r| r.places()).map(|mut place| {
+        // Whole limbs come first.
+        let told: Vec<Told> = of_skeleton.into_iter().chain(self.findings()).collect();
+        let of_rotations = rotations.iter().flat_map(|r| r.places());
+        let redone = take.redone.places.iter().cloned();
+        let changed = redone.chain(take.labels.places()).chain(of_rotations);
+        let mut places = places(&told, changed.collect(), &take.before, &self.replaced);
+        for place in &mut places {
             // A bone that is none of the points has no trail.
-            place.point = place.point.filter(|p| poses.points.contains(p));
-            place
-        });
-        let of_labels = take
-            .redone
-            .places
-            .iter()
-            .cloned()
-            .chain(take.labels.places());
-        let found = of_labels.chain(of_remaining).chain(of_rotations).collect();
+            place.point = place.point.take().filter(|p| poses.points.contains(p));
+        }
+        let named = take.labels.named.as_ref();
         let (missing, left) = (self.missing(poses.xyz.view()), self.missing(points.xyz()));
         let not_held = if take.keeps_rotations() {
             0
@@ -55,9 +54,13 @@ impl Written<'_> {
             },
             noise_stays: self.noise_that_stays().is_some(),
             copied,
-            findings: self.findings(remaining),
+            named_by: named.and_then(|named| named.by.clone()),
+            names_fit: named.map(|named| named.fit),
+            put_right: take.labels.put_right(),
+            people,
+            findings: told.into_iter().map(|told| told.line).collect(),
             notes: self.notes(copied),
-            places: places(found, &take.before, &self.replaced),
+            places,
         }
     }
 
