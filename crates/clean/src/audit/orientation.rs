@@ -2,12 +2,17 @@
 //! joints or markers.
 
 use super::{Finding, FindingKind, Take};
+use crate::label::people::named_people;
 use crate::pose::UpAxis;
 use crate::pose::orientation::BodyPoints;
 use crate::solve::body_points;
 
 /// What is wrong with the axes of a take; `None` where names tell no legs.
 pub(super) fn findings(take: &Take<'_>) -> Option<Vec<Finding>> {
+    // Of several people, the sides of one are those of another.
+    if named_people(take.points) > 1 {
+        return Some(Vec::new());
+    }
     let joints = BodyPoints::of_joints(take.points, take.xyz, None);
     let body = if joints.has_legs() {
         joints

@@ -10,6 +10,8 @@ use std::sync::Arc;
 
 /// Takes of one marker set that are learned from, at most.
 const MOST_LEARNED: usize = 8;
+/// So many are called by their names.
+const MOST_CALLED: usize = 3;
 /// People of a take, as far as sets are chosen by the number of its tracks.
 const MOST_PEOPLE: usize = 4;
 
@@ -44,9 +46,13 @@ impl NamingSettings {
 pub(super) struct Source {
     /// What it is called: the files of labeled takes, or a set.
     pub by: String,
+    /// The files of labeled takes, all of them.
+    pub takes: Vec<String>,
     pub model: Arc<dyn LabelModel>,
     /// The labeled takes; none of a set.
     pub like: Arc<Templates>,
+    /// Whether it is for where the one before does not fit.
+    pub is_second: bool,
 }
 
 impl Source {
@@ -55,29 +61,36 @@ impl Source {
     pub(super) fn of_takes(mut files: Vec<MotionFile>) -> Result<Vec<Source>> {
         files.truncate(MOST_LEARNED);
         let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
-        let by = names.join(" and ");
+        let by = match names.len() {
+            0..=MOST_CALLED => names.join(" and "),
+            n => format!("{} and {} more", names[..2].join(", "), n - 2),
+        };
         let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
         let not = |e: Error| Error::usage(format!("{by} names nothing: {e}"));
         let like = Arc::new(Templates::learn(&files, true).map_err(not)?);
-        let source = |model: Arc<dyn LabelModel>| Source {
+        let source = |model: Arc<dyn LabelModel>, is_second| Source {
             by: by.clone(),
+            takes: names.clone(),
             model,
             like: like.clone(),
+            is_second,
         };
-        let first = source(naming_model(&takes, None).map_err(not)?.into());
+        let first = source(naming_model(&takes, None).map_err(not)?.into(), false);
         if first.model.is_of_neighbors() {
             return Ok(vec![first]);
         }
         let postures = PostureModel::learn(&takes).ok();
-        let postures = postures.map(|model| source(Arc::new(model)));
+        let postures = postures.map(|model| source(Arc::new(model), true));
         Ok([first].into_iter().chain(postures).collect())
     }
 
     pub(super) fn of_set(set: &MarkerSet) -> Result<Source> {
         Ok(Source {
             by: set.name.clone(),
+            takes: Vec::new(),
             model: naming_model(&[], Some(set))?.into(),
             like: Arc::default(),
+            is_second: false,
         })
     }
 

@@ -7,6 +7,9 @@ use serde::Serialize;
 pub(crate) struct NamedBy {
     /// The files of labeled takes, or a marker set; `None`: nothing fits.
     pub by: Option<String>,
+    /// The files of labeled takes, all of them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub takes: Vec<String>,
     /// How well labels and tracks fit each other, 0 to 1.
     pub fit: f64,
     /// Labeled takes that were passed over, and why.

@@ -2,7 +2,7 @@
 //! were given, from a marker set that was given or a built-in one, whichever fits first.
 
 use super::labeled_beside::labels_of;
-use super::name_source::Source;
+use super::name_source::{NamingSettings, Source};
 use super::named_by::NamedBy;
 use super::opened::Run;
 use crate::Result;
@@ -50,40 +50,17 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
         return Ok((file, None));
     };
     let takes = run.labeled_beside();
-    let given = settings.naming.like.iter().chain(&settings.naming.set);
-    let mut best: Option<(&Source, NamedTracks)> = None;
-    let fit_of = |best: &Option<(&Source, NamedTracks)>| best.as_ref().map_or(0.0, |(_, n)| n.fit);
-    for source in takes.sources.iter().chain(given) {
-        try_source(&file, source, &mut best);
-        if fit_of(&best) >= GOOD {
-            break;
-        }
-    }
-    if fit_of(&best) < GOOD {
-        let mut sets: Vec<(f64, &Source)> = (BUILT_IN.iter())
-            .map(|source| (source.best_fit(tracks), source))
-            .collect();
-        sets.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (at_best, source) in sets {
-            if at_best < GOOD || at_best <= fit_of(&best) || fit_of(&best) >= BEST {
-                break;
-            }
-            try_source(&file, source, &mut best);
-        }
-    }
-    let fit = fit_of(&best);
+    let best = best_names(&file, tracks, &takes.sources, &settings.naming);
+    let fit = best.as_ref().map_or(0.0, |(_, names)| names.fit);
     let passed_over = takes.passed_over.clone();
     let Some((source, names)) = best.filter(|(_, names)| names.fit >= GOOD) else {
-        let none = NamedBy {
+        let by = NamedBy {
             by: None,
+            takes: Vec::new(),
             fit,
             passed_over,
         };
-        let named = Named {
-            by: none,
-            report: None,
-        };
-        return Ok((file, Some(named)));
+        return Ok((file, Some(Named { by, report: None })));
     };
     let is_theirs = names.are_like;
     let settings = LabelSettings {
@@ -98,6 +75,7 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
     };
     let by = NamedBy {
         by: Some(source.by.clone()),
+        takes: source.takes.clone(),
         fit,
         passed_over,
     };
@@ -106,18 +84,58 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
     Ok((file, Some(Named { by, report })))
 }
 
-/// Names the tracks by a source, where that fits better than what is known.
-fn try_source<'s>(
+/// The names that fit best, and what gives them. Takes of the same person come before all others,
+/// then what was given, if it fits.
+fn best_names<'s>(
     file: &MotionFile,
-    source: &'s Source,
-    best: &mut Option<(&'s Source, NamedTracks)>,
-) {
-    let Ok(names) = name_file(file, &*source.model, SURE, &source.like) else {
-        return;
+    tracks: usize,
+    beside: &'s [Source],
+    given: &'s NamingSettings,
+) -> Option<(&'s Source, NamedTracks)> {
+    let mut best: Option<(&Source, NamedTracks)> = None;
+    let fit_of = |best: &Option<(&Source, NamedTracks)>| best.as_ref().map_or(0.0, |(_, n)| n.fit);
+    let mut is_tried = |source: &'s Source, is_enough: &dyn Fn(&NamedTracks) -> bool| {
+        let names = name_file(file, &*source.model, SURE, &source.like).ok()?;
+        let enough = names.fit >= BEST || names.fit >= GOOD && is_enough(&names);
+        if names.fit > fit_of(&best) {
+            best = Some((source, names));
+        }
+        Some((enough, fit_of(&best)))
     };
-    if best.as_ref().is_none_or(|(_, known)| names.fit > known.fit) {
-        *best = Some((source, names));
+    let mut reached = 0.0;
+    let of_takes = beside.iter().map(|source| (source, false));
+    let given = given
+        .like
+        .iter()
+        .chain(&given.set)
+        .map(|source| (source, true));
+    for (source, is_given) in of_takes.chain(given) {
+        // Postures alone, where the body that they are on fits.
+        if source.is_second && reached >= GOOD {
+            continue;
+        }
+        let is_enough = |names: &NamedTracks| is_given || names.are_like;
+        match is_tried(source, &is_enough) {
+            Some((true, _)) => return best,
+            Some((false, fit)) => reached = fit,
+            None => {}
+        }
     }
+    let mut sets: Vec<(f64, &Source)> = (BUILT_IN.iter())
+        .map(|source| (source.best_fit(tracks), source))
+        .collect();
+    sets.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (at_best, source) in sets {
+        if at_best < GOOD || at_best <= reached {
+            break;
+        }
+        match is_tried(source, &|_| false) {
+            Some((true, _)) => return best,
+            Some((false, fit)) => reached = fit,
+            None => {}
+        }
+    }
+    best
 }
 
 /// How many tracks of a capture without names are seen at a time, few frames aside; `None` where

@@ -59,7 +59,12 @@ impl Written<'_> {
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
-        let written = skeletons.write(&take.run.earlier, &take.file, &self.restored.points);
+        let is_nameless = take.labels.named.as_ref().is_some_and(|by| by.by.is_none());
+        let written = if is_nameless {
+            Err("its tracks have no names".into())
+        } else {
+            skeletons.write(&take.run.earlier, &take.file, &self.restored.points)
+        };
         match written {
             Ok(solved) => {
                 let findings = people_of(&solved).iter().flat_map(findings_of).collect();

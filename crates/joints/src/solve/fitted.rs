@@ -96,7 +96,7 @@ impl Fitted<'_> {
         let rows = map_chunks(count, 8, |range| {
             let mut scratch = Scratch::default();
             let mut of = |t: usize| {
-                if t % every > 0 {
+                if !t.is_multiple_of(every) {
                     return vec![f64::NAN; bones.len()];
                 }
                 let state = solver
