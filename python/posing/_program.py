@@ -207,7 +207,7 @@ def _switches() -> frozenset[str]:
 
 
 # The flags that are given again for each value; values of others are joined by commas.
-ONE_BY_ONE = {"keep_labels", "like", "parameter", "redo", "truth"}
+ONE_BY_ONE = {"exchange", "keep_labels", "like", "parameter", "redo", "truth"}
 
 
 def flags(**options: Any) -> list[str]:

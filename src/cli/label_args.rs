@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// The flags of commands that check labels.
 #[derive(Args, Debug, Clone, Default)]
 pub struct LikeArgs {
-    /// Compare the labels with those of a labeled take of any format; may be given again, and of
-    /// three takes or more the odd one out is wrong
+    /// Compare the labels with those of a labeled take of any format, and name tracks without names
+    /// as it does; may be given again, and of three takes or more the odd one out is wrong
     #[arg(long, value_name = "LABELED", help_heading = "Labels")]
     pub like: Vec<PathBuf>,
     /// The labeled takes are of the same person: distances must be the same to 2%, and label puts

@@ -8,6 +8,7 @@ use super::nameless::name_tracks;
 use super::relabeling::{Relabeling, relabel};
 use super::sides::{SideBy, Unsure};
 use super::templates::Templates;
+use super::unlabeled::own_name;
 use crate::error::OptionNames;
 use crate::io::{MotionFile, PointMove};
 use crate::pose::{Poses, point_at};
@@ -105,6 +106,15 @@ pub fn check_labels(file: &MotionFile, settings: &LabelSettings) -> Result<Label
     let is_point = |name: &String| poses.points.contains(name);
     if let Some(segment) = settings.keep.iter().find(|s| !is_point(&s.point)) {
         return refuse(&format!("has no point \"{}\" to keep", segment.point));
+    }
+    for [a, b] in &settings.exchange {
+        let has = |name: &str| poses.points.iter().any(|p| own_name(p) == own_name(name));
+        if has(a) != has(b) {
+            let [there, missing] = if has(a) { [a, b] } else { [b, a] };
+            return refuse(&format!(
+                "has no point \"{missing}\" to be exchanged with {there}"
+            ));
+        }
     }
     Ok(LabelReport::new(
         &relabel(poses, rate, settings),

@@ -2,13 +2,15 @@
 
 use super::loose_tracks::{LooseTracks, PathLabels};
 use super::naming::Naming;
+use super::templates::Templates;
 use super::tuning::naming::MISSING;
 use crate::io::PointMove;
 use serde::Serialize;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// The names of tracks, each of which had none.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct NamedTracks {
     /// Fragments of tracks that are another's.
     #[serde(skip)]
@@ -24,6 +26,10 @@ pub struct NamedTracks {
     #[serde(skip)]
     #[doc(hidden)]
     pub are_like: bool,
+    /// The labeled takes of these people.
+    #[serde(skip)]
+    #[doc(hidden)]
+    pub like: Arc<Templates>,
     /// How well labels and tracks fit each other, 0 to 1: what is named, twice, in all that is
     /// seen of the tracks and all that would be of the people's labels. People whose distances are
     /// those of labeled takes may have part of the labels.

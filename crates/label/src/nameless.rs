@@ -17,6 +17,7 @@ use super::tuning::naming::{FEWEST_LABELS, MOSTLY_SURE, SLOPE};
 use crate::Result;
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
+use std::sync::Arc;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
 /// than `sure` (0 to 1) keeps none. Of several people, each label has its person's name before it,
@@ -43,7 +44,8 @@ pub fn name_tracks(
         .iter_mut()
         .for_each(|label| *label = label.filter(|l| !naming.is_one_of_several(*l)));
     let people = naming.positions(&labels);
-    let are_like = people.iter().all(|of| like.has(naming.set(), of.view()));
+    let like_people = like.of_people(naming.set(), &people);
+    let are_like = !like_people.is_empty();
     // Of other people, postures alone say little where many labels are not found.
     let most = MOSTLY_SURE * naming.set().len() as f64;
     if model.is_of_neighbors() && !are_like && (count_labels(&labels) as f64) < most {
@@ -58,6 +60,7 @@ pub fn name_tracks(
     let names = naming.names(&labels, like);
     let mut named = NamedTracks::new(moves, hosts.names(&names), &poses.points);
     named.are_like = are_like;
+    named.like = Arc::new(like_people);
     named.tell(
         &tracks,
         [&labels, &best.labels],

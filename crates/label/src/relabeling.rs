@@ -135,27 +135,24 @@ impl Relabeling {
             PointMove::make_all(&self.moves(), &mut poses.to_mut().xyz);
         }
         for take in poses.takes() {
-            for [a, b] in &settings.exchange {
-                let at = |name: &String| poses.points.iter().position(|p| p == name);
-                let (Some(one), Some(other)) = (at(a), at(b)) else {
-                    let note = format!("{a} and {b} are not both there to be exchanged");
-                    self.notes.push(note);
-                    continue;
-                };
-                exchange_in_take(&mut self.changes, &[one, other], &take, SideBy::Given);
+            let ordered = exchange_as_ordered(&poses, &settings.exchange);
+            for pair in ordered.chunks_exact(2) {
+                exchange_in_take(&mut self.changes, pair, &take, SideBy::Given);
                 let moved = |from, to| PointMove {
                     from,
                     to: Some(to),
                     frames: take.clone(),
                 };
-                let moves = [moved(one, other), moved(other, one)];
+                let moves = [moved(pair[0], pair[1]), moved(pair[1], pair[0])];
                 PointMove::make_all(&moves, &mut poses.to_mut().xyz);
             }
             let (found, notes) = settings.like.check(&poses, &take);
             self.notes.extend(notes);
             let xyz = poses.xyz.slice(s![take.clone(), ..]);
             let people = people_of_markers(&poses.points, xyz);
-            let found = judged(found, &people, (&poses.points, xyz), settings);
+            let mut found = judged(found, &people, (&poses.points, xyz), settings);
+            // What somebody ordered stands.
+            found.retain(|whole| !whole.points.iter().any(|p| ordered.contains(p)));
             // Pairs are those of a body whose hand is right.
             let has_hand = found.iter().any(|w| w.kind == WholeTakeKind::Hand);
             for mut whole in found {
@@ -277,4 +274,22 @@ impl Relabeling {
         }));
         taken
     }
+}
+
+/// The points that somebody ordered to be exchanged, pair by pair: of the names as they stand, or
+/// of each person's own.
+fn exchange_as_ordered(poses: &Poses, pairs: &[[String; 2]]) -> Vec<usize> {
+    let points = &poses.points;
+    let at = |name: &str| points.iter().position(|p| p == name);
+    let of_pair = |[a, b]: &[String; 2]| {
+        if let (Some(a), Some(b)) = (at(a), at(b)) {
+            return vec![a, b];
+        }
+        let own = |p: &String| {
+            let person = p.strip_suffix(a.as_str())?;
+            Some([at(p)?, at(&format!("{person}{b}"))?])
+        };
+        points.iter().filter_map(own).flatten().collect()
+    };
+    pairs.iter().flat_map(of_pair).collect()
 }

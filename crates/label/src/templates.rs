@@ -17,11 +17,12 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Labeled takes that others are compared with.
 #[derive(Default)]
 pub struct Templates {
-    all: Vec<Named>,
+    all: Vec<Arc<Named>>,
     are_same_person: bool,
     digest: Sha256,
 }
@@ -31,6 +32,13 @@ struct Named {
     take: String,
     person: String,
     template: Template,
+}
+
+impl std::fmt::Debug for Templates {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let takes: Vec<&str> = self.all.iter().map(|t| t.take.as_str()).collect();
+        f.debug_tuple("Templates").field(&takes).finish()
+    }
 }
 
 impl Named {
@@ -104,11 +112,11 @@ impl Templates {
             for take in poses.takes() {
                 for labeled in labeled_people(poses, &take) {
                     let (names, positions) = (&labeled.names, labeled.positions.view());
-                    out.all.push(Named {
+                    out.all.push(Arc::new(Named {
                         take: file.table.name.clone(),
                         template: Template::learn(names, positions, are_same_person),
                         person: labeled.person.name,
-                    });
+                    }));
                 }
             }
             if out.all.len() == before {
@@ -129,7 +137,7 @@ impl Templates {
         let mut near: Vec<(f64, usize, String)> = Vec::new();
         for (k, positions) in people.iter().enumerate() {
             let distances = Distances::measure(positions.view());
-            let of = |t: &Named| Some((t.template.off(labels, &distances)?, k, t.called()));
+            let of = |t: &Arc<Named>| Some((t.template.off(labels, &distances)?, k, t.called()));
             near.extend(
                 self.all
                     .iter()
@@ -149,12 +157,28 @@ impl Templates {
         called.into_iter().enumerate().map(number).collect()
     }
 
-    /// Whether a person whose labels are there is one of these takes'.
+    /// The takes of people whose labels are there (frames, 3 L; cm); none where one of these people
+    /// is in no take.
     #[doc(hidden)]
-    pub fn has(&self, labels: &[String], positions: ArrayView2<'_, f64>) -> bool {
-        let distances = Distances::measure(positions);
-        let off = |t: &Named| t.template.off(labels, &distances);
-        self.all.iter().filter_map(off).any(|off| off <= SAME)
+    pub fn of_people(&self, labels: &[String], people: &[Array2<f64>]) -> Templates {
+        let mut is_of = vec![false; self.all.len()];
+        for positions in people {
+            let distances = Distances::measure(positions.view());
+            let off = |t: &Named| t.template.off(labels, &distances);
+            let own: Vec<bool> = (self.all.iter())
+                .map(|t| off(t).is_some_and(|off| off <= SAME))
+                .collect();
+            if !own.contains(&true) {
+                return Templates::default();
+            }
+            is_of.iter_mut().zip(own).for_each(|(all, own)| *all |= own);
+        }
+        let own = self.all.iter().zip(is_of).filter(|(_, is_of)| *is_of);
+        Templates {
+            all: own.map(|(t, _)| t.clone()).collect(),
+            are_same_person: self.are_same_person,
+            digest: self.digest.clone(),
+        }
     }
 
     #[doc(hidden)]
@@ -210,9 +234,10 @@ impl Templates {
 
     /// The templates of a person: those of the same name, all where none has it.
     fn of(&self, person: &str) -> Vec<&Named> {
-        let own: Vec<&Named> = self.all.iter().filter(|t| t.person == person).collect();
+        let all = || self.all.iter().map(|t| &**t);
+        let own: Vec<&Named> = all().filter(|t| t.person == person).collect();
         if own.is_empty() {
-            return self.all.iter().collect();
+            return all().collect();
         }
         own
     }

@@ -11,6 +11,7 @@ use super::take::{Method, PointMapping, Take, TakeResult};
 use super::tuning::clean::{MOST_SD, SURE_SD};
 use super::tuning::noise_estimation::NOISE_LIMIT;
 use ndarray::ArrayView2;
+use std::cell::OnceCell;
 
 /// How to clean.
 ///
@@ -77,10 +78,15 @@ impl Clean {
     }
 
     /// Whether the fill of a gap is likely far off: its standard deviation is larger than is
-    /// wanted, or would be if it were off by what it breaks steady distances.
-    fn is_unsure(&self, gap: &Gap, out: &TakeResult, seen: ArrayView2<'_, f64>) -> bool {
+    /// wanted, or would be if it were off by what it breaks `steady` distances of its point.
+    fn is_unsure<'s>(
+        &self,
+        gap: &Gap,
+        out: &TakeResult,
+        steady: impl Fn(usize) -> &'s SteadyDistances,
+    ) -> bool {
         let sd = typical_sd(gap, out);
-        let broken_by = || SteadyDistances::measure(seen, gap.point).broken_by(gap, out);
+        let broken_by = || steady(gap.point).broken_by(gap, out);
         sd > self.max_sd || sd > SURE_SD && broken_by() > 3.0_f64.sqrt() * self.max_sd
     }
 }
@@ -115,9 +121,10 @@ impl Method for Clean {
             out.doubtful_noise = Some(level);
         }
         let gaps = find_gaps(take.xyz, take.runs);
-        let unsure = gaps
-            .iter()
-            .filter(|gap| self.is_unsure(gap, &out, take.xyz));
+        // Of each point once: it may have hundreds of gaps.
+        let measured: Vec<OnceCell<SteadyDistances>> = vec![OnceCell::new(); take.xyz.ncols() / 3];
+        let steady = |p: usize| measured[p].get_or_init(|| SteadyDistances::measure(take.xyz, p));
+        let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out, steady));
         let unsure: Vec<&Gap> = unsure.collect();
         empty_gaps(&mut out, take.xyz, unsure.into_iter());
         out
@@ -145,7 +152,8 @@ mod tests {
                 before: Some(0),
                 after: Some(3),
             };
-            Clean::default().is_unsure(&gap, &out, out.xyz.view())
+            let steady = [0, 1].map(|p| SteadyDistances::measure(out.xyz.view(), p));
+            Clean::default().is_unsure(&gap, &out, |p| &steady[p])
         };
         assert_eq!([is_unsure(0), is_unsure(1)], [false, true]);
     }

@@ -10,6 +10,7 @@ use crate::pose::{Status, point_at};
 use ndarray::ArrayView2;
 
 /// The distances of one point of a take that hardly change.
+#[derive(Clone)]
 pub(crate) struct SteadyDistances {
     /// Other points, and the shortest and longest distance to each, cm.
     ranges: Vec<(usize, [f64; 2])>,

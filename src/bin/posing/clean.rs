@@ -153,7 +153,8 @@ pub struct Args {
     /// bad, none]
     #[arg(long, value_enum, help_heading = "Method")]
     outliers: Option<OutlierDetection>,
-    /// Leave labels as they are: markers that changed places, pieces without a label
+    /// Leave labels as they are: markers that changed places, pieces without a label, tracks
+    /// without names
     #[arg(long, conflicts_with = "like", help_heading = "Method")]
     no_labels: bool,
     /// Keep the label of a point in a stretch, in seconds as the file has them, also where label
@@ -170,8 +171,8 @@ pub struct Args {
     like: LikeArgs,
     #[command(flatten)]
     exchange: ExchangeArgs,
-    /// Marker set of tracks without names, by its name or file [default: labeled takes in the
-    /// folder, those of --like, then the built-in set that fits]
+    /// Marker set, by its name or file, that names tracks which no labeled take in their folder and
+    /// none of --like does [default: the built-in set that fits]
     #[arg(
         long,
         value_name = "NAME|FILE",

@@ -173,7 +173,7 @@ pub(super) fn label_table(report: &LabelReport, names: OptionNames) -> Option<Ta
     let mut out = Table {
         caption: names.in_text(
             "Labels that were changed, or are not sure (frames count from 0): a row leads to the \
-             frame before. The option `keep_labels NAME:FROM-TO` keeps a label in another run.",
+             frame before. In another run, the option `keep_labels NAME:FROM-TO` keeps a label.",
         ),
         header: ["Change", "Label", "Frames", "Evidence, nats", "Side by"]
             .map(String::from)

@@ -65,7 +65,7 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
     let is_theirs = names.are_like;
     let settings = LabelSettings {
         like: if is_theirs {
-            source.like.clone()
+            names.like.clone()
         } else {
             labels.like.clone()
         },
@@ -136,6 +136,11 @@ fn best_names<'s>(
         }
     }
     best
+}
+
+/// Whether a capture has no names.
+pub(super) fn are_nameless(file: &MotionFile) -> bool {
+    tracks_without_names(file).is_some()
 }
 
 /// How many tracks of a capture without names are seen at a time, few frames aside; `None` where

@@ -8,7 +8,8 @@ use super::written::Written;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
 use crate::label::unlabeled::left_alone;
-use crate::pose::PointNaming;
+use crate::pose::{PointNaming, point_at};
+use crate::restore::Restoration;
 
 impl Written<'_> {
     /// The notes on a file whose result is a copy, or not.
@@ -80,7 +81,7 @@ fn of_points(restored: &Restored<'_>) -> Vec<String> {
     if let PointNaming::Map(map) = &restored.naming {
         out.push(format!("the points have the names of the map {}", map.name));
     }
-    out.extend(left_alone(&points.source().columns.points));
+    out.extend(left_alone(&seen(points)));
     match points.counts().exchanged {
         0 => {}
         n => out.push(format!(
@@ -99,4 +100,13 @@ fn of_points(restored: &Restored<'_>) -> Vec<String> {
         )),
     }
     out
+}
+
+/// The names of the points that are seen: what was moved from a track leaves it empty.
+fn seen(points: &Restoration<'_>) -> Vec<String> {
+    let names = &points.source().columns.points;
+    let is_seen =
+        |p: usize| (0..points.xyz().nrows()).any(|t| point_at(points.xyz(), t, p).is_finite());
+    let all = (0..names.len()).filter(|p| is_seen(*p));
+    all.map(|p| names[p].clone()).collect()
 }

@@ -1,5 +1,6 @@
 //! The last step: the record of a result, and what else stands beside it.
 
+use super::naming::are_nameless;
 use super::page::write_page;
 use super::people::people;
 use super::places::{PlaceToSee, Told};
@@ -59,8 +60,7 @@ impl Written<'_> {
         let Some(skeletons) = take.run.skeletons(take.file.format) else {
             return (None, Vec::new());
         };
-        let is_nameless = take.labels.named.as_ref().is_some_and(|by| by.by.is_none());
-        let written = if is_nameless {
+        let written = if take.labels.report.named.is_none() && are_nameless(&take.file) {
             Err("its tracks have no names".into())
         } else {
             skeletons.write(&take.run.earlier, &take.file, &self.restored.points)
