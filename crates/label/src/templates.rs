@@ -181,6 +181,18 @@ impl Templates {
         }
     }
 
+    /// The files of the takes, without their folders.
+    #[doc(hidden)]
+    pub fn files(&self) -> Vec<String> {
+        let file = |t: &Arc<Named>| {
+            let name = Path::new(&t.take).file_name().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        };
+        let mut files: Vec<String> = self.all.iter().map(file).collect();
+        files.dedup();
+        files
+    }
+
     #[doc(hidden)]
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()

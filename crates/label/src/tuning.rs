@@ -319,7 +319,7 @@ pub(crate) mod handedness {
 /// 51 put back, and -14 to -58 made; where template and mirror are wrong the body loses 23 to 46.
 pub(crate) mod referee {
     /// Frames that it is fitted to, at most.
-    pub(crate) const FRAMES: usize = 40;
+    pub(crate) const FRAMES: usize = 20;
     /// Labels of it that a person has, at least.
     pub(crate) const FEWEST_LABELS: usize = 12;
     /// Highest cost of a label, and the standard deviation about its place, cm.

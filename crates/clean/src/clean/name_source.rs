@@ -61,10 +61,7 @@ impl Source {
     pub(super) fn of_takes(mut files: Vec<MotionFile>) -> Result<Vec<Source>> {
         files.truncate(MOST_LEARNED);
         let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
-        let by = match names.len() {
-            0..=MOST_CALLED => names.join(" and "),
-            n => format!("{} and {} more", names[..2].join(", "), n - 2),
-        };
+        let by = called(&names);
         let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
         let not = |e: Error| Error::usage(format!("{by} names nothing: {e}"));
         let like = Arc::new(Templates::learn(&files, true).map_err(not)?);
@@ -104,6 +101,14 @@ impl Source {
             2.0 * due.min(tracks) as f64 / (due + tracks).max(1) as f64
         };
         (1..=MOST_PEOPLE).map(of).fold(0.0, f64::max)
+    }
+}
+
+/// What takes of some files are called.
+pub(super) fn called(files: &[String]) -> String {
+    match files.len() {
+        0..=MOST_CALLED => files.join(" and "),
+        n => format!("{} and {} more", files[..2].join(", "), n - 2),
     }
 }
 

@@ -2,7 +2,7 @@
 //! were given, from a marker set that was given or a built-in one, whichever fits first.
 
 use super::labeled_beside::labels_of;
-use super::name_source::{NamingSettings, Source};
+use super::name_source::{NamingSettings, Source, called};
 use super::named_by::NamedBy;
 use super::opened::Run;
 use crate::Result;
@@ -62,7 +62,7 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
         };
         return Ok((file, Some(Named { by, report: None })));
     };
-    let is_theirs = names.are_like;
+    let (is_theirs, own) = (names.are_like, names.like.files());
     let settings = LabelSettings {
         like: if is_theirs {
             names.like.clone()
@@ -74,8 +74,12 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
         ..labels.clone()
     };
     let by = NamedBy {
-        by: Some(source.by.clone()),
-        takes: source.takes.clone(),
+        by: Some(if is_theirs {
+            called(&own)
+        } else {
+            source.by.clone()
+        }),
+        takes: if is_theirs { own } else { source.takes.clone() },
         fit,
         passed_over,
     };
