@@ -35,7 +35,12 @@ pub struct ExchangeArgs {
 }
 
 fn parse_pair(text: &str) -> std::result::Result<[String; 2], String> {
-    match text.split_once(':') {
+    // A person's name stands before a colon, too: Ann:LSHO:Ann:LELB.
+    let colons: Vec<usize> = text.match_indices(':').map(|(at, _)| at).collect();
+    let middle = colons
+        .get(colons.len() / 2)
+        .filter(|_| colons.len() % 2 == 1);
+    match middle.map(|at| (&text[..*at], &text[at + 1..])) {
         Some((a, b)) if !a.is_empty() && !b.is_empty() && a != b => Ok([a.into(), b.into()]),
         _ => Err("expected two points such as LSHO:LELB".to_string()),
     }

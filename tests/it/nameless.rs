@@ -32,7 +32,11 @@ fn table(people: &[(&Poses, [f64; 3])], name: impl Fn(usize, usize, &str) -> Str
         for (poses, off) in people {
             for p in 0..poses.points.len() {
                 let at = point_at(poses.xyz.view(), t, p).to_array();
-                cells.extend((0..3).map(|c| format!("{:.4}", at[c] + off[c])));
+                let cell = |c: usize| match at[c] + off[c] {
+                    v if v.is_finite() => format!("{v:.4}"),
+                    _ => String::new(),
+                };
+                cells.extend((0..3).map(cell));
             }
         }
         out += &(cells.join(",") + "\n");
@@ -154,7 +158,7 @@ fn two_people_without_names_are_two() {
     are_named(&found, "1:", &gait, offs[0]);
     are_named(&found, "2:", &gait, offs[1]);
     for person in ["1", "2"] {
-        assert!(night.at(&format!("solved/both-{person}.bvh")).exists());
+        assert!(night.at(&format!("solved/both.csv-{person}.bvh")).exists());
     }
     let record = night.record("both.csv");
     assert_eq!(record["named"]["by"], "pig");
@@ -166,6 +170,41 @@ fn two_people_without_names_are_two() {
         .unwrap();
     let said = String::from_utf8_lossy(&again.stderr);
     assert!(said.contains("no files of motion"), "{said}");
+}
+
+#[test]
+fn people_who_come_one_after_another_are_not_one() {
+    let gait = example("biomechanist/gait.c3d");
+    let frames = gait.frames();
+    let [mut first, mut second] = [gait.clone(), gait.clone()];
+    // The second, a tenth larger, comes once the first has gone.
+    second.xyz.mapv_inplace(|v| 1.1 * v);
+    first
+        .xyz
+        .slice_mut(ndarray::s![frames / 2.., ..])
+        .fill(f64::NAN);
+    second
+        .xyz
+        .slice_mut(ndarray::s![..frames / 2 + 30, ..])
+        .fill(f64::NAN);
+    let people = [(&first, [0.0; 3]), (&second, [20.0, 0.0, 110.0])];
+    let night = Night::new(&[("relay.csv", table(&people, nameless))]);
+    night.clean(&["--solve"]);
+    let found = night.result("relay.csv");
+    // What is named of one is nobody else's.
+    for t in [10, frames - 10] {
+        let seen = |person: &str| {
+            let own = |n: &&String| n.starts_with(person);
+            let at = |name: &String| found.points.iter().position(|n| n == name).unwrap();
+            let all = found.points.iter().filter(own);
+            all.filter(|n| point_at(found.xyz.view(), t, at(n)).is_finite())
+                .count()
+        };
+        assert!(seen("1:") == 0 || seen("2:") == 0, "frame {t}");
+    }
+    assert!(!night.at("solved/relay.csv.bvh").exists());
+    let record = night.record("relay.csv");
+    assert_eq!(record["labels"]["named"]["people"], 2);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::evidence::independent_frames;
 use super::fragments::{Fragment, Link, fragments};
 use super::links::{Links, chains};
-use super::tuning::naming::{LOOKED_AT, ONE_TRACK, REACH};
+use super::tuning::naming::{LOOKED_AT, ONE_TRACK, REACH, SHORTEST};
 use super::tuning::repair::MOST_WEIGHT;
 use crate::pose::point_at;
 use glam::DVec3;
@@ -62,6 +62,12 @@ impl<'a> LooseTracks<'a> {
             .sum()
     }
 
+    /// The middle one of the frames of a path.
+    pub(super) fn middle(&self, path: usize) -> usize {
+        let frames: Vec<usize> = self.frames_of(path).collect();
+        frames.get(frames.len() / 2).copied().unwrap_or_default()
+    }
+
     /// The paths that are seen in a frame, each with its position.
     pub(super) fn seen(&self, t: usize) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         let owners = self.owner.row(t);
@@ -77,12 +83,14 @@ impl<'a> LooseTracks<'a> {
         })
     }
 
-    /// Frames at about `rate` a second, and more where else fewer than `fewest` of a path, or not
-    /// all of it, are among them; in their order.
+    /// Frames at about `rate` a second, and more where else fewer than `fewest` of a path that is no
+    /// reflection, or not all of it, are among them; in their order.
     pub(super) fn frames_of_all(&self, rate: f64, fewest: usize) -> Vec<usize> {
         let step = ((self.rate / rate).round() as usize).max(1);
         let mut frames: BTreeSet<usize> = (0..self.xyz.nrows()).step_by(step).collect();
-        for path in 0..self.paths.len() {
+        let shortest = (SHORTEST * self.rate) as usize;
+        let long = (0..self.paths.len()).filter(|path| self.frames(*path) > shortest);
+        for path in long {
             let own: Vec<usize> = self.frames_of(path).collect();
             if own.iter().filter(|t| frames.contains(t)).count() < fewest {
                 frames.extend(own.iter().step_by(own.len().div_ceil(fewest)));

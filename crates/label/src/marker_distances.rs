@@ -110,20 +110,26 @@ impl Distances {
         *self.rows[first].get(last.checked_sub(first + 1)?)?
     }
 
-    /// How far apart the steady distances are from those of others, cm, in the median; `None` where
-    /// both know few.
+    /// How far apart the steady distances are from those of others, cm, in the median, or a body
+    /// of half a meter by the ratio of sizes; `None` where both know few.
     pub(crate) fn off(&self, others: impl Fn(usize, usize) -> Option<Distance>) -> Option<f64> {
         let steady = |a: usize, b: usize| {
             let both = [self.between(a, b)?, others(a, b)?];
             let is_rigid = both
                 .iter()
                 .all(|d| d.spread < RIGID && d.median < RIGID_NEAR);
-            is_rigid.then(|| (both[0].median - both[1].median).abs())
+            is_rigid.then(|| both.map(|d| d.median))
         };
         let pairs = (0..self.points()).flat_map(|a| (0..a).map(move |b| (a, b)));
-        let off: Vec<f64> = pairs.filter_map(|(a, b)| steady(a, b)).collect();
-        let are_enough = off.len() >= FEWEST_RIGID;
-        median(off).filter(|_| are_enough)
+        let both: Vec<[f64; 2]> = pairs.filter_map(|(a, b)| steady(a, b)).collect();
+        if both.len() < FEWEST_RIGID {
+            return None;
+        }
+        let off = median(both.iter().map(|[a, b]| (a - b).abs()).collect())?;
+        // A whole body that is a little larger has short distances that hardly differ.
+        let long = both.iter().filter(|[a, _]| *a >= RIGID_LONG);
+        let ratio = median(long.map(|[a, b]| (a / b).ln()).collect()).unwrap_or(0.0);
+        Some(off.max(BODY * ratio.abs()))
     }
 
     /// The other points and their distances, the most rigid first.

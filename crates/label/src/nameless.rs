@@ -17,6 +17,7 @@ use super::tuning::naming::{FEWEST_LABELS, MOSTLY_SURE, SLOPE};
 use crate::Result;
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Names the tracks of a take at `rate` frames a second, none of which has a label; what is less
@@ -75,7 +76,10 @@ fn named_bodies(one: Naming<'_>) -> Result<Option<(Naming<'_>, Run)>> {
     let mut left = one.clone();
     let mut found: Vec<Run> = Vec::new();
     while found.len() < MOST_PEOPLE && (found.is_empty() || has_body(&left)) {
-        let Some(run) = left.one_body()? else { break };
+        let Some(mut run) = left.one_body()? else {
+            break;
+        };
+        keep_one(&left, &mut run.labels);
         let labels = count_labels(&run.labels);
         if !found.is_empty() && 2 * labels < left.set().len() {
             break;
@@ -101,6 +105,40 @@ fn named_bodies(one: Naming<'_>) -> Result<Option<(Naming<'_>, Run)>> {
     let labels = (0..all.is_open.len()).map(label_of).collect();
     let run = all.fitted(labels, all.rounds())?;
     Ok(Some((all, run)))
+}
+
+/// Takes the labels off the tracks of others who come before or after the one that is seen longest:
+/// each may have been the label of the frames in which nobody else is there.
+fn keep_one(naming: &Naming<'_>, labels: &mut PathLabels) {
+    let tracks = naming.tracks;
+    let seen = Seen::new(naming, labels);
+    let away = (AWAY * tracks.rate) as usize;
+    let mut spans: Vec<Range<usize>> = Vec::new();
+    for t in (0..seen.frames.len()).filter(|t| seen.frames[*t]) {
+        match spans.last_mut() {
+            Some(last) if t <= last.end + away => last.end = t + 1,
+            _ => spans.push(t..t + 1),
+        }
+    }
+    let Some(longest) = spans.iter().max_by_key(|s| s.len()).cloned() else {
+        return;
+    };
+    let positions = tracks.positions(labels, naming.set().len());
+    let within =
+        |span: &Range<usize>| Distances::measure(positions.slice(ndarray::s![span.clone(), ..]));
+    let own = within(&longest);
+    let is_other = |span: &&Range<usize>| {
+        let others = within(span);
+        own.off(|a, b| others.between(a, b))
+            .is_some_and(|off| off > SAME)
+    };
+    let others: Vec<Range<usize>> = spans.iter().filter(is_other).cloned().collect();
+    for (path, label) in labels.iter_mut().enumerate() {
+        let middle = tracks.middle(path);
+        if others.iter().any(|span| span.contains(&middle)) {
+            *label = None;
+        }
+    }
 }
 
 /// Whether the tracks that are left may be of another person: long ones, so many at a time.

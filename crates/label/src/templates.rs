@@ -153,8 +153,12 @@ impl Templates {
                 called[k] = Some(name);
             }
         }
-        let number = |(k, name): (usize, Option<String>)| name.unwrap_or((k + 1).to_string());
-        called.into_iter().enumerate().map(number).collect()
+        let known: Vec<String> = called.iter().flatten().cloned().collect();
+        let mut free = (1..)
+            .map(|n: usize| n.to_string())
+            .filter(|n| !known.contains(n));
+        let name = |name: Option<String>| name.or_else(|| free.next()).unwrap_or_default();
+        called.into_iter().map(name).collect()
     }
 
     /// The takes of people whose labels are there (frames, 3 L; cm); none where one of these people

@@ -41,6 +41,9 @@ pub(crate) mod marker_distances {
     /// apart, at least.
     pub(crate) const RIGID: f64 = 0.8;
     pub(crate) const RIGID_NEAR: f64 = 40.0;
+    /// Those from so many cm tell sizes; the length of a body by which sizes differ, cm.
+    pub(crate) const RIGID_LONG: f64 = 12.0;
+    pub(crate) const BODY: f64 = 50.0;
     pub(crate) const FEWEST_RIGID: usize = 12;
 }
 
@@ -345,8 +348,10 @@ pub(crate) mod nameless {
     pub(crate) const LONG: f64 = 0.5;
     pub(crate) const FEWEST_SHARE: usize = 3;
     pub(crate) const STEP: f64 = 0.1;
-    /// Steady distances of one person differ by no more, cm, in the median.
+    /// Steady distances of one person differ by no more, cm, in the median, and sizes by 1%.
     pub(crate) const SAME: f64 = 0.5;
+    /// Nobody is seen between two people for so many seconds.
+    pub(crate) const AWAY: f64 = 0.25;
 }
 
 /// Labels from nothing.

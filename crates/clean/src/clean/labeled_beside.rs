@@ -71,10 +71,10 @@ impl LabeledTakes {
             let Some(take) = Labeled::open(&path, rules) else {
                 continue;
             };
-            digest.update(format!("{} {}\n", take.file.table.name, take.sha256));
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            digest.update(format!("{name} {}\n", take.sha256));
             match take.put_right() {
                 Err(why) => {
-                    let name = path.file_name().unwrap_or_default().to_string_lossy();
                     out.passed_over.push(format!("{name} names nothing: {why}"));
                 }
                 Ok(take) => by_labels.entry(take.labels.clone()).or_default().push(take),

@@ -3,12 +3,14 @@
 use crate::io::MotionFile;
 use crate::label::{LabelModel, PostureModel, Templates};
 use crate::pose::Poses;
+use crate::prior::provenance::hex;
 use crate::solve::{MarkerSet, naming_model};
 use crate::{Error, Result};
+use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Takes of one marker set that are learned from, at most.
+/// Takes of one marker set by which markers are placed on a body, at most.
 const MOST_LEARNED: usize = 8;
 /// So many are called by their names.
 const MOST_CALLED: usize = 3;
@@ -22,6 +24,8 @@ pub struct NamingSettings {
     pub(super) like: Vec<Source>,
     /// The marker set that was given.
     pub(super) set: Option<Source>,
+    /// What tells that set from others.
+    pub(super) set_digest: Option<String>,
 }
 
 impl NamingSettings {
@@ -38,6 +42,7 @@ impl NamingSettings {
         Ok(NamingSettings {
             like,
             set: set.map(Source::of_set).transpose()?,
+            set_digest: set.map(digest).transpose()?,
         })
     }
 }
@@ -58,11 +63,11 @@ pub(super) struct Source {
 impl Source {
     /// What labeled takes of one marker set say: by the body that they are on, if they are, and by
     /// their postures alone; why they say nothing.
-    pub(super) fn of_takes(mut files: Vec<MotionFile>) -> Result<Vec<Source>> {
-        files.truncate(MOST_LEARNED);
+    pub(super) fn of_takes(files: Vec<MotionFile>) -> Result<Vec<Source>> {
         let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
         let by = called(&names);
-        let takes: Vec<&Poses> = files.iter().map(MotionFile::poses).collect();
+        let takes = files.iter().map(MotionFile::poses);
+        let takes: Vec<&Poses> = takes.take(MOST_LEARNED).collect();
         let not = |e: Error| Error::usage(format!("{by} names nothing: {e}"));
         let like = Arc::new(Templates::learn(&files, true).map_err(not)?);
         let source = |model: Arc<dyn LabelModel>, is_second| Source {
@@ -102,6 +107,10 @@ impl Source {
         };
         (1..=MOST_PEOPLE).map(of).fold(0.0, f64::max)
     }
+}
+
+fn digest(set: &MarkerSet) -> Result<String> {
+    Ok(hex(&Sha256::digest(set.to_json()?)))
 }
 
 /// What takes of some files are called.

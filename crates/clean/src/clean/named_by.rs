@@ -12,6 +12,9 @@ pub(crate) struct NamedBy {
     pub takes: Vec<String>,
     /// How well labels and tracks fit each other, 0 to 1.
     pub fit: f64,
+    /// Why nothing names them, where it is not that nothing fits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
     /// Labeled takes that were passed over, and why.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub passed_over: Vec<String>,
@@ -20,11 +23,14 @@ pub(crate) struct NamedBy {
 impl NamedBy {
     /// What to say where nothing names the tracks.
     pub(super) fn nothing(&self) -> Option<String> {
-        self.by.is_none().then(|| {
-            "its tracks have no names, and no labeled take beside it, marker set or built-in set \
-             fits them: put a labeled take of the person in its folder, such as a static one, or \
-             give one with the option `like`"
-                .to_string()
+        self.by.is_none().then(|| match &self.why {
+            Some(why) => format!("its tracks have no names: {why}"),
+            None => {
+                "its tracks have no names, and no labeled take beside it, marker set or built-in \
+                 set fits them: put a labeled take of the person in its folder, such as a static \
+                 one, or give one with the option `like`"
+                    .to_string()
+            }
         })
     }
 }

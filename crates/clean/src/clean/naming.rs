@@ -50,17 +50,24 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
         return Ok((file, None));
     };
     let takes = run.labeled_beside();
-    let best = best_names(&file, tracks, &takes.sources, &settings.naming);
-    let fit = best.as_ref().map_or(0.0, |(_, names)| names.fit);
-    let passed_over = takes.passed_over.clone();
-    let Some((source, names)) = best.filter(|(_, names)| names.fit >= GOOD) else {
-        let by = NamedBy {
+    let nothing = |fit, why: Option<String>| Named {
+        by: NamedBy {
             by: None,
             takes: Vec::new(),
             fit,
-            passed_over,
-        };
-        return Ok((file, Some(Named { by, report: None })));
+            why,
+            passed_over: takes.passed_over.clone(),
+        },
+        report: None,
+    };
+    if file.poses().takes().len() > 1 {
+        let why = "it holds several takes; cut one out with the command `trim`";
+        return Ok((file, Some(nothing(0.0, Some(why.to_string())))));
+    }
+    let best = best_names(&file, tracks, &takes.sources, &settings.naming);
+    let fit = best.as_ref().map_or(0.0, |(_, names)| names.fit);
+    let Some((source, names)) = best.filter(|(_, names)| names.fit >= GOOD) else {
+        return Ok((file, Some(nothing(fit, None))));
     };
     let (is_theirs, own) = (names.are_like, names.like.files());
     let settings = LabelSettings {
@@ -81,48 +88,59 @@ pub(super) fn named(file: MotionFile, run: &Run<'_>) -> Result<(MotionFile, Opti
         }),
         takes: if is_theirs { own } else { source.takes.clone() },
         fit,
-        passed_over,
+        why: None,
+        passed_over: takes.passed_over.clone(),
     };
-    let (file, report) = labeled_as(&file, names, &settings)?;
-    let report = Some(report);
-    Ok((file, Some(Named { by, report })))
+    // What the file cannot hold loses nothing else.
+    match labeled_as(&file, names, &settings) {
+        Ok((file, report)) => Ok((
+            file,
+            Some(Named {
+                by,
+                report: Some(report),
+            }),
+        )),
+        Err(e) => Ok((file, Some(nothing(fit, Some(e.to_string()))))),
+    }
 }
 
-/// The names that fit best, and what gives them. Takes of the same person come before all others,
-/// then what was given, if it fits.
+/// The names that fit best, and what gives them: takes of the same person before all others, then
+/// what was given, other takes beside the capture, and built-in sets.
 fn best_names<'s>(
     file: &MotionFile,
     tracks: usize,
     beside: &'s [Source],
     given: &'s NamingSettings,
 ) -> Option<(&'s Source, NamedTracks)> {
-    let mut best: Option<(&Source, NamedTracks)> = None;
-    let fit_of = |best: &Option<(&Source, NamedTracks)>| best.as_ref().map_or(0.0, |(_, n)| n.fit);
-    let mut is_tried = |source: &'s Source, is_enough: &dyn Fn(&NamedTracks) -> bool| {
+    let named = |source: &'s Source| {
         let names = name_file(file, &*source.model, SURE, &source.like).ok()?;
-        let enough = names.fit >= BEST || names.fit >= GOOD && is_enough(&names);
-        if names.fit > fit_of(&best) {
-            best = Some((source, names));
-        }
-        Some((enough, fit_of(&best)))
+        Some((source, names))
     };
-    let mut reached = 0.0;
-    let of_takes = beside.iter().map(|source| (source, false));
-    let given = given
-        .like
-        .iter()
-        .chain(&given.set)
-        .map(|source| (source, true));
-    for (source, is_given) in of_takes.chain(given) {
-        // Postures alone, where the body that they are on fits.
-        if source.is_second && reached >= GOOD {
+    let fit_of = |best: &Option<(&Source, NamedTracks)>| best.as_ref().map_or(0.0, |(_, n)| n.fit);
+    let mut best: Option<(&Source, NamedTracks)> = None;
+    for source in beside {
+        // Postures alone, where the body that they are on does not fit.
+        if source.is_second && fit_of(&best) >= GOOD {
             continue;
         }
-        let is_enough = |names: &NamedTracks| is_given || names.are_like;
-        match is_tried(source, &is_enough) {
-            Some((true, _)) => return best,
-            Some((false, fit)) => reached = fit,
-            None => {}
+        let found = named(source);
+        if let Some((_, names)) = &found
+            && names.are_like
+            && names.fit >= GOOD
+        {
+            return found;
+        }
+        if fit_of(&found) > fit_of(&best) {
+            best = found;
+        }
+    }
+    for source in given.like.iter().chain(&given.set) {
+        let found = named(source);
+        if fit_of(&found) >= GOOD {
+            return found;
+        }
+        if fit_of(&found) > fit_of(&best) {
+            best = found;
         }
     }
     let mut sets: Vec<(f64, &Source)> = (BUILT_IN.iter())
@@ -130,13 +148,13 @@ fn best_names<'s>(
         .collect();
     sets.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (at_best, source) in sets {
-        if at_best < GOOD || at_best <= reached {
+        let reached = fit_of(&best);
+        if at_best < GOOD || at_best <= reached || reached >= BEST {
             break;
         }
-        match is_tried(source, &|_| false) {
-            Some((true, _)) => return best,
-            Some((false, fit)) => reached = fit,
-            None => {}
+        let found = named(source);
+        if fit_of(&found) > reached {
+            best = found;
         }
     }
     best

@@ -95,8 +95,8 @@ impl CleanSettings {
             if !settings.exchange.is_empty() {
                 out["labels"]["exchange"] = json!(settings.exchange);
             }
-            if let Some(set) = &self.naming.set {
-                out["labels"]["set"] = json!(set.by);
+            if let Some(set) = &self.naming.set_digest {
+                out["labels"]["set"] = json!(set);
             }
         }
         if !self.redo.is_empty() {

@@ -66,10 +66,17 @@ impl SkeletonSettings {
     /// Where those of one of several people go.
     fn path_of_person(&self, output: &Path, person: &str) -> PathBuf {
         let name = output.file_name().unwrap_or_default().to_string_lossy();
-        let stem = name.split('.').next().unwrap_or_default();
+        let stem = stem_of(&name);
         // What no file name holds.
-        let is_held = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
-        let person: String = person.chars().filter(|c| is_held(*c)).collect();
+        let is_held = |c: char| !c.is_control() && !"/\\:*?\"<>|%".contains(c);
+        let held = |c: char| {
+            if is_held(c) {
+                c.to_string()
+            } else {
+                format!("%{:X}", u32::from(c))
+            }
+        };
+        let person: String = person.chars().map(held).collect();
         output.with_file_name(format!("{stem}-{person}{}", self.end()))
     }
 
@@ -81,7 +88,8 @@ impl SkeletonSettings {
     pub(super) fn is_done(&self, earlier: &EarlierResult<'_>) -> bool {
         let of_people = people_of(earlier.solved());
         let is_done = |solved: &Value| {
-            solved["none"].is_string() || file_of(earlier, solved).is_some_and(|path| path.exists())
+            solved["in_the_way"].is_null() && solved["none"].is_string()
+                || file_of(earlier, solved).is_some_and(|path| path.exists())
         };
         !earlier.solved().is_null() && of_people.iter().all(is_done)
     }
@@ -127,12 +135,12 @@ impl SkeletonSettings {
         }
         let one = |(person, own): &(String, Vec<(usize, String)>)| {
             let path = self.path_of_person(earlier.output, person);
-            let written = self
-                .check_path(earlier, &path)
-                .and_then(|()| self.write_person(&path, file, points, own));
-            let mut report = match written {
-                Err(e @ Error::Io { .. }) => return Err(e),
-                written => written.unwrap_or_else(|e| json!({"none": e.to_string()})),
+            let mut report = match self.check_path(earlier, &path) {
+                Err(e) => json!({"none": e.to_string(), "in_the_way": true}),
+                Ok(()) => match self.write_person(&path, file, points, own) {
+                    Err(e @ Error::Io { .. }) => return Err(e),
+                    written => written.unwrap_or_else(|e| json!({"none": e.to_string()})),
+                },
             };
             report["person"] = json!(person);
             Ok(report)
@@ -214,7 +222,10 @@ fn is_own(earlier: &EarlierResult<'_>, path: &Path) -> bool {
     let Ok(found) = Fingerprint::read(path) else {
         return false;
     };
-    let is_it = |solved: &Value| solved["output"]["sha256"] == json!(found.sha256);
+    let is_it = |solved: &Value| {
+        let output = &solved["output"];
+        output["sha256"] == json!(found.sha256) && output["file"] == json!(found.file)
+    };
     people_of(earlier.solved()).iter().any(is_it)
 }
 
@@ -236,14 +247,23 @@ pub(super) fn is_skeleton(path: &Path) -> bool {
     is_own(&EarlierResult::read(Path::new(stem)), path) || is_of_person(path)
 }
 
+/// What the skeletons of people are called after: the result's name, without the ending that most
+/// captures have.
+fn stem_of(name: &str) -> &str {
+    let end = name.len().saturating_sub(".c3d".len());
+    match name.get(end..) {
+        Some(ending) if ending.eq_ignore_ascii_case(".c3d") => &name[..end],
+        _ => name,
+    }
+}
+
 /// Whether a file is the skeleton of one of several people of a result in its folder.
 fn is_of_person(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let folder = path.parent().unwrap_or(Path::new(""));
     let results = motion_files_in(folder).into_iter().filter(|result| {
         let own = result.file_name().unwrap_or_default().to_string_lossy();
-        let stem = own.split('.').next().unwrap_or_default();
-        name.strip_prefix(stem)
+        name.strip_prefix(stem_of(&own))
             .is_some_and(|rest| rest.starts_with('-'))
     });
     let mut results = results.collect::<Vec<_>>().into_iter();
