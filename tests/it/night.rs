@@ -43,7 +43,7 @@ fn a_night_is_told_on_one_page_and_in_one_list() {
     assert!(part(&page, "nameless.csv").contains(by));
     // Each of two people has a file and a picture.
     let of =
-        |person: &str| json!({"person": person, "file": format!("two-{person}.bvh"), "none": null});
+        |person: &str| json!({"person": person, "file": format!("two.csv-{person}.bvh"), "none": null});
     assert_eq!(row("two.csv")["people"], json!([of("Ann"), of("Bob")]));
     let two = part(&page, "two.csv");
     assert_eq!(two.matches("<svg").count(), 2);

@@ -508,7 +508,7 @@ mod tests {
             template: Template::learn(&poses.points, poses.xyz.view(), is_same_person),
         };
         Templates {
-            all: takes.iter().enumerate().map(one).collect(),
+            all: takes.iter().enumerate().map(one).map(Arc::new).collect(),
             ..Templates::default()
         }
     }
