@@ -42,8 +42,10 @@ fn a_night_is_told_on_one_page_and_in_one_list() {
     assert_eq!(row("walk.csv")["named_by"], Value::Null);
     assert!(part(&page, "nameless.csv").contains(by));
     // Each of two people has a file and a picture.
-    let of =
-        |person: &str| json!({"person": person, "file": format!("two.csv-{person}.bvh"), "none": null});
+    let of = |person: &str| {
+        let file = format!("two.csv-{person}.bvh");
+        json!({"person": person, "file": file, "none": null})
+    };
     assert_eq!(row("two.csv")["people"], json!([of("Ann"), of("Bob")]));
     let two = part(&page, "two.csv");
     assert_eq!(two.matches("<svg").count(), 2);

@@ -83,8 +83,8 @@ impl<'a> LooseTracks<'a> {
         })
     }
 
-    /// Frames at about `rate` a second, and more where else fewer than `fewest` of a path that is no
-    /// reflection, or not all of it, are among them; in their order.
+    /// Frames at about `rate` a second, and more where else fewer than `fewest` of a path, or not
+    /// all of it, are among them; in their order. The shortest paths may be reflections.
     pub(super) fn frames_of_all(&self, rate: f64, fewest: usize) -> Vec<usize> {
         let step = ((self.rate / rate).round() as usize).max(1);
         let mut frames: BTreeSet<usize> = (0..self.xyz.nrows()).step_by(step).collect();
