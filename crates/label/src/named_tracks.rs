@@ -3,7 +3,7 @@
 use super::loose_tracks::{LooseTracks, PathLabels};
 use super::naming::Naming;
 use super::templates::Templates;
-use super::tuning::naming::MISSING;
+use super::tuning::naming::{MISSING, MIXED};
 use crate::io::PointMove;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -107,6 +107,13 @@ impl NamedTracks {
     /// Whether something is not sure.
     pub fn is_unsure(&self) -> bool {
         !self.unsure.is_empty() || self.is_other_set()
+    }
+
+    /// Whether tracks of several people may stand under each other's names: some labels are no
+    /// track's while some tracks are no label's.
+    #[doc(hidden)]
+    pub fn may_mix_people(&self) -> bool {
+        self.people > 1 && self.missing.len().min(self.others.len()) >= MIXED
     }
 
     /// Whether so many labels are no track's that these may be of another marker set.

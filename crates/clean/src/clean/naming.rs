@@ -114,7 +114,7 @@ fn best_names<'s>(
 ) -> Option<(&'s Source, NamedTracks)> {
     let named = |source: &'s Source| {
         let names = name_file(file, &*source.model, SURE, &source.like).ok()?;
-        Some((source, names))
+        (!names.may_mix_people()).then_some((source, names))
     };
     let fit_of = |best: &Option<(&Source, NamedTracks)>| best.as_ref().map_or(0.0, |(_, n)| n.fit);
     let mut best: Option<(&Source, NamedTracks)> = None;
