@@ -55,15 +55,9 @@ impl MotionFolder {
                 }
             };
             for path in entries.flatten().map(|entry| entry.path()) {
-                let is_hidden = name_of(&path).to_string_lossy().starts_with('.');
-                if path.is_dir() && !is_hidden {
+                if path.is_dir() && !is_hidden(&path) {
                     folders.push(path);
-                } else if is_motion(&path)
-                    && !is_hidden
-                    && !is_special(&path)
-                    && is_wanted(&path)
-                    && !is_model(&path)
-                {
+                } else if is_motion_file(&path) && is_wanted(&path) && !is_model(&path) {
                     out.files.push((path.clone(), within(&path)));
                 } else if path.is_file() {
                     out.left_out += 1;
@@ -83,13 +77,19 @@ pub fn motion_files_in(folder: &Path) -> Vec<PathBuf> {
         folder => folder,
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let is_wanted = |path: &PathBuf| {
-        let is_hidden = name_of(path).to_string_lossy().starts_with('.');
-        is_motion(path) && !is_hidden && !is_special(path) && !is_model(path)
-    };
+    let is_wanted = |path: &PathBuf| is_motion_file(path) && !is_model(path);
     let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(is_wanted).collect();
     files.sort();
     files
+}
+
+fn is_hidden(path: &Path) -> bool {
+    name_of(path).to_string_lossy().starts_with('.')
+}
+
+/// Whether a path is a file of motion by its name, and not hidden.
+fn is_motion_file(path: &Path) -> bool {
+    is_motion(path) && !is_hidden(path) && !is_special(path)
 }
 
 /// Whether an archive is a model of posing or holds meshes.
