@@ -9,35 +9,43 @@
 
 use super::label_model::LabelModel;
 use super::marker_distances::Distance;
-use super::tuning::referee::*;
+use super::tuning::body_evidence::*;
 use super::tuning::whole_take::NEAR;
 use super::unlabeled::own_name;
 use crate::pose::point_at;
 use ndarray::{Array2, ArrayView2, s};
+use std::cell::OnceCell;
 
-/// A body that the labels of a person are compared with.
-pub(crate) struct Referee<'a> {
+/// The labels of a person and the body that they are compared with.
+pub(crate) struct BodyEvidence<'a> {
     model: &'a dyn LabelModel,
     /// (frames, 3 P), cm.
     xyz: ArrayView2<'a, f64>,
     /// The point that is each label.
     points: Vec<Option<usize>>,
+    /// How badly each fits as it is named, once that is asked for.
+    as_named: OnceCell<Option<Vec<f64>>>,
 }
 
-impl<'a> Referee<'a> {
-    /// Of those of the `points` of a person, by their names among all, whose labels the body has;
-    /// `None` where it has few of them.
+impl<'a> BodyEvidence<'a> {
+    /// Takes the `points` of a person, by their names among all, whose labels the body has; `None`
+    /// where these are few.
     pub(crate) fn new(
         model: &'a dyn LabelModel,
         names: &[String],
         points: &[usize],
         xyz: ArrayView2<'a, f64>,
-    ) -> Option<Referee<'a>> {
+    ) -> Option<BodyEvidence<'a>> {
         let is = |p: &usize, label: &String| own_name(&names[*p]) == label;
         let of = |label: &String| points.iter().copied().find(|p| is(p, label));
         let points: Vec<Option<usize>> = model.labels().iter().map(of).collect();
         let known = points.iter().flatten().count();
-        (known >= FEWEST_LABELS).then_some(Referee { model, xyz, points })
+        (known >= FEWEST_LABELS).then_some(BodyEvidence {
+            model,
+            xyz,
+            points,
+            as_named: OnceCell::new(),
+        })
     }
 
     /// How badly each label fits, where `from` says which point's positions each point has in a
@@ -72,6 +80,11 @@ impl<'a> Referee<'a> {
         Some((0..self.points.len()).map(of).collect())
     }
 
+    /// How badly each label fits as it is named.
+    fn as_named(&self) -> Option<&Vec<f64>> {
+        self.as_named.get_or_init(|| self.costs(&|_, p| p)).as_ref()
+    }
+
     /// How badly the labels fit, where `from` says which point's positions each point has in a
     /// frame.
     pub(crate) fn cost(&self, from: &dyn Fn(usize, usize) -> usize) -> Option<f64> {
@@ -86,17 +99,14 @@ impl<'a> Referee<'a> {
             Some(k) => pairs[k ^ 1],
             None => p,
         };
-        let as_named = |_: usize, p: usize| p;
         let all = pairs.iter().all(has);
-        all.then(|| Some(self.cost(&as_named)? - self.cost(&other)?))?
+        all.then(|| Some(self.as_named()?.iter().sum::<f64>() - self.cost(&other)?))?
     }
 
     /// Pairs of near points that both fit badly, one of them very, and fit exchanged; the clearest
     /// first, with its gain.
     pub(crate) fn exchanged(&self) -> Vec<(f64, [usize; 2])> {
-        let as_named = |_: usize, p: usize| p;
-        let costs = self.costs(&as_named).unwrap_or_default();
-        let odd: Vec<(f64, usize)> = (costs.iter().zip(&self.points))
+        let odd: Vec<(f64, usize)> = (self.as_named().into_iter().flatten().zip(&self.points))
             .filter_map(|(cost, point)| Some((*cost, (*point)?)))
             .filter(|(cost, _)| *cost >= ODD)
             .collect();

@@ -1,14 +1,14 @@
 //! What the body says of labels that labeled takes or the mirror image say are exchanged in every
 //! frame of a take, and which it says so of by itself.
 
+use super::body_evidence::BodyEvidence;
 use super::label_model::LabelModel;
 use super::label_settings::LabelSettings;
 use super::marker_distances::Distances;
 use super::mirror::{Mirror, image};
 use super::people::Person;
-use super::referee::Referee;
 use super::templates::{WholeTake, WholeTakeKind};
-use super::tuning::referee::{NO_OBJECTION, SURE, TOLD};
+use super::tuning::body_evidence::{NO_OBJECTION, SURE, TOLD};
 use ndarray::{ArrayView2, Axis};
 
 /// What is found to be wrong in every frame of a take, as the body says: without what it objects
@@ -28,8 +28,8 @@ pub(super) fn judged(
         let is_own = |whole: &WholeTake| whole.points.iter().all(|p| person.points.contains(p));
         let (own, others) = left.into_iter().partition(is_own);
         left = others;
-        match Judge::new(body, person, names, xyz) {
-            Some(judge) => out.extend(judge.judged(own, settings.are_by_like)),
+        match PersonLabels::new(body, person, names, xyz) {
+            Some(labels) => out.extend(labels.judged(own, settings.named_by_like)),
             None => out.extend::<Vec<WholeTake>>(own),
         }
     }
@@ -38,30 +38,30 @@ pub(super) fn judged(
 }
 
 /// The labels of a person and their body.
-struct Judge<'a> {
-    referee: Referee<'a>,
+struct PersonLabels<'a> {
+    evidence: BodyEvidence<'a>,
     person: &'a Person,
     names: Vec<String>,
     xyz: ArrayView2<'a, f64>,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> PersonLabels<'a> {
     fn new(
         body: &'a dyn LabelModel,
         person: &'a Person,
         names: &[String],
         xyz: ArrayView2<'a, f64>,
-    ) -> Option<Judge<'a>> {
+    ) -> Option<PersonLabels<'a>> {
         let own = |p: &usize| person.own_name(&names[*p]).to_string();
-        Some(Judge {
-            referee: Referee::new(body, names, &person.points, xyz)?,
+        Some(PersonLabels {
+            evidence: BodyEvidence::new(body, names, &person.points, xyz)?,
             names: person.points.iter().map(own).collect(),
             person,
             xyz,
         })
     }
 
-    fn judged(&self, found: Vec<WholeTake>, are_by_like: bool) -> Vec<WholeTake> {
+    fn judged(&self, found: Vec<WholeTake>, named_by_like: bool) -> Vec<WholeTake> {
         let has_hand = found.iter().any(|whole| whole.kind == WholeTakeKind::Hand);
         if has_hand {
             return found;
@@ -71,7 +71,7 @@ impl<'a> Judge<'a> {
                 gain >= SURE && (self.other_side_is_right(pair) || self.mirror_agrees(pair));
             WholeTake::by_body(pair.to_vec(), is_sure)
         };
-        let by_body: Vec<WholeTake> = self.referee.exchanged().into_iter().map(sure_of).collect();
+        let by_body: Vec<WholeTake> = self.evidence.exchanged().into_iter().map(sure_of).collect();
         let meets = |whole: &WholeTake, others: &[WholeTake]| {
             let mut all = others.iter().flat_map(|other| &other.points);
             all.any(|p| whole.points.contains(p))
@@ -80,7 +80,7 @@ impl<'a> Judge<'a> {
         let is_other = |w: &WholeTake| w.kind != WholeTakeKind::EitherSide || !meets(w, &by_body);
         let found = found.into_iter().filter(is_other);
         let mut out: Vec<WholeTake> = found
-            .filter_map(|whole| self.of(whole, are_by_like))
+            .filter_map(|whole| self.of(whole, named_by_like))
             .collect();
         for whole in by_body {
             if !meets(&whole, &out) {
@@ -91,13 +91,13 @@ impl<'a> Judge<'a> {
     }
 
     /// What the body makes of what something else says.
-    fn of(&self, whole: WholeTake, are_by_like: bool) -> Option<WholeTake> {
+    fn of(&self, whole: WholeTake, named_by_like: bool) -> Option<WholeTake> {
         match (whole.kind, &whole.points[..]) {
             (WholeTakeKind::Exchanged, [_, _]) => {
-                let gain = self.referee.gain(&whole.points);
+                let gain = self.evidence.gain(&whole.points);
                 let is_sure = whole.is_sure
                     || gain.is_some_and(|gain| gain >= SURE)
-                    || are_by_like && gain.is_none_or(|gain| gain >= NO_OBJECTION);
+                    || named_by_like && gain.is_none_or(|gain| gain >= NO_OBJECTION);
                 let is_wrong = !is_sure && gain.is_some_and(|gain| gain <= -TOLD);
                 (!is_wrong).then_some(WholeTake { is_sure, ..whole })
             }
@@ -107,7 +107,7 @@ impl<'a> Judge<'a> {
                 if half != 2 {
                     return Some(whole);
                 }
-                let gains = sides.map(|side| self.referee.gain(side));
+                let gains = sides.map(|side| self.evidence.gain(side));
                 let [Some(one), Some(other)] = gains else {
                     return Some(whole);
                 };
@@ -136,7 +136,9 @@ impl<'a> Judge<'a> {
         let [Some(a), Some(b)] = pair.map(image) else {
             return false;
         };
-        self.referee.gain(&[a, b]).is_some_and(|gain| gain <= -TOLD)
+        self.evidence
+            .gain(&[a, b])
+            .is_some_and(|gain| gain <= -TOLD)
     }
 
     /// Whether the sides of the body say that two points are exchanged, or differ less once they

@@ -17,7 +17,7 @@ pub struct LabelSettings {
     pub like: Arc<Templates>,
     /// Whether labels come from these takes, which are right where both differ and the body does
     /// not object.
-    pub are_by_like: bool,
+    pub named_by_like: bool,
     /// The body that the labels are on, which decides where nothing else does.
     pub body: Option<Arc<dyn LabelModel>>,
     /// Pairs of points that are exchanged in every frame, in takes that have both.
@@ -32,7 +32,7 @@ impl Default for LabelSettings {
             keep: Vec::new(),
             take_out: true,
             like: Arc::default(),
-            are_by_like: false,
+            named_by_like: false,
             body: None,
             exchange: Vec::new(),
             option_names: OptionNames::default(),

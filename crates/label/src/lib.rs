@@ -15,6 +15,7 @@
 use posing_core::{Error, Place, Result, error, numeric, pose};
 use posing_io as io;
 
+mod body_evidence;
 mod body_exchanges;
 #[doc(hidden)]
 pub mod changes;
@@ -51,7 +52,6 @@ mod posture_fit;
 mod posture_labels;
 mod posture_model;
 mod posture_search;
-mod referee;
 #[doc(hidden)]
 pub mod relabeling;
 pub(crate) mod repair;

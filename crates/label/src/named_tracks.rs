@@ -5,6 +5,7 @@ use super::naming::Naming;
 use super::templates::Templates;
 use super::tuning::naming::{MISSING, MIXED};
 use crate::io::PointMove;
+use crate::pose::{Poses, point_at};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -58,6 +59,9 @@ pub struct MovedFragment {
     /// The track in whose column it is, by the name that that had; `None`: no column was free, and
     /// it was taken out.
     pub to: Option<String>,
+    /// Where it was, frame by frame, cm, y up, where it was taken out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub positions: Vec<[f64; 3]>,
 }
 
 /// Tracks that a line names.
@@ -89,12 +93,21 @@ impl NamedTracks {
     pub(super) fn new(
         moves: Vec<PointMove>,
         names: Vec<(usize, String)>,
-        points: &[String],
+        poses: &Poses,
     ) -> NamedTracks {
+        let points = &poses.points;
         let moved = moves.iter().map(|m| MovedFragment {
             track: points[m.from].clone(),
             frames: [m.frames.start, m.frames.end],
             to: m.to.map(|to| points[to].clone()),
+            positions: match m.to {
+                Some(_) => Vec::new(),
+                None => m
+                    .frames
+                    .clone()
+                    .map(|t| point_at(poses.xyz.view(), t, m.from).to_array())
+                    .collect(),
+            },
         });
         NamedTracks {
             moved: moved.collect(),

@@ -25,7 +25,7 @@ use std::sync::Arc;
 /// as the labeled takes of `like` have it: `Ann:LFHD`.
 ///
 /// # Errors
-/// Those of the model.
+/// Errors of the model; no body is found.
 pub fn name_tracks(
     poses: &Poses,
     rate: f64,
@@ -59,7 +59,7 @@ pub fn name_tracks(
         .for_each(|label| *label = label.filter(|l| hosts.has(*l)));
     let moves = hosts.moves(&tracks, &labels);
     let names = naming.names(&labels, like);
-    let mut named = NamedTracks::new(moves, hosts.names(&names), &poses.points);
+    let mut named = NamedTracks::new(moves, hosts.names(&names), poses);
     named.are_like = are_like;
     named.like = Arc::new(like_people);
     named.tell(

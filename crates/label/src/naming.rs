@@ -52,7 +52,7 @@ pub(super) struct Naming<'a> {
 }
 
 impl<'a> Naming<'a> {
-    /// Of one person, whose any path may be.
+    /// Labels of one person, whose any path may be.
     pub(super) fn new(tracks: &'a LooseTracks<'a>, model: &'a dyn LabelModel) -> Naming<'a> {
         Naming {
             tracks,

@@ -67,7 +67,7 @@ impl NextFragments {
         n.ok().map(|n| self.links[n])
     }
 
-    /// Those that leave and reach the fragments of a link.
+    /// The links that leave and reach the fragments of a link.
     pub(crate) fn beside(&self, link: &Link) -> impl Iterator<Item = Link> {
         let to = link.to;
         let reaching = self.before.get(&to).map(|&from| Link { from, to });
@@ -79,7 +79,7 @@ impl NextFragments {
         self.beside(link).any(|other| other != *link)
     }
 
-    /// Those that beside some links lead from a label to itself by fragments without one.
+    /// The links that, beside some others, lead from a label to itself by fragments without one.
     pub(crate) fn closing(
         &self,
         links: &[Link],

@@ -7,7 +7,7 @@
 use super::marker_distances::Distances;
 use super::mirror::image;
 use super::tuning::people::*;
-use super::unlabeled::{is_computed, labeled, own_name};
+use super::unlabeled::{labeled, marker_labels, own_name};
 use crate::Result;
 use ndarray::{ArrayView2, Axis, s};
 use std::collections::{BTreeMap, BTreeSet};
@@ -49,13 +49,13 @@ pub fn people(points: &[String], labels: &[usize], xyz: ArrayView2<'_, f64>) -> 
 /// The people whose markers some points are: labels that are not computed from others, nor at the
 /// origin in every frame.
 pub(crate) fn people_of_markers(points: &[String], xyz: ArrayView2<'_, f64>) -> Vec<Person> {
-    let mut labels = labeled(points);
+    let mut labels = marker_labels(points);
     let is_somewhere = |p: usize| {
         xyz.slice(s![.., 3 * p..3 * p + 3])
             .iter()
             .any(|v| *v != 0.0)
     };
-    labels.retain(|p| !is_computed(&points[*p], points) && is_somewhere(*p));
+    labels.retain(|p| is_somewhere(*p));
     people(points, &labels, xyz)
 }
 

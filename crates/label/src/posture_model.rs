@@ -6,7 +6,7 @@
 
 use super::marker_distances::{Distance, Distances};
 use super::tuning::posture_model::*;
-use super::unlabeled::{is_computed, is_unlabeled, own_name};
+use super::unlabeled::{is_unlabeled, marker_labels, own_name};
 use crate::numeric::statistics::median;
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::zeros::Zeros;
@@ -44,10 +44,9 @@ impl PostureModel {
     pub fn learn(takes: &[&Poses]) -> Result<PostureModel> {
         let mut labels: Vec<String> = Vec::new();
         for take in takes {
-            for name in &take.points {
-                let own = own_name(name);
-                let is_label = !is_unlabeled(name) && !is_computed(name, &take.points);
-                if is_label && !labels.iter().any(|l| l == own) {
+            for p in marker_labels(&take.points) {
+                let own = own_name(&take.points[p]);
+                if !labels.iter().any(|l| l == own) {
                     labels.push(own.to_string());
                 }
             }

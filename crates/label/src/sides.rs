@@ -1,12 +1,12 @@
 //! Which side of an exchange is right: the longer one, of long exchanges the one that fits the
 //! body's mirror image.
 
+use super::body_evidence::BodyEvidence;
 use super::fragments::Fragment;
 use super::identities::{Course, Exchange, Followed};
 use super::labeled_take::LabeledTake;
 use super::mirror::Mirror;
-use super::referee::Referee;
-use super::tuning::referee::TOLD;
+use super::tuning::body_evidence::TOLD;
 use super::tuning::sides::*;
 use crate::pose::point_at;
 use ndarray::ArrayView2;
@@ -141,7 +141,7 @@ impl LabeledTake<'_> {
         followed: &Followed,
     ) -> Option<(usize, SideBy)> {
         let own: Vec<usize> = (0..self.labels).collect();
-        let referee = Referee::new(self.body?, self.names, &own, self.xyz)?;
+        let evidence = BodyEvidence::new(self.body?, self.names, &own, self.xyz)?;
         let cost = |group: &Group| {
             let wrong = exchanged(labels, followed, group.state);
             let from = |t: usize, point: usize| {
@@ -149,7 +149,7 @@ impl LabeledTake<'_> {
                 let to = at.and_then(|e| Some(e.to[e.labels.iter().position(|l| *l == point)?]));
                 to.unwrap_or(point)
             };
-            Some((referee.cost(&from)?, group.state))
+            Some((evidence.cost(&from)?, group.state))
         };
         let mut costs = groups.iter().map(cost).collect::<Option<Vec<_>>>()?;
         costs.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -9,6 +9,7 @@ use super::tuning::person_template::FEWEST_LABELS;
 use super::tuning::whole_take::MOST_LABELS;
 use super::whole_take::groups;
 use crate::io::MotionFile;
+use crate::io::motion_folder::name_of;
 use crate::pose::Poses;
 use crate::pose::zeros::Zeros;
 use crate::{Error, Place, Result};
@@ -47,8 +48,7 @@ impl Named {
         if !self.person.is_empty() {
             return self.person.clone();
         }
-        let file = Path::new(&self.take).file_name().unwrap_or_default();
-        let file = file.to_string_lossy();
+        let file = name_of(Path::new(&self.take)).display().to_string();
         file.split('.').next().unwrap_or_default().to_string()
     }
 }
@@ -188,10 +188,7 @@ impl Templates {
     /// The files of the takes, without their folders.
     #[doc(hidden)]
     pub fn files(&self) -> Vec<String> {
-        let file = |t: &Arc<Named>| {
-            let name = Path::new(&t.take).file_name().unwrap_or_default();
-            name.to_string_lossy().into_owned()
-        };
+        let file = |t: &Arc<Named>| name_of(Path::new(&t.take)).display().to_string();
         let mut files: Vec<String> = self.all.iter().map(file).collect();
         files.dedup();
         files

@@ -44,6 +44,14 @@ pub fn labeled(points: &[String]) -> Vec<usize> {
     all.filter(|p| !is_unlabeled(&points[*p])).collect()
 }
 
+/// The names of `points` that are markers' labels, as indices among them: those of what was not
+/// computed from others.
+pub fn marker_labels(points: &[String]) -> Vec<usize> {
+    let mut labels = labeled(points);
+    labels.retain(|p| !is_computed(&points[*p], points));
+    labels
+}
+
 /// The poses of the `points` of some that have a label.
 pub fn labeled_poses<'a>(poses: &'a Poses, points: &[usize]) -> Cow<'a, Poses> {
     if points.len() == poses.points.len() {

@@ -5,9 +5,9 @@ use super::name_source::Source;
 use super::record::Fingerprint;
 use crate::io::MotionFile;
 use crate::io::motion_file::ReadRules;
-use crate::io::motion_folder::motion_files_in;
+use crate::io::motion_folder::{motion_files_in, name_of};
 use crate::label::people::named_people;
-use crate::label::unlabeled::{is_computed, labeled, own_name};
+use crate::label::unlabeled::{marker_labels, own_name};
 use crate::label::{LabelSettings, check_labels};
 use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, point_at};
@@ -35,7 +35,7 @@ pub(super) struct LabeledBeside {
 /// What the labeled takes of a folder say.
 #[derive(Default)]
 pub(super) struct LabeledTakes {
-    /// Those of each marker set.
+    /// What the takes of each marker set say.
     pub sources: Vec<Source>,
     /// Takes that name nothing, and why, a line each.
     pub passed_over: Vec<String>,
@@ -71,7 +71,7 @@ impl LabeledTakes {
             let Some(take) = Labeled::open(&path, rules) else {
                 continue;
             };
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let name = name_of(&path).display().to_string();
             digest.update(format!("{name} {}\n", take.sha256));
             match take.put_right() {
                 Err(why) => {
@@ -100,8 +100,7 @@ fn candidates(folder: &Path) -> Vec<PathBuf> {
     let mut files = motion_files_in(folder);
     files.retain(|path| !EarlierResult::read(path).has_record());
     let rank = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let name = name.to_lowercase();
+        let name = name_of(path).to_string_lossy().to_lowercase();
         let size = std::fs::metadata(path).map_or(u64::MAX, |m| m.len());
         (!STATICS.iter().any(|s| name.contains(s)), size)
     };
@@ -148,11 +147,9 @@ impl Labeled {
 /// The labels of markers that are seen.
 pub(super) fn labels_of(poses: &Poses) -> BTreeSet<String> {
     let poses = &*Zeros::emptied(poses);
-    let is_seen = |p: &usize| {
-        (0..poses.frames()).any(|t| point_at(poses.xyz.view(), t, *p).is_finite())
-            && !is_computed(&poses.points[*p], &poses.points)
-    };
-    let seen = labeled(&poses.points).into_iter().filter(is_seen);
+    let is_seen =
+        |p: &usize| (0..poses.frames()).any(|t| point_at(poses.xyz.view(), t, *p).is_finite());
+    let seen = marker_labels(&poses.points).into_iter().filter(is_seen);
     seen.map(|p| own_name(&poses.points[p]).to_string())
         .collect()
 }

@@ -1,6 +1,7 @@
 //! What names tracks without names: labeled takes, or a marker set.
 
 use crate::io::MotionFile;
+use crate::io::motion_folder::name_of;
 use crate::label::{LabelModel, PostureModel, Templates};
 use crate::pose::Poses;
 use crate::prior::provenance::hex;
@@ -29,7 +30,7 @@ pub struct NamingSettings {
 }
 
 impl NamingSettings {
-    /// Those of labeled takes and of a marker set.
+    /// What labeled takes and a marker set say.
     ///
     /// # Errors
     /// The takes say nothing of labels, or the set has too few markers.
@@ -64,7 +65,8 @@ impl Source {
     /// What labeled takes of one marker set say: by the body that they are on, if they are, and by
     /// their postures alone; why they say nothing.
     pub(super) fn of_takes(files: Vec<MotionFile>) -> Result<Vec<Source>> {
-        let names: Vec<String> = files.iter().map(|f| file_name(&f.table.name)).collect();
+        let name = |f: &MotionFile| name_of(Path::new(&f.table.name)).display().to_string();
+        let names: Vec<String> = files.iter().map(name).collect();
         let by = called(&names);
         let takes = files.iter().map(MotionFile::poses);
         let takes: Vec<&Poses> = takes.take(MOST_LEARNED).collect();
@@ -109,7 +111,11 @@ impl Source {
     }
 }
 
-fn digest(set: &MarkerSet) -> Result<String> {
+/// What tells a set from others.
+///
+/// # Errors
+/// None for sets of finite numbers.
+pub(super) fn digest(set: &MarkerSet) -> Result<String> {
     Ok(hex(&Sha256::digest(set.to_json()?)))
 }
 
@@ -119,10 +125,4 @@ pub(super) fn called(files: &[String]) -> String {
         0..=MOST_CALLED => files.join(" and "),
         n => format!("{} and {} more", files[..2].join(", "), n - 2),
     }
-}
-
-/// A file's name without its folder.
-fn file_name(path: &str) -> String {
-    let name = Path::new(path).file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
 }

@@ -33,7 +33,7 @@ impl<'a> Opened<'a> {
         let (mut run, capture, file) = self.read()?;
         check(&run, &file)?;
         let settings = run.settings;
-        let (file, named) = named(file, &run)?;
+        let (file, named) = named(file, &run);
         if named.is_some() {
             run.made_from.labeled_beside = Some(run.labeled_beside().digest.clone());
         }

@@ -8,7 +8,7 @@ use super::marker_solver::too_few;
 use super::person::{Calibrated, calibrated};
 use super::tuning::learning::*;
 use super::tuning::{BUILT_IN, FEWEST_MARKERS, FRAMES, LEAST_PEOPLE};
-use crate::label::unlabeled::{is_computed, is_unlabeled, own_name};
+use crate::label::unlabeled::{marker_labels, own_name};
 use crate::numeric::statistics::median;
 use crate::pose::zeros::Zeros;
 use crate::pose::{Poses, point_at};
@@ -125,10 +125,7 @@ fn other_markers(
     let postures = person.postures(&rows)?;
     let points = &markers.points;
     let known: Vec<usize> = set.markers(points).iter().map(|m| m.point).collect();
-    let is_other = |p: &usize| {
-        let name = &points[*p];
-        !known.contains(p) && !is_unlabeled(name) && !is_computed(name, points)
-    };
+    let is_other = |p: &usize| !known.contains(p);
     let on_bone = |p: usize, bone: usize| {
         let seen = rows.iter().zip(&postures).filter_map(|(t, posture)| {
             let at = point_at(markers.xyz.view(), *t, p);
@@ -164,5 +161,6 @@ fn other_markers(
         let landmark = Landmark::new(&bones[bone].name, along, [at, DVec3::splat(OTHER_SD)]);
         Some((own_name(&points[p]).to_string(), landmark, at))
     };
-    Ok((0..points.len()).filter(is_other).filter_map(of).collect())
+    let others = marker_labels(points).into_iter().filter(is_other);
+    Ok(others.filter_map(of).collect())
 }

@@ -5,7 +5,7 @@ use super::body_labels::BodyModel;
 use super::marker_sets::MarkerSet;
 use super::tuning::FEWEST_MARKERS;
 use super::tuning::naming_model::*;
-use crate::label::unlabeled::{is_computed, is_unlabeled};
+use crate::label::unlabeled::{is_unlabeled, marker_labels};
 use crate::label::{LabelModel, LabelSettings};
 use crate::numeric::statistics::{median, quantile};
 use crate::pose::Poses;
@@ -92,19 +92,13 @@ fn is_on_body(points: &[String], set: Option<&MarkerSet>) -> bool {
         return false;
     };
     let known = set.markers(points).len();
-    known >= FEWEST_MARKERS && 2 * known >= labels(points).len()
-}
-
-/// The points that are labels.
-fn labels(points: &[String]) -> Vec<usize> {
-    let is_label = |p: &usize| !is_unlabeled(&points[*p]) && !is_computed(&points[*p], points);
-    (0..points.len()).filter(is_label).collect()
+    known >= FEWEST_MARKERS && 2 * known >= marker_labels(points).len()
 }
 
 /// Whether most of the tracks of a take have labels.
 fn is_labeled(take: &Poses) -> bool {
     let nameless = take.points.iter().filter(|p| is_unlabeled(p)).count();
-    labels(&take.points).len() >= FEWEST_LABELS.max(nameless)
+    marker_labels(&take.points).len() >= FEWEST_LABELS.max(nameless)
 }
 
 /// Whether half of the labels of a take hardly move.
@@ -119,7 +113,7 @@ fn stands(take: &Poses) -> bool {
         let all = [0, 1, 2].map(of).into_iter().flatten();
         all.reduce(f64::max)
     };
-    let all = labels(&take.points).into_iter().filter_map(moves);
+    let all = marker_labels(&take.points).into_iter().filter_map(moves);
     median(all.collect()).is_some_and(|moves| moves < STILL)
 }
 
