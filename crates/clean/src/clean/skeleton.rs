@@ -2,21 +2,19 @@
 //! centers as a table.
 
 use super::earlier_result::EarlierResult;
+use super::name_source::digest;
 use super::person::picture;
 use super::record::Fingerprint;
 use crate::gait::GivenValues;
-use crate::io::motion_folder::motion_files_in;
 use crate::io::output::write_file;
 use crate::io::{MotionFile, Output};
 use crate::label::people::people_by_name;
 use crate::pose::{Poses, Status};
-use crate::prior::provenance::hex;
 use crate::restore::Restoration;
 use crate::solve::{JointSet, MarkerSet, SolveSettings, solve};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 /// How the markers of takes are solved for skeletons, or for joint centers.
@@ -50,7 +48,7 @@ impl SkeletonSettings {
     pub(super) fn recorded(&self) -> Result<Value> {
         let set = match &self.set {
             None => json!("auto"),
-            Some(set) => json!(hex(&Sha256::digest(set.to_json()?))),
+            Some(set) => json!(digest(set)?),
         };
         Ok(match self.joints {
             JointSet::Cmu => set,
@@ -260,12 +258,8 @@ fn stem_of(name: &str) -> &str {
 /// Whether a file is the skeleton of one of several people of a result in its folder.
 fn is_of_person(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let results = motion_files_in(folder).into_iter().filter(|result| {
-        let own = result.file_name().unwrap_or_default().to_string_lossy();
-        name.strip_prefix(stem_of(&own))
-            .is_some_and(|rest| rest.starts_with('-'))
-    });
-    let mut results = results.collect::<Vec<_>>().into_iter();
-    results.any(|result| is_own(&EarlierResult::read(&result), path))
+    // The result's name stands before one of the dashes.
+    let stems = name.match_indices('-').map(|(at, _)| &name[..at]);
+    let mut results = stems.flat_map(|stem| ["", ".c3d", ".C3D"].map(|end| format!("{stem}{end}")));
+    results.any(|result| is_own(&EarlierResult::read(&path.with_file_name(result)), path))
 }
