@@ -1,6 +1,6 @@
 //! `clean` of takes whose tracks have no names.
 
-use crate::common::command;
+use crate::common::{command, shared};
 use posing::io::MotionFile;
 use posing::io::motion_file::ReadOptions;
 use posing::pose::{Poses, point_at};
@@ -162,6 +162,9 @@ fn two_people_without_names_are_two() {
     }
     let record = night.record("both.csv");
     assert_eq!(record["named"]["by"], "pig");
+    // The sides of one are not those of another: the body is no mirror image.
+    let findings = record["summary"]["findings"].to_string();
+    assert!(!findings.contains("mirror"), "{findings}");
     // The skeletons are results, and no captures of another run.
     let again = command("clean")
         .current_dir(night.at(""))
@@ -205,6 +208,52 @@ fn people_who_come_one_after_another_are_not_one() {
     assert!(!night.at("solved/relay.csv.bvh").exists());
     let record = night.record("relay.csv");
     assert_eq!(record["labels"]["named"]["people"], 2);
+}
+
+#[test]
+fn who_leaves_and_returns_is_one() {
+    let gait = example("biomechanist/gait.c3d");
+    let frames = gait.frames();
+    let mut seen = gait.clone();
+    let away = frames / 3..frames / 3 + 40;
+    seen.xyz.slice_mut(ndarray::s![away, ..]).fill(f64::NAN);
+    let [mut early, mut late] = [seen.clone(), seen.clone()];
+    // Other tracks after than before.
+    late.xyz
+        .slice_mut(ndarray::s![..frames / 3, ..])
+        .fill(f64::NAN);
+    early
+        .xyz
+        .slice_mut(ndarray::s![frames / 3.., ..])
+        .fill(f64::NAN);
+    let tracks = [(&early, [0.0; 3]), (&late, [0.0; 3])];
+    let night = Night::new(&[("walk.csv", table(&tracks, nameless))]);
+    night.clean(&["--solve"]);
+    let named = night.record("walk.csv")["labels"]["named"].clone();
+    assert_eq!(named["people"], 1, "{named}");
+    assert_eq!(named["labels"].as_array().unwrap().len(), gait.points.len());
+    assert!(night.at("solved/walk.csv.bvh").exists());
+}
+
+#[test]
+fn the_body_says_which_side_of_an_exchange_behind_a_gap_is_right() {
+    let Some(trust) = shared("data/trust") else {
+        return;
+    };
+    let take = trust.join("swap-of-heads-behind-gap.c3d.gz");
+    let out = command("label")
+        .arg(take)
+        .args(["--dry-run", "--json"])
+        .output()
+        .unwrap();
+    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let labels = &said["files"][0]["labels"];
+    assert_eq!(
+        labels["changes"][0]["frames"],
+        serde_json::json!([100, 220]),
+        "{said}"
+    );
+    assert_eq!(labels["changes"][0]["side"], "body", "{said}");
 }
 
 #[test]

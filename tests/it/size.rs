@@ -19,7 +19,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("io", 15_100),
     ("joints", 8_400),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
-    // names, the body as a referee, and loose pieces that close gaps.
+    // names, the body as evidence, and loose pieces that close gaps.
     ("label", 6_480),
     ("likeness", 4_550),
     ("models", 10_800),
