@@ -7,6 +7,7 @@
 //! they store of directions has those of the back end that it was learned with: projections of
 //! metrics, factors of mixtures, latent points, shape components and the numbers that go with them.
 
+mod gram;
 // Tests have both.
 #[cfg(any(test, not(feature = "openblas")))]
 mod faer;
@@ -18,6 +19,7 @@ use self::faer::Faer as Chosen;
 #[cfg(feature = "openblas")]
 use self::openblas::OpenBlas as Chosen;
 
+pub use self::gram::gram;
 use ndarray::{Array1, Array2, s};
 use std::fmt::Debug;
 
