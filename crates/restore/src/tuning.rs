@@ -52,6 +52,8 @@ pub(crate) mod upright {
     /// most 2.9 times for three points and 1.96 for more; tilted by 60 degrees, in the median 6 to
     /// 9 and 2.3 to 7.5.
     pub(crate) const NOT_UP: (f64, f64) = (4.0, 2.0);
+    /// What rounding leaves of an exact fit, cm².
+    pub(crate) const ROUNDING: f64 = 1e-8;
     pub(crate) const MANY_POINTS: usize = 6;
 }
 

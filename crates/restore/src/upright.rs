@@ -109,7 +109,8 @@ impl UprightPoses {
             };
             let misfits = tilted.rows().into_iter().filter_map(misfit);
             upright += nearest.square;
-            free += misfits.fold(f64::INFINITY, f64::min).min(nearest.square);
+            let least = misfits.fold(f64::INFINITY, f64::min);
+            free += least.min(nearest.square).max(ROUNDING);
             most = most.max(seen.len());
         }
         let limit = if most >= MANY_POINTS {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 /// The position of a point in a frame of `xyz` (frames, 3 J), cm; NaN where it is missing.
 #[doc(hidden)]
+#[inline]
 pub fn point_at(xyz: ArrayView2<'_, f64>, frame: usize, point: usize) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|axis| xyz[[frame, 3 * point + axis]]))
 }

@@ -1,6 +1,6 @@
 //! The similarity that carries one set of points onto another (Horn 1987, by unit quaternions).
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// `y = scale · rotation · x + shift`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,11 +29,13 @@ impl Similarity {
 
     /// Where `x` is carried.
     #[doc(hidden)]
+    #[inline]
     pub fn apply(&self, x: DVec3) -> DVec3 {
         self.rotation * x * self.scale + self.shift
     }
     /// Where `y` came from.
     #[doc(hidden)]
+    #[inline]
     pub fn undo(&self, y: DVec3) -> DVec3 {
         self.rotation.transpose() * (y - self.shift) / self.scale
     }
@@ -179,14 +181,63 @@ pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
             zz - xx - yy,
         ],
     ];
+    if let Some((value, v)) = largest_eigenpair(m, &n) {
+        return (rotation_of(v), value, true);
+    }
     let (values, vectors) = eigen_symmetric(n);
     let mut order = [0, 1, 2, 3];
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    let v = vectors[order[0]];
     let gap = values[order[0]] - values[order[1]];
     let size = values.iter().fold(0.0, |z: f64, v| z.max(v.abs()));
-    let q = DQuat::from_xyzw(v[1], v[2], v[3], v[0]).normalize();
-    (DMat3::from_quat(q), values[order[0]], gap > 1e-9 * size)
+    let rotation = rotation_of(vectors[order[0]]);
+    (rotation, values[order[0]], gap > 1e-9 * size)
+}
+
+/// The rotation of a quaternion, its real part first.
+fn rotation_of(v: [f64; 4]) -> DMat3 {
+    DMat3::from_quat(DQuat::from_xyzw(v[1], v[2], v[3], v[0]).normalize())
+}
+
+/// The largest eigenvalue of Horn's matrix `n` of `m`, and an eigenvector: by Newton's steps on the
+/// characteristic polynomial from above (D. L. Theobald, Acta Crystallographica A 61, 2005), and as
+/// a column of the adjugate. `None` where another eigenvalue is so near that digits would be lost.
+fn largest_eigenpair(m: &DMat3, n: &[[f64; 4]; 4]) -> Option<(f64, [f64; 4])> {
+    let square: f64 = m.to_cols_array().iter().map(|v| v * v).sum();
+    let size = square.sqrt();
+    let [c2, c1, c0] = [
+        -2.0 * square,
+        -8.0 * m.determinant(),
+        DMat4::from_cols_array_2d(n).determinant(),
+    ];
+    let slope = |x: f64| (4.0 * x * x + 2.0 * c2) * x + c1;
+    // Three singular values whose squares add up to `square` add up to no more.
+    let mut value = 3f64.sqrt() * size;
+    for _ in 0..30 {
+        let step = (((value * value + c2) * value + c1) * value + c0) / slope(value);
+        value -= step;
+        if !(step.abs() > 1e-15 * size) {
+            break;
+        }
+    }
+    if !(slope(value) > 1e-2 * size * square) {
+        return None;
+    }
+    let mut left = *n;
+    (0..4).for_each(|i| left[i][i] -= value);
+    let cofactor = |i: usize, j: usize| {
+        let others = |k: usize| [0, 1, 2, 3].into_iter().filter(move |o| *o != k);
+        let mut minor = [[0.0; 3]; 3];
+        for (row, a) in minor.iter_mut().zip(others(i)) {
+            row.iter_mut()
+                .zip(others(j))
+                .for_each(|(v, b)| *v = left[a][b]);
+        }
+        let sign = if (i + j).is_multiple_of(2) { 1.0 } else { -1.0 };
+        sign * DMat3::from_cols_array_2d(&minor).determinant()
+    };
+    let diagonal = [0, 1, 2, 3].map(|k| cofactor(k, k).abs());
+    let column = (0..4).max_by(|a, b| diagonal[*a].total_cmp(&diagonal[*b]))?;
+    Some((value, [0, 1, 2, 3].map(|k| cofactor(k, column))))
 }
 
 /// Eigenvalues and unit eigenvectors of a small symmetric matrix, by Jacobi's rotations.
@@ -213,8 +264,8 @@ pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64
                     continue;
                 }
                 let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
                 let s = t * c;
                 for k in 0..N {
                     let (kp, kq) = (a[k][p], a[k][q]);
@@ -282,6 +333,31 @@ mod tests {
         let fit = fit_similarity(pairs, TransformKind::Rigid).unwrap();
         assert!((fit.similarity.rotation.determinant() - 1.0).abs() <= 1e-12);
         assert!(fit.error > 0.1);
+    }
+
+    #[test]
+    fn the_nearest_rotation_is_that_of_the_eigenvectors() {
+        for seed in 0..400 {
+            let part = |k: usize| (((seed * 9 + k) as f64 * 12.9898).sin() * 43758.5453).fract();
+            let mut m = DMat3::from_cols_array(&std::array::from_fn(part))
+                * 10f64.powi(seed as i32 % 7 - 3);
+            if seed % 3 == 0 {
+                // Points in a plane, and nearly on a line.
+                m *= DMat3::from_diagonal(DVec3::new(1.0, 0.1f64.powi(seed as i32 % 5), 0.0));
+            }
+            let (rotation, gain, determined) = nearest_rotation(&m);
+            assert!((rotation * m).to_cols_array().iter().all(|v| v.is_finite()) && determined);
+            let of = |r: DMat3| (r * m).x_axis.x + (r * m).y_axis.y + (r * m).z_axis.z;
+            let size = gain.abs();
+            assert!((of(rotation) - gain).abs() <= 1e-12 * size, "{seed}");
+            // No turn gains.
+            for axis in DVec3::AXES {
+                for by in [1e-3, -1e-3, 0.4, 2.0, -2.0] {
+                    let turned = from_rotation_vector(axis * by) * rotation;
+                    assert!(of(turned) <= gain + 1e-12 * size, "{seed}");
+                }
+            }
+        }
     }
 
     #[test]
