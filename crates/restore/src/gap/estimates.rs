@@ -4,7 +4,7 @@
 //! What a regression misses at the gap's ends is known there; it is carried into the gap by the
 //! mean of a ramp and of PCHIP, and where the gap has one end only, it fades within [`FADES`].
 
-use super::regression::Regression;
+use super::regression::{Learned, Prediction, Regression, Wanted};
 use super::tuning::{estimates::*, path::REACH};
 use crate::numeric::{hermite::hermite, pchip::pchip};
 use ndarray::{Array1, Array2, ArrayView2};
@@ -40,6 +40,11 @@ pub(crate) struct GapFrames {
     pub frames: Vec<usize>,
 }
 
+/// Some rows of what is predicted.
+fn rows_of<'a>(all: &'a Array2<f64>, rows: &Range<usize>) -> ArrayView2<'a, f64> {
+    all.slice(ndarray::s![rows.clone(), ..])
+}
+
 /// The variance of estimates (frames, 3 T) about their mean, cm².
 fn spread_of(means: &[Array2<f64>]) -> Array2<f64> {
     let n = means.len() as f64;
@@ -49,41 +54,41 @@ fn spread_of(means: &[Array2<f64>]) -> Array2<f64> {
 }
 
 impl Targets<'_> {
-    /// The estimates for several gaps at once; none of their frames is learned from. `None` where
-    /// there is nothing to learn from.
-    pub(crate) fn estimates(&self, wanted: &[GapFrames]) -> Option<Vec<Estimates>> {
-        let gaps: Vec<Range<usize>> = wanted.iter().map(|w| w.gap.clone()).collect();
-        let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
-        let frames: Vec<usize> = wanted.iter().flat_map(|w| w.frames.clone()).collect();
-        let all_beside: Vec<usize> = beside.iter().flatten().copied().collect();
-        let predictions = self.regression.predict(&gaps, &frames, &all_beside)?;
-        let timed: Vec<bool> = (self.regression.kernels().iter())
-            .map(|k| k.time > 0.0)
-            .collect();
-        let (mut first, mut first_beside) = (0, frames.len());
+    /// The estimates for `gaps`: the one that was learned for, or those simulated for it.
+    pub(crate) fn estimates(
+        &self,
+        learned: &Learned,
+        gaps: &[GapFrames],
+        is_simulated: bool,
+    ) -> Option<Vec<Estimates>> {
+        let hidden: Vec<Range<usize>> = gaps.iter().map(|w| w.gap.clone()).collect();
+        let beside: Vec<Vec<usize>> = hidden.iter().map(|g| self.beside(g, &hidden)).collect();
+        let frames: Vec<usize> = gaps.iter().flat_map(|w| w.frames.clone()).collect();
+        let wanted = Wanted {
+            frames: &frames,
+            beside: &beside.concat(),
+            is_simulated,
+        };
+        let predictions = learned.predict(self.regression, &wanted)?;
+        let (mut first, mut first_beside) = (0, 0);
         let mut out = Vec::new();
-        for (wanted, beside) in wanted.iter().zip(&beside) {
-            let (n, m) = (wanted.frames.len(), beside.len());
-            let rows = |all: &Array2<f64>, from: usize, count: usize| {
-                all.slice(ndarray::s![from..from + count, ..]).to_owned()
+        for (gap, beside) in gaps.iter().zip(&beside) {
+            let rows = first..first + gap.frames.len();
+            let rows_beside = first_beside..first_beside + beside.len();
+            (first, first_beside) = (rows.end, rows_beside.end);
+            let of_gap = |p: &Prediction| {
+                let errors = self.known(beside) - rows_of(&p.beside, &rows_beside);
+                rows_of(&p.mean, &rows).to_owned() + self.bridge(gap, beside, &errors)
             };
-            let mut means: Vec<Array2<f64>> = (predictions.iter())
-                .map(|p| {
-                    let errors = self.known(beside) - rows(&p.mean, first_beside, m);
-                    rows(&p.mean, first, n) + self.bridge(wanted, beside, &errors)
-                })
-                .collect();
-            let mut variance = Array2::zeros((n, self.columns.len()));
-            let known = predictions.iter().zip(&timed).filter(|(_, timed)| **timed);
-            known
-                .clone()
-                .for_each(|(p, _)| variance += &rows(&p.variance, first, n));
-            variance /= known.count().max(1) as f64;
-            variance += &(spread_of(&means[..predictions.len()]) * DISAGREE);
-            means.extend(self.over_time(wanted, &gaps).into_iter().flatten());
+            let mut means: Vec<Array2<f64>> = predictions.iter().map(of_gap).collect();
+            let mut variance = Array2::zeros(means[0].dim());
+            let timed = predictions.iter().filter(|p| !p.variance.is_empty());
+            let count = timed.clone().count().max(1) as f64;
+            timed.for_each(|p| variance += &rows_of(&p.variance, &rows));
+            variance /= count;
+            variance += &(spread_of(&means) * DISAGREE);
+            means.extend(self.over_time(gap, &hidden).into_iter().flatten());
             out.push(Estimates { means, variance });
-            first += n;
-            first_beside += m;
         }
         Some(out)
     }

@@ -7,7 +7,8 @@
 
 use super::tuning::local_poses::*;
 use crate::pose::{Anchor, Similarity};
-use ndarray::{Array2, ArrayView2, s};
+use glam::DVec3;
+use ndarray::{Array2, ArrayView2};
 
 /// What is known of poses: (n, coordinates), cm.
 #[derive(Debug, Clone)]
@@ -43,12 +44,10 @@ impl LocalPoses {
             let placement = anchor.fit(&only);
             if let Some(placement) = &placement {
                 let to = |mut out: ndarray::ArrayViewMut1<'_, f64>, points: &[usize]| {
-                    for (k, p) in points.iter().enumerate() {
-                        let at = row.slice(s![3 * p..3 * p + 3]);
-                        let at = placement.undo([at[0], at[1], at[2]].into());
-                        out[3 * k] = at.x;
-                        out[3 * k + 1] = at.y;
-                        out[3 * k + 2] = at.z;
+                    let out = out.as_slice_mut().unwrap_or_default();
+                    for (out, p) in out.chunks_exact_mut(3).zip(points) {
+                        let at = DVec3::new(row[3 * p], row[3 * p + 1], row[3 * p + 2]);
+                        placement.undo(at).write_to_slice(out);
                     }
                 };
                 to(out.predictors.row_mut(t), predictors);

@@ -22,6 +22,7 @@
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's
 //! training poses share, and by its feet. The constants of all steps stand in `tuning`.
 
+mod conditional;
 mod contacts;
 mod ends;
 mod estimates;

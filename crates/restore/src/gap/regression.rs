@@ -17,13 +17,18 @@
 //! - M: the Matérn 3/2 correlation over time, .21 s, zero between takes and runs.
 //!
 //! Three processes differ in w, τ and whose frames they learn from ([`Kernel`]); [`super::weights`]
-//! says what each is worth. The training frames are spread over the take and dense next to the gap;
-//! of the others, those nearest to the gap's own.
+//! says what each is worth, by gaps that are simulated. The training frames are spread over the
+//! take and dense next to the gap; of the others, those nearest to the gap's own.
+//!
+//! A gap and those simulated for it share training frames, s and h. Those within simulated gaps
+//! come last: the leading rows of the Cholesky factor are the factor without them, and so one
+//! serves both.
 
+use super::conditional::{Conditional, Moments, moments_without};
 use super::local_poses::LocalPoses;
 use super::tuning::regression::*;
-use crate::numeric::linalg::Cholesky;
-use ndarray::{Array1, Array2, ArrayView1, Axis, s};
+use crate::numeric::linalg::{Cholesky, gram};
+use ndarray::{Array1, Array2, ArrayView1, Axis, concatenate, s};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
@@ -60,12 +65,22 @@ pub(crate) struct Regression<'a> {
     pub noise: f64,
 }
 
+/// Frames that are predicted.
+pub(crate) struct Wanted<'a> {
+    /// Frames in gaps, of which a variance is wanted too, and those beside them.
+    pub frames: &'a [usize],
+    pub beside: &'a [usize],
+    /// Whether the gaps are the simulated ones.
+    pub is_simulated: bool,
+}
+
 /// The prediction of one process for some frames.
 #[derive(Debug, Clone)]
 pub(crate) struct Prediction {
-    /// (frames, 3 T), cm.
+    /// Of the wanted frames, and of those beside them (frames, 3 T), cm.
     pub mean: Array2<f64>,
-    /// (frames, 3 T), cm²; of the frames in which it is wanted.
+    pub beside: Array2<f64>,
+    /// (frames, 3 T), cm²; empty of a process without time and of the conditional.
     pub variance: Array2<f64>,
 }
 
@@ -81,87 +96,96 @@ impl Regression<'_> {
         }
     }
 
-    /// Predicts the targets in `frames`, which lie in `gaps`, and then in those `beside` them,
-    /// where no variance is wanted; the gaps' frames are not learned from. One prediction a
-    /// kernel, and last that of the conditional alone, without a variance. `None` where there is
-    /// nothing to learn from.
-    pub(crate) fn predict(
-        &self,
-        gaps: &[Range<usize>],
-        frames: &[usize],
-        beside: &[usize],
-    ) -> Option<Vec<Prediction>> {
-        let sure = frames.len();
-        let frames = &[frames, beside].concat();
+    /// Learns from the frames outside `gap`, to predict those of simulated gaps without what is in
+    /// any of these. `None` where there is nothing to learn from.
+    pub(crate) fn learn(&self, gap: &Range<usize>, simulated: &[Range<usize>]) -> Option<Learned> {
         let with_others = match self.others {
-            Some(others) => Some(Basis::new(self, gaps, Some(others))?),
+            Some(others) => Some(Basis::new(self, gap, simulated, Some(others))?),
             None => None,
         };
         let is_alone = self.kernels().iter().any(|k| !k.others);
         let alone = if is_alone {
-            Some(Basis::new(self, gaps, None)?)
+            Some(Basis::new(self, gap, simulated, None)?)
         } else {
             None
         };
-        let of_kernel = |kernel: &Kernel| {
+        let process = |kernel: &Kernel| {
             let basis = if kernel.others { &with_others } else { &alone };
-            basis.as_ref()?.predict(self, kernel, frames, sure)
+            Process::new(basis.as_ref()?, kernel, self.noise)
         };
-        let mut out: Vec<Prediction> =
-            (self.kernels().iter().map(of_kernel)).collect::<Option<_>>()?;
-        let basis = with_others.as_ref().or(alone.as_ref())?;
-        let mean = basis.linear(&self.own.predictors.select(Axis(0), frames));
-        let variance = Array2::zeros(mean.dim());
-        out.push(Prediction { mean, variance });
+        let processes = self.kernels().iter().map(process).collect::<Option<_>>()?;
+        Some(Learned {
+            processes,
+            with_others,
+            alone,
+        })
+    }
+}
+
+/// The processes, trained.
+pub(crate) struct Learned {
+    processes: Vec<Process>,
+    with_others: Option<Basis>,
+    alone: Option<Basis>,
+}
+
+impl Learned {
+    /// One prediction a process, and last that of the conditional alone.
+    pub(crate) fn predict(
+        &self,
+        regression: &Regression<'_>,
+        wanted: &Wanted<'_>,
+    ) -> Option<Vec<Prediction>> {
+        let inputs = |basis: &Basis| Inputs::new(basis, regression, wanted);
+        let with_others = self.with_others.as_ref().map(inputs);
+        let alone = self.alone.as_ref().map(inputs);
+        let (basis, first) = (self.with_others.as_ref().zip(with_others.as_ref()))
+            .or(self.alone.as_ref().zip(alone.as_ref()))?;
+        let of_process = |process: &Process| {
+            let (basis, inputs) = if process.kernel.others {
+                self.with_others.as_ref().zip(with_others.as_ref())
+            } else {
+                self.alone.as_ref().zip(alone.as_ref())
+            }?;
+            process.predict(basis, inputs, wanted)
+        };
+        let mut out: Vec<Prediction> = self
+            .processes
+            .iter()
+            .map(of_process)
+            .collect::<Option<_>>()?;
+        let none = Array2::zeros((0, 0));
+        out.push(wanted.prediction(basis.conditional(wanted).expects(&first.x), none));
         Some(out)
     }
 }
 
-/// Means and covariance of predictors and targets together.
-#[derive(Debug, Clone)]
-struct Moments {
-    mean: Array1<f64>,
-    covariance: Array2<f64>,
-}
-
-impl Moments {
-    /// The moments of some rows.
-    fn new(poses: &LocalPoses, rows: &[usize]) -> Moments {
-        let x = poses.predictors.select(Axis(0), rows);
-        let y = poses.targets.select(Axis(0), rows);
-        let Ok(mut all) = ndarray::concatenate(Axis(1), &[x.view(), y.view()]) else {
-            unreachable!("predictors and targets have the same rows");
-        };
-        let n = all.nrows().max(1) as f64;
-        let mean = all.sum_axis(Axis(0)) / n;
-        all -= &mean;
-        Moments {
-            covariance: all.t().dot(&all) / (n - 1.0).max(1.0),
-            mean,
-        }
-    }
-
-    /// The mean of both, this one with the weight `w`.
-    fn pooled(&self, w: f64, other: &Moments) -> Moments {
-        Moments {
-            mean: &self.mean * w + &other.mean * (1.0 - w),
-            covariance: &self.covariance * w + &other.covariance * (1.0 - w),
+impl Wanted<'_> {
+    /// A prediction of means, those in gaps first.
+    fn prediction(&self, mean: Array2<f64>, variance: Array2<f64>) -> Prediction {
+        let n = self.frames.len();
+        Prediction {
+            beside: mean.slice(s![n.., ..]).to_owned(),
+            mean: mean.slice(s![..n, ..]).to_owned(),
+            variance,
         }
     }
 }
 
-/// The Gaussian conditional and the training frames of the processes on what it leaves.
+/// The conditional and the training frames of the processes on what it leaves; what has `without`
+/// in its name is learned without the frames in simulated gaps.
 struct Basis {
-    mean_x: Array1<f64>,
-    mean_y: Array1<f64>,
-    /// Kᵀ (3 P, 3 T).
-    coefficients: Array2<f64>,
+    with: Conditional,
+    without: Conditional,
     /// s (3 P).
     scale: Array1<f64>,
-    /// z of the training frames (n, 3 P).
+    /// z of the training frames (n, 3 P), those in simulated gaps last.
     z: Array2<f64>,
-    /// What the conditional leaves of them (n, 3 T).
+    /// How many are in none.
+    kept: usize,
+    /// What the conditionals leave of them (n, 3 T), without those in simulated gaps: 0.
     residual: Array2<f64>,
+    residual_without: Array2<f64>,
     /// Seconds; NaN for others.
     seconds: Vec<f64>,
     /// d² between them (n, n).
@@ -173,153 +197,250 @@ struct Basis {
 impl Basis {
     fn new(
         regression: &Regression<'_>,
-        gaps: &[Range<usize>],
+        gap: &Range<usize>,
+        simulated: &[Range<usize>],
         others: Option<&OtherPoses>,
     ) -> Option<Basis> {
         let own = regression.own;
-        let is_left_out = |t: usize| gaps.iter().any(|g| g.contains(&t));
+        let is_held = |t: &usize| simulated.iter().any(|g| g.contains(t));
         let known: Vec<usize> = (0..regression.complete.len())
-            .filter(|&t| regression.complete[t] && !is_left_out(t))
+            .filter(|&t| regression.complete[t] && !gap.contains(&t))
             .collect();
-        if known.len() < 2 {
-            return None;
-        }
-        let step = known.len().div_ceil(COVARIANCE_FRAMES);
-        let measured: Vec<usize> = known.iter().copied().step_by(step).collect();
-        let mut moments = Moments::new(own, &measured);
+        let [with, without] = conditionals(regression, &known, is_held, others)?;
+        let (frames, held): (Vec<usize>, Vec<usize>) =
+            (training_frames(&known, gap, simulated, regression.rate).into_iter())
+                .partition(|t| !is_held(t));
+        let scale = with.scales();
+        let mut x = own.predictors.select(Axis(0), &frames);
+        let mut y = own.targets.select(Axis(0), &frames);
+        let mut seconds: Vec<f64> = frames.iter().map(|&t| regression.seconds[t]).collect();
         if let Some(others) = others {
-            let w = 0.5 * (known.len() as f64 / OWN_FRAMES).min(1.0);
-            moments = moments.pooled(w, &others.moments);
-        }
-        let (p, coefficients) = (
-            own.predictors.ncols(),
-            conditional(&moments, own, RIDGE + regression.noise)?,
-        );
-        let mut basis = Basis {
-            mean_x: moments.mean.slice(s![..p]).to_owned(),
-            mean_y: moments.mean.slice(s![p..]).to_owned(),
-            scale: scales(&coefficients),
-            coefficients,
-            z: Array2::zeros((0, 0)),
-            residual: Array2::zeros((0, 0)),
-            seconds: Vec::new(),
-            distances: Array2::zeros((0, 0)),
-            typical: 1.0,
-        };
-        let training = training_frames(&known, gaps, regression.rate);
-        let mut x = own.predictors.select(Axis(0), &training);
-        let mut y = own.targets.select(Axis(0), &training);
-        basis.seconds = training.iter().map(|&t| regression.seconds[t]).collect();
-        if let Some(others) = others {
-            let nearest = basis.nearest(others, own, gaps);
-            basis
-                .seconds
-                .resize(training.len() + nearest.len(), f64::NAN);
+            let scaled = |x: &Array2<f64>| with.centered(x) * &scale;
+            let of_others = scaled(&others.poses.predictors);
+            let mut nearest = BTreeSet::new();
+            for gaps in [std::slice::from_ref(gap), simulated] {
+                let frames: Vec<usize> = gaps.iter().flat_map(|g| spread(g, NEAR_TO)).collect();
+                let z = scaled(&own.predictors.select(Axis(0), &frames));
+                nearest.extend(nearest_rows(&of_others, z));
+            }
+            let nearest: Vec<usize> = nearest.into_iter().collect();
             let rows = |all: &Array2<f64>| all.select(Axis(0), &nearest);
             x.append(Axis(0), rows(&others.poses.predictors).view())
                 .ok()?;
             y.append(Axis(0), rows(&others.poses.targets).view()).ok()?;
+            seconds.resize(x.nrows(), f64::NAN);
         }
-        basis.residual = &y - &basis.linear(&x);
-        basis.z = basis.scaled(&x);
-        basis.distances = squared_distances(&basis.z, &basis.z);
-        basis.typical = typical_distance(&basis.distances);
-        Some(basis)
-    }
-
-    /// What the conditional expects (n, 3 T) of predictors (n, 3 P).
-    fn linear(&self, x: &Array2<f64>) -> Array2<f64> {
-        (x - &self.mean_x).dot(&self.coefficients) + &self.mean_y
-    }
-
-    /// z (n, 3 P) of predictors.
-    fn scaled(&self, x: &Array2<f64>) -> Array2<f64> {
-        (x - &self.mean_x) * &self.scale
-    }
-
-    /// The rows of others that are nearest to frames of the gaps.
-    fn nearest(&self, others: &OtherPoses, own: &LocalPoses, gaps: &[Range<usize>]) -> Vec<usize> {
-        let frames: Vec<usize> = gaps.iter().flat_map(|g| spread(g, NEAR_TO)).collect();
-        let frames = self.scaled(&own.predictors.select(Axis(0), &frames));
-        let frames: Vec<_> = (frames.outer_iter())
-            .filter(|z| z.iter().all(|v| v.is_finite()))
-            .map(|z| z.to_owned())
-            .collect();
-        let Ok(frames) = ndarray::stack(
-            Axis(0),
-            &frames.iter().map(|f| f.view()).collect::<Vec<_>>(),
-        ) else {
-            return Vec::new();
-        };
-        let distances = squared_distances(&self.scaled(&others.poses.predictors), &frames);
-        let mut nearest: Vec<(f64, usize)> = (distances.outer_iter().enumerate())
-            .map(|(row, d)| (d.iter().copied().fold(f64::INFINITY, f64::min), row))
-            .collect();
-        let count = NEAREST_OTHERS.min(nearest.len());
-        if count < nearest.len() {
-            nearest.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        }
-        let mut rows: Vec<usize> = nearest[..count].iter().map(|n| n.1).collect();
-        rows.sort_unstable();
-        rows
-    }
-
-    /// The prediction for some frames, with the variance of the first `sure`.
-    fn predict(
-        &self,
-        regression: &Regression<'_>,
-        kernel: &Kernel,
-        frames: &[usize],
-        sure: usize,
-    ) -> Option<Prediction> {
-        let n = self.z.nrows();
-        let mut gram = self.covariance(kernel, &self.distances, &self.seconds);
-        let variance =
-            self.residual.iter().map(|r| r * r).sum::<f64>() / self.residual.len() as f64;
-        let noise = (regression.noise / variance.max(1e-12)).min(MOST_NOISE);
-        (0..n).for_each(|i| gram[[i, i]] += NUGGET + noise);
-        let factor = Cholesky::new(gram)?;
-        let weights = factor.solve(&self.residual)?;
-        // The most likely σ² of each coordinate; that of a point is the mean of its three.
-        let sigma: Vec<f64> = (0..self.residual.ncols())
-            .map(|c| self.residual.column(c).dot(&weights.column(c)) / n as f64)
-            .collect();
-        let x = regression.own.predictors.select(Axis(0), frames);
-        let z = self.scaled(&x);
-        let seconds: Vec<f64> = frames.iter().map(|&t| regression.seconds[t]).collect();
-        let distances = squared_distances(&self.z, &z);
-        let cross = self.covariance(kernel, &distances, &seconds);
-        let half = factor.half_solve(&cross.slice(s![.., ..sure]).to_owned())?;
-        let left: Vec<f64> = (half.columns().into_iter())
-            .map(|c| (1.0 + kernel.time - c.dot(&c)).max(1e-9))
-            .collect();
-        let variance = Array2::from_shape_fn((sure, sigma.len()), |(t, c)| {
-            let point = &sigma[c / 3 * 3..c / 3 * 3 + 3];
-            left[t] * point.iter().sum::<f64>() / 3.0
-        });
-        Some(Prediction {
-            mean: self.linear(&x) + cross.t().dot(&weights),
-            variance,
+        let kept = x.nrows();
+        x.append(Axis(0), own.predictors.select(Axis(0), &held).view())
+            .ok()?;
+        y.append(Axis(0), own.targets.select(Axis(0), &held).view())
+            .ok()?;
+        seconds.extend(held.iter().map(|&t| regression.seconds[t]));
+        let z = with.centered(&x) * &scale;
+        let distances = squared_distances_within(&z);
+        let mut residual_without = &y - &without.expects(&x);
+        residual_without.slice_mut(s![kept.., ..]).fill(0.0);
+        Some(Basis {
+            residual: &y - &with.expects(&x),
+            residual_without,
+            typical: typical_distance(&distances, &z),
+            distances,
+            with,
+            without,
+            scale,
+            z,
+            kept,
+            seconds,
         })
     }
 
-    /// The covariance (over σ²) of training frames and others at squared distances (n, m) and
-    /// `seconds` (m).
-    fn covariance(&self, kernel: &Kernel, distances: &Array2<f64>, seconds: &[f64]) -> Array2<f64> {
-        let width = kernel.width * self.typical;
-        let mut out = distances.mapv(|d| 1.0 / (1.0 + d / width));
-        if kernel.time > 0.0 {
-            for (mut row, a) in out.outer_iter_mut().zip(&self.seconds) {
-                for (v, b) in row.iter_mut().zip(seconds) {
-                    let apart = (a - b).abs() / TIME_SCALE;
-                    // NaN and what is far apart have nothing in common.
-                    if apart < 20.0 {
-                        *v += kernel.time * matern(apart);
-                    }
-                }
-            }
+    /// What the wanted frames are predicted by.
+    fn conditional(&self, wanted: &Wanted<'_>) -> &Conditional {
+        if wanted.is_simulated {
+            &self.without
+        } else {
+            &self.with
+        }
+    }
+
+    /// The covariance (over σ²) of training frames, its lower triangle.
+    fn own_covariance(&self, kernel: &Kernel) -> Array2<f64> {
+        let mut out = Array2::zeros(self.distances.dim());
+        for (k, mut row) in out.outer_iter_mut().enumerate() {
+            let row = row.as_slice_mut().unwrap_or_default();
+            self.set_row(
+                kernel,
+                k,
+                &self.distances,
+                &self.seconds[..=k],
+                &mut row[..=k],
+            );
         }
         out
+    }
+
+    /// The covariance (over σ²) of training frames and others (n, m).
+    fn covariance(&self, kernel: &Kernel, inputs: &Inputs) -> Array2<f64> {
+        let mut out = Array2::zeros(inputs.distances.dim());
+        for (k, mut row) in out.outer_iter_mut().enumerate() {
+            let row = row.as_slice_mut().unwrap_or_default();
+            self.set_row(kernel, k, &inputs.distances, &inputs.seconds, row);
+        }
+        out
+    }
+
+    /// The covariance of the k-th training frame and others at squared distances in the k-th row,
+    /// and `seconds`.
+    fn set_row(
+        &self,
+        kernel: &Kernel,
+        k: usize,
+        distances: &Array2<f64>,
+        seconds: &[f64],
+        out: &mut [f64],
+    ) {
+        let width = kernel.width * self.typical;
+        for (v, d) in out.iter_mut().zip(distances.row(k)) {
+            *v = width / (width + d);
+        }
+        if kernel.time == 0.0 {
+            return;
+        }
+        for (v, b) in out.iter_mut().zip(seconds) {
+            let apart = (self.seconds[k] - b).abs() / TIME_SCALE;
+            // NaN and what is far apart have nothing in common.
+            if apart < FAR_APART {
+                *v += kernel.time * matern(apart);
+            }
+        }
+    }
+}
+
+/// The conditionals of the frames `known`, with and without those that are held.
+fn conditionals(
+    regression: &Regression<'_>,
+    known: &[usize],
+    is_held: impl Fn(&usize) -> bool,
+    others: Option<&OtherPoses>,
+) -> Option<[Conditional; 2]> {
+    let step = known.len().div_ceil(COVARIANCE_FRAMES).max(1);
+    let (kept, held): (Vec<usize>, Vec<usize>) =
+        (known.iter().copied().step_by(step)).partition(|t| !is_held(t));
+    if kept.len() < 2 {
+        return None;
+    }
+    let (with, without) = moments_without(regression.own, &kept, &held);
+    let (p, ridge) = (regression.own.predictors.ncols(), RIDGE + regression.noise);
+    let of = |moments: Moments, count: usize| match others {
+        Some(others) => {
+            let w = 0.5 * ((count * step) as f64 / OWN_FRAMES).min(1.0);
+            Conditional::new(&moments.pooled(w, &others.moments), p, ridge)
+        }
+        None => Conditional::new(&moments, p, ridge),
+    };
+    Some([of(with, kept.len() + held.len())?, of(without, kept.len())?])
+}
+
+/// The rows of `all` that are nearest to any of `z` that is known.
+fn nearest_rows(all: &Array2<f64>, z: Array2<f64>) -> Vec<usize> {
+    let known: Vec<usize> = (0..z.nrows())
+        .filter(|k| z.row(*k).iter().all(|v| v.is_finite()))
+        .collect();
+    if known.is_empty() {
+        return Vec::new();
+    }
+    let distances = squared_distances(all, &z.select(Axis(0), &known));
+    let mut nearest: Vec<(f64, usize)> = (distances.outer_iter().enumerate())
+        .map(|(row, d)| (d.iter().copied().fold(f64::INFINITY, f64::min), row))
+        .collect();
+    let count = NEAREST_OTHERS.min(nearest.len());
+    if count < nearest.len() {
+        nearest.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    }
+    nearest[..count].iter().map(|n| n.1).collect()
+}
+
+/// Frames that are predicted: their predictors, and their squared distances to training frames.
+struct Inputs {
+    x: Array2<f64>,
+    seconds: Vec<f64>,
+    distances: Array2<f64>,
+}
+
+impl Inputs {
+    fn new(basis: &Basis, regression: &Regression<'_>, wanted: &Wanted<'_>) -> Inputs {
+        let frames = [wanted.frames, wanted.beside].concat();
+        let x = regression.own.predictors.select(Axis(0), &frames);
+        let z = basis.with.centered(&x) * &basis.scale;
+        Inputs {
+            distances: squared_distances(&basis.z, &z),
+            seconds: frames.iter().map(|&t| regression.seconds[t]).collect(),
+            x,
+        }
+    }
+}
+
+/// A Gaussian process, trained.
+struct Process {
+    kernel: Kernel,
+    factor: Cholesky,
+    /// (C + noise)⁻¹ r (n, 3 T), with and without the frames in simulated gaps.
+    weights: [Array2<f64>; 2],
+    /// The most likely σ² of each point, the mean of its three coordinates'.
+    sigma: [Vec<f64>; 2],
+}
+
+impl Process {
+    fn new(basis: &Basis, kernel: &Kernel, noise: f64) -> Option<Process> {
+        let n = basis.z.nrows();
+        let mut gram = basis.own_covariance(kernel);
+        let squares = basis.residual.iter().map(|r| r * r).sum::<f64>();
+        let variance = squares / basis.residual.len() as f64;
+        let noise = (noise / variance.max(1e-12)).min(MOST_NOISE);
+        gram.diag_mut().mapv_inplace(|v| v + NUGGET + noise);
+        let factor = Cholesky::new(gram)?;
+        let both = [basis.residual.view(), basis.residual_without.view()];
+        let mut half = factor.half_solve(&concatenate(Axis(1), &both).ok()?)?;
+        let columns = basis.residual.ncols();
+        half.slice_mut(s![basis.kept.., columns..]).fill(0.0);
+        let sigma = |first: usize, n: usize| {
+            let of_point = |point: usize| {
+                let half = half.slice(s![.., first + 3 * point..first + 3 * point + 3]);
+                half.iter().map(|v| v * v).sum::<f64>() / (3 * n) as f64
+            };
+            (0..columns / 3).map(of_point).collect()
+        };
+        let weights = factor.half_solve_transposed(&half)?;
+        Some(Process {
+            sigma: [sigma(0, n), sigma(columns, basis.kept)],
+            weights: [s![.., ..columns], s![.., columns..]].map(|c| weights.slice(c).to_owned()),
+            kernel: *kernel,
+            factor,
+        })
+    }
+
+    /// The prediction for the wanted frames.
+    fn predict(&self, basis: &Basis, inputs: &Inputs, wanted: &Wanted<'_>) -> Option<Prediction> {
+        let which = usize::from(wanted.is_simulated);
+        let cross = basis.covariance(&self.kernel, inputs);
+        let mean =
+            basis.conditional(wanted).expects(&inputs.x) + cross.t().dot(&self.weights[which]);
+        if self.kernel.time == 0.0 {
+            return Some(wanted.prediction(mean, Array2::zeros((0, 0))));
+        }
+        let sure = cross.slice(s![.., ..wanted.frames.len()]).to_owned();
+        let half = self.factor.half_solve(&sure)?;
+        let rows = if wanted.is_simulated {
+            basis.kept
+        } else {
+            half.nrows()
+        };
+        let left: Vec<f64> = (half.slice(s![..rows, ..]).columns().into_iter())
+            .map(|c| (1.0 + self.kernel.time - c.dot(&c)).max(1e-9))
+            .collect();
+        let shape = (left.len(), mean.ncols());
+        let variance = Array2::from_shape_fn(shape, |(t, c)| left[t] * self.sigma[which][c / 3]);
+        Some(wanted.prediction(mean, variance))
     }
 }
 
@@ -329,44 +450,26 @@ fn matern(apart: f64) -> f64 {
     (1.0 + a) * (-a).exp()
 }
 
-/// Kᵀ (3 P, 3 T).
-fn conditional(moments: &Moments, own: &LocalPoses, ridge: f64) -> Option<Array2<f64>> {
-    let p = own.predictors.ncols();
-    let mut xx = moments.covariance.slice(s![..p, ..p]).to_owned();
-    xx.diag_mut().mapv_inplace(|v| v + ridge);
-    let xy = moments.covariance.slice(s![..p, p..]).to_owned();
-    Cholesky::new(xx)?.solve(&xy)
-}
-
-/// s: .1 and each predictor's share in the targets' coefficients (3 P, 3 T), of 1 for the largest
-/// of each target.
-fn scales(coefficients: &Array2<f64>) -> Array1<f64> {
-    let mut sum = Array1::<f64>::zeros(coefficients.nrows());
-    for target in 0..coefficients.ncols() / 3 {
-        let of_target = coefficients.slice(s![.., 3 * target..3 * target + 3]);
-        let squares = of_target.map_axis(Axis(1), |row: ArrayView1<'_, f64>| row.dot(&row));
-        let largest = squares.iter().copied().fold(1e-300, f64::max);
-        sum += &(squares / largest);
-    }
-    let largest = sum.iter().copied().fold(1e-300, f64::max);
-    sum.mapv(|v| 0.1 + (v / largest).sqrt())
-}
-
 /// Frames to learn from: some spread over the take, and those beside each gap.
-fn training_frames(known: &[usize], gaps: &[Range<usize>], rate: f64) -> Vec<usize> {
+fn training_frames(
+    known: &[usize],
+    gap: &Range<usize>,
+    simulated: &[Range<usize>],
+    rate: f64,
+) -> BTreeSet<usize> {
     let mut frames: BTreeSet<usize> = (spread(&(0..known.len()), SPREAD_FRAMES))
         .into_iter()
         .map(|k| known[k])
         .collect();
     for away in BESIDE {
         let away = ((away * rate / 120.0).round() as usize).max(1);
-        for gap in gaps {
+        for gap in simulated.iter().chain([gap]) {
             let before = gap.start.checked_sub(away);
             let beside = before.into_iter().chain([gap.end - 1 + away]);
             frames.extend(beside.filter(|t| known.binary_search(t).is_ok()));
         }
     }
-    frames.into_iter().collect()
+    frames
 }
 
 /// At most `count` numbers of a range, evenly spread, its ends among them.
@@ -380,6 +483,17 @@ pub(crate) fn spread(range: &Range<usize>, count: usize) -> Vec<usize> {
         .collect()
 }
 
+/// |a − b|² between the rows of (n, d).
+fn squared_distances_within(a: &Array2<f64>) -> Array2<f64> {
+    let products = gram(a.t());
+    let squares = products.diag().to_owned();
+    let mut out = products * -2.0;
+    out += &squares.view().insert_axis(Axis(1));
+    out += &squares;
+    out.mapv_inplace(|v| v.max(0.0));
+    out
+}
+
 /// |a − b|² between the rows of (n, d) and (m, d).
 fn squared_distances(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
     let squares = |x: &Array2<f64>| x.map_axis(Axis(1), |row| row.dot(&row));
@@ -390,13 +504,14 @@ fn squared_distances(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
     out
 }
 
-/// The mean over the rows of the 10th percentile of each.
-fn typical_distance(distances: &Array2<f64>) -> f64 {
+/// The mean over the rows of the 10th percentile of each, at least what rounding leaves of z.
+fn typical_distance(distances: &Array2<f64>, z: &Array2<f64>) -> f64 {
     let tenth = |row: ArrayView1<'_, f64>| {
         let mut row = row.to_vec();
         let at = row.len() / 10;
         *row.select_nth_unstable_by(at, f64::total_cmp).1
     };
     let sum: f64 = distances.outer_iter().map(tenth).sum();
-    (sum / distances.nrows().max(1) as f64).max(1e-12)
+    let largest = z.iter().fold(0.0, |largest: f64, v| largest.max(v * v));
+    (sum / distances.nrows().max(1) as f64).max(1e-12 + ROUNDING * largest)
 }

@@ -12,7 +12,7 @@
 //! mean of what the errors show and of the usual one.
 
 use super::estimates::{Estimates, GapFrames, Targets};
-use super::regression::spread;
+use super::regression::{Learned, spread};
 use super::tuning::weights::*;
 use crate::numeric::linalg::cholesky_solve;
 use ndarray::{Array1, Array2, Axis, s};
@@ -37,8 +37,18 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
         gap: gap.clone(),
         frames: gap.clone().collect(),
     };
-    let estimates = targets.estimates(&[whole])?.pop()?;
-    let simulated = simulate(targets, gap, estimates.means.len());
+    let mut simulated = simulated_gaps(targets, gap);
+    let hidden: Vec<Range<usize>> = simulated.iter().map(|g| g.gap.clone()).collect();
+    let learned = match targets.regression.learn(gap, &hidden) {
+        Some(learned) => learned,
+        // Simulated gaps leave nothing to learn from.
+        None => {
+            simulated.clear();
+            targets.regression.learn(gap, &[])?
+        }
+    };
+    let estimates = targets.estimates(&learned, &[whole], false)?.pop()?;
+    let simulated = Simulated::new(targets, &learned, gap, simulated, estimates.means.len());
     let processes = targets.regression.kernels().len();
     let seconds = gap.len() as f64 / targets.regression.rate;
     let points = targets.columns.len() / 3;
@@ -112,23 +122,22 @@ struct Simulated {
     longer: f64,
 }
 
-/// Simulates gaps like `gap`, or shorter ones where it is not long and the take has no room for
-/// two; `estimates` is how many the true one has. `None` where it has no room for these either.
-fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Option<Simulated> {
+/// Gaps that are simulated like `gap`, or shorter ones where it is not long and the take has no
+/// room for two; none where it has no room for these either.
+fn simulated_gaps(targets: &Targets<'_>, gap: &Range<usize>) -> Vec<GapFrames> {
     let is_long = gap.len() as f64 > LONG * targets.regression.rate;
     let parts = if is_long { &SHORTER[..1] } else { &SHORTER };
     let mut lengths = parts.iter().map(|part| gap.len() / part).filter(|l| *l > 0);
-    lengths.find_map(|length| simulate_length(targets, gap, length, estimates))
+    (lengths.find_map(|length| gaps_of_length(targets, gap, length))).unwrap_or_default()
 }
 
-/// Simulates gaps of `length` frames with the ends of `gap`. `None` where the take has no room for
+/// Simulated gaps of `length` frames with the ends of `gap`. `None` where the take has no room for
 /// two.
-fn simulate_length(
+fn gaps_of_length(
     targets: &Targets<'_>,
     gap: &Range<usize>,
     length: usize,
-    estimates: usize,
-) -> Option<Simulated> {
+) -> Option<Vec<GapFrames>> {
     let regression = targets.regression;
     let ends = ends(regression.complete, gap);
     let beyond = (BEYOND * regression.rate).ceil() as usize;
@@ -143,9 +152,6 @@ fn simulate_length(
             .collect();
         chosen.extend(like(targets, gap, length, &clear));
     }
-    if chosen.len() < 2 {
-        return None;
-    }
     let last = regression.complete.len();
     let simulated = |&start: &usize| {
         let own = start..start + length;
@@ -158,22 +164,7 @@ fn simulate_length(
         };
         GapFrames { gap, frames }
     };
-    let wanted: Vec<GapFrames> = chosen.iter().map(simulated).collect();
-    let found = targets.estimates(&wanted)?;
-    let both = found.into_iter().zip(wanted);
-    let (estimates, truth): (Vec<_>, Vec<_>) = both
-        .filter(|(found, _)| found.means.len() >= estimates)
-        .map(|(found, w)| {
-            let truth = regression.own.targets.select(Axis(0), &w.frames);
-            (found, truth)
-        })
-        .unzip();
-    let longer = gap.len() as f64 / length as f64;
-    (estimates.len() >= 2).then_some(Simulated {
-        estimates,
-        truth,
-        longer,
-    })
+    (chosen.len() >= 2).then(|| chosen.iter().map(simulated).collect())
 }
 
 /// The one of `starts` where a simulated gap of `length` frames is most like `gap`: what is best
@@ -231,6 +222,32 @@ fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>, length: usize)
 }
 
 impl Simulated {
+    /// What is estimated in the gaps simulated for `gap`, which has so many `estimates`. `None`
+    /// where there are not two with as many.
+    fn new(
+        targets: &Targets<'_>,
+        learned: &Learned,
+        gap: &Range<usize>,
+        simulated: Vec<GapFrames>,
+        estimates: usize,
+    ) -> Option<Simulated> {
+        let frames = &simulated.first()?.frames;
+        let longer = gap.len() as f64 / (frames.last()? + 1 - frames.first()?) as f64;
+        let found = targets.estimates(learned, &simulated, true)?;
+        let (estimates, truth): (Vec<_>, Vec<_>) = (found.into_iter().zip(simulated))
+            .filter(|(found, _)| found.means.len() >= estimates)
+            .map(|(found, gap)| {
+                let truth = targets.regression.own.targets.select(Axis(0), &gap.frames);
+                (found, truth)
+            })
+            .unzip();
+        (estimates.len() >= 2).then_some(Simulated {
+            estimates,
+            truth,
+            longer,
+        })
+    }
+
     /// The weights of the estimates of a point, the factor of its variance, which is `usual` where
     /// little is simulated, and the mean squared error of a coordinate, cm².
     fn judge(
