@@ -11,13 +11,13 @@
 use super::body::{Body, Part};
 use super::tuning::*;
 use crate::ik::frame_solver::{FrameSolver, FrameState, Linearized, Scratch, Start};
-use crate::numeric::linalg::Cholesky;
+use crate::numeric::linalg::{Cholesky, gram};
 use crate::numeric::parallel::map_chunks;
 use crate::pose::Skeleton;
 use crate::prior::rotations::JointPrior;
 use crate::{Error, Result};
 use glam::DMat3;
-use ndarray::{Array1, Array2, Axis};
+use ndarray::{Array1, Array2, Axis, concatenate};
 use std::f64::consts::PI;
 
 /// What is known of a person once the frames are fitted.
@@ -36,16 +36,20 @@ pub(super) struct Calibrator<'a> {
     pub frames: &'a [Vec<f64>],
 }
 
-/// The equations of a frame: its pose's own, by their Cholesky factor L, and what they have to do
-/// with the numbers.
-struct Reduced {
+/// The equations of a frame's pose, by their Cholesky factor L, and what they have to do with the
+/// numbers.
+struct Pose {
     factor: Cholesky,
     /// L⁻¹ B and L⁻¹ g.
     coupling: Array2<f64>,
     gradient: Array2<f64>,
-    /// What is left for the numbers.
+}
+
+/// What is left of the equations for the numbers once the poses are eliminated.
+struct Reduced {
     precision: Array2<f64>,
     rest: Array1<f64>,
+    poses: Vec<Pose>,
 }
 
 /// A state of the fit.
@@ -62,34 +66,46 @@ impl Calibrator<'_> {
     /// [`Error::Usage`]: the equations cannot be solved.
     pub(super) fn calibrate(&self) -> Result<Calibration> {
         let singular = || Error::usage("bones and markers cannot be fitted: singular equations");
+        let skeleton = self.body.skeleton(&self.body.mean)?;
+        let joints = self.body.marker_bones();
+        let of_mean = frame_solver(&skeleton, &joints, self.prior)?;
         let mut state = self.start()?;
         let mut linear = self.linearized(&state)?;
         let mut cost = self.cost(&state, &linear);
         let (mut damping, mut taken) = (DAMPING, 0);
-        while taken < STEPS && damping <= MOST_DAMPING {
-            let Some(next) = self.step(&state, &linear, damping) else {
-                damping *= RAISE;
-                continue;
-            };
-            let there = self.linearized(&next)?;
-            let reached = self.cost(&next, &there);
-            if reached >= cost || reached.is_nan() {
-                damping *= RAISE;
-                continue;
+        loop {
+            let reduced = self.reduced(&state, &linear, damping);
+            let reduced = reduced.ok_or_else(singular)?;
+            let next = self.step(&of_mean, &state, &reduced, damping);
+            let is_last = next.as_ref().is_some_and(|n| n.1 <= TOLERANCE * cost);
+            if is_last || taken == STEPS || damping > MOST_DAMPING {
+                let precision = if damping <= DAMPING {
+                    reduced.precision
+                } else {
+                    let undamped = self.reduced(&state, &linear, 0.0);
+                    undamped.ok_or_else(singular)?.precision
+                };
+                return Ok(Calibration {
+                    numbers: state.numbers,
+                    precision,
+                });
             }
-            let gain = cost - reached;
-            (cost, state, linear) = (reached, next, there);
-            damping *= RELAX;
-            taken += 1;
-            if gain <= TOLERANCE * cost {
-                break;
+            let reached = match next {
+                Some((next, _)) => {
+                    let there = self.linearized(&next)?;
+                    Some((self.cost(&next, &there), next, there))
+                }
+                None => None,
+            };
+            match reached {
+                Some(reached) if reached.0 < cost => {
+                    (cost, state, linear) = reached;
+                    damping *= RELAX;
+                    taken += 1;
+                }
+                _ => damping *= RAISE,
             }
         }
-        let (precision, _, _) = self.reduced(&state, &linear, 0.0).ok_or_else(singular)?;
-        Ok(Calibration {
-            numbers: state.numbers,
-            precision,
-        })
     }
 
     /// The most probable body, and the poses that it has then.
@@ -159,38 +175,45 @@ impl Calibrator<'_> {
         both.map(|(own, mean)| own - mean).collect()
     }
 
-    /// The equations of the numbers once the poses are eliminated, their right side, and those of
-    /// the frames; `None` where one is singular.
-    fn reduced(
-        &self,
-        state: &State,
-        linear: &[Linearized],
-        damping: f64,
-    ) -> Option<(Array2<f64>, Array1<f64>, Vec<Reduced>)> {
-        let frames = map_chunks(linear.len(), 1, |range| {
-            self.reduced_frame(&linear[range.start], damping)
-        });
-        let frames: Vec<Reduced> = frames.into_iter().collect::<Option<_>>()?;
-        let mut precision = self.body.precision.clone();
-        let mut rest = self.body.precision.dot(&self.off(state));
-        for frame in &frames {
-            precision.scaled_add(self.share(), &frame.precision);
-            rest.scaled_add(self.share(), &frame.rest);
-        }
-        Some((precision, rest, frames))
+    /// The equations of the numbers; `None` where those of a frame are singular.
+    fn reduced(&self, state: &State, linear: &[Linearized], damping: f64) -> Option<Reduced> {
+        let pose = |linear: &Linearized| {
+            let (factor, coupling) = coupled(self.body, linear, damping)?;
+            let gradient = Array1::from_vec(linear.gradient.clone()).insert_axis(Axis(1));
+            let gradient = factor.half_solve(&gradient)?;
+            Some(Pose {
+                factor,
+                coupling,
+                gradient,
+            })
+        };
+        let poses = map_chunks(linear.len(), 1, |range| pose(&linear[range.start]));
+        let poses: Vec<Pose> = poses.into_iter().collect::<Option<_>>()?;
+        // One product for all frames: couplings on top of each other.
+        let stacked = |of: fn(&Pose) -> &Array2<f64>| {
+            let all: Vec<_> = poses.iter().map(|p| of(p).view()).collect();
+            concatenate(Axis(0), &all).ok()
+        };
+        let (coupling, gradient) = (stacked(|p| &p.coupling)?, stacked(|p| &p.gradient)?);
+        let (own, rest) = self.of_numbers(linear);
+        let lost = coupling.t().dot(&gradient.column(0));
+        Some(Reduced {
+            precision: &self.body.precision + (own - gram(coupling.view())) * self.share(),
+            rest: self.body.precision.dot(&self.off(state)) + (rest - lost) * self.share(),
+            poses,
+        })
     }
 
-    fn reduced_frame(&self, linear: &Linearized, damping: f64) -> Option<Reduced> {
+    /// The equations of the numbers, as if the poses were known, without what is known of people.
+    fn of_numbers(&self, linear: &[Linearized]) -> (Array2<f64>, Array1<f64>) {
         let count = self.body.mean.len();
-        let mut own: Array2<f64> = Array2::zeros((count, count));
-        let mut rest: Array1<f64> = Array1::zeros(count);
-        for (m, off) in linear.off.iter().enumerate() {
-            if !off.is_finite() {
-                continue;
-            }
-            let parts = self.body.moved_marker(m, &linear.posture.rotations);
-            for Part { first, turn } in &parts {
-                for c in 0..3 {
+        let (mut own, mut rest) = (Array2::zeros((count, count)), Array1::zeros(count));
+        for linear in linear {
+            for (m, off) in linear.off.iter().enumerate().filter(|(_, o)| o.is_finite()) {
+                let parts = self.body.moved_marker(m, &linear.posture.rotations);
+                for (Part { first, turn }, c) in
+                    parts.iter().flat_map(|p| [0, 1, 2].map(|c| (p, c)))
+                {
                     let by = turn.col(c) * linear.weights[m];
                     rest[first + c] += by.dot(*off);
                     for other in &parts {
@@ -201,40 +224,40 @@ impl Calibrator<'_> {
                 }
             }
         }
-        let (factor, coupling) = coupled(self.body, linear, damping)?;
-        let gradient = Array1::from_vec(linear.gradient.clone()).insert_axis(Axis(1));
-        let gradient = factor.half_solve(&gradient)?;
-        let lost = coupling.t().dot(&gradient);
-        Some(Reduced {
-            precision: own - coupling.t().dot(&coupling),
-            rest: rest - lost.column(0),
-            factor,
-            coupling,
-            gradient,
-        })
+        (own, rest)
     }
 
-    /// The state after a damped step; `None` where the equations are singular.
-    fn step(&self, state: &State, linear: &[Linearized], damping: f64) -> Option<State> {
-        let (mut precision, rest, frames) = self.reduced(state, linear, damping)?;
-        for i in 0..rest.len() {
-            precision[[i, i]] *= 1.0 + damping;
-        }
-        let step = -Cholesky::new(precision)?.solve(&rest.insert_axis(Axis(1)))?;
+    /// The state after a damped step, with the solver of any body of these bones, and by how much
+    /// the cost is less there as far as the equations tell; `None` where they are singular.
+    fn step(
+        &self,
+        solver: &FrameSolver<'_>,
+        state: &State,
+        reduced: &Reduced,
+        damping: f64,
+    ) -> Option<(State, f64)> {
+        let Reduced {
+            precision,
+            rest,
+            poses,
+        } = reduced;
+        let mut damped = precision.clone();
+        damped.diag_mut().mapv_inplace(|v| v * (1.0 + damping));
+        let step = -Cholesky::new(damped)?.solve(&rest.clone().insert_axis(Axis(1)))?;
+        let of_poses: f64 = poses
+            .iter()
+            .map(|p| p.gradient.iter().map(|v| v * v).sum::<f64>())
+            .sum();
+        let gain = self.share() * of_poses - rest.dot(&step.column(0));
         let numbers = state.numbers.iter().zip(step.column(0));
         let numbers: Vec<f64> = numbers.map(|(s, d)| s + d).collect();
-        let skeleton = self.body.skeleton(&state.numbers).ok()?;
-        let joints = self.body.marker_bones();
-        let solver = frame_solver(&skeleton, &joints, self.prior).ok()?;
-        let poses = frames.iter().zip(&state.poses).map(|(frame, pose)| {
-            let right = &frame.gradient + &frame.coupling.dot(&step);
-            let turn = -frame.factor.half_solve_transposed(&right)?;
+        let poses = poses.iter().zip(&state.poses).map(|(own, pose)| {
+            let right = &own.gradient + &own.coupling.dot(&step);
+            let turn = -own.factor.half_solve_transposed(&right)?;
             Some(solver.after(pose, &turn.column(0).to_vec()))
         });
-        Some(State {
-            numbers,
-            poses: poses.collect::<Option<_>>()?,
-        })
+        let poses = poses.collect::<Option<_>>()?;
+        Some((State { numbers, poses }, gain))
     }
 }
 
