@@ -30,8 +30,13 @@ pub(crate) struct Targets<'a> {
     pub xyz: ArrayView2<'a, f64>,
     /// Standard deviation of a coordinate (frames, points), cm; NaN: measured. `None`: all are.
     pub sd: Option<ArrayView2<'a, f64>>,
-    /// Frames a second, where it is known.
-    pub rate: Option<f64>,
+    /// Every so many frames is a key frame.
+    pub stride: usize,
+}
+
+/// The stride of key frames of a take of so many frames a second, where that is known.
+pub(crate) fn key_stride(rate: Option<f64>) -> usize {
+    rate.map_or(1, |rate| ((rate / KEY_RATE) as usize).max(1))
 }
 
 /// A take's values and how well they fit.
@@ -113,10 +118,7 @@ pub(crate) fn fit_frames(
         solver,
         frames: Observed::new(skeleton, targets),
     };
-    let stride = targets
-        .rate
-        .map_or(1, |rate| ((rate / KEY_RATE) as usize).max(1));
-    let mut fits = fitter.fit(stride, watch);
+    let mut fits = fitter.fit(targets.stride, watch);
     fitter.bridge_unseen(&mut fits);
     let mut out = SequenceFit {
         values: fitter.values(&fits),
@@ -566,7 +568,7 @@ mod tests {
             cmu,
             xyz: poses.xyz.view(),
             sd,
-            rate,
+            stride: key_stride(rate),
         };
         let prior = RotationPrior::builtin().unwrap();
         fit_sequence(&skeleton, &targets, &prior, false, &mut |_| ()).unwrap()

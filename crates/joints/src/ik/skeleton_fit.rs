@@ -3,7 +3,7 @@
 use super::bone_normalization::BoneNormalizer;
 use super::correspondence::{Correspondence, match_points};
 use super::fit_quality::{FitQuality, drives, leg_length};
-use super::sequence::{SequenceFit, Targets, fit_sequence};
+use super::sequence::{SequenceFit, Targets, fit_sequence, key_stride};
 use crate::io::Bvh;
 use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::pose::rotation::Axis;
@@ -158,7 +158,7 @@ impl<'a> SkeletonFit<'a> {
             cmu: &cmu_joints(&matched, self.map),
             xyz: matched.xyz.view(),
             sd: sd.as_ref().map(|sd| sd.view()),
-            rate: poses.rate(),
+            stride: key_stride(poses.rate()),
         };
         let sequence = fit_sequence(self.skeleton(), &targets, prior, self.limits, observer)?;
         Ok(FittedTake {

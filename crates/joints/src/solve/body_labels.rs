@@ -117,9 +117,13 @@ impl Search<'_> {
                 let weights = shares.map(|share| share * (SIGMAS / gate).powi(2));
                 let weights: Vec<f64> = weights.collect();
                 let from = state.clone();
-                let fit = self
-                    .solver
-                    .improve(&targets, &weights, from, STEPS, &mut scratch);
+                let fit = self.solver.improve(
+                    &targets,
+                    &weights,
+                    from,
+                    (STEPS, LEAST_GAIN),
+                    &mut scratch,
+                );
                 let left = targets.chunks_exact(3).filter(|y| y[0].is_nan()).count() as f64;
                 *cost = fit.energy + left * SIGMAS * SIGMAS;
                 *state = fit.state;

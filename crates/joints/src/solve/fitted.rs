@@ -21,8 +21,8 @@ pub(super) struct Fitted<'a> {
     pub skeleton: Skeleton,
     /// The markers (frames, 3 M), cm.
     pub xyz: &'a Array2<f64>,
-    /// Frames a second, where they are known.
-    pub rate: Option<f64>,
+    /// Every so many frames is a key frame.
+    pub stride: usize,
 }
 
 impl Fitted<'_> {
@@ -36,7 +36,7 @@ impl Fitted<'_> {
             cmu: &vec![None; joints.len()],
             xyz: self.xyz.view(),
             sd: Some(sd.view()),
-            rate: self.rate,
+            stride: self.stride,
         };
         Ok(fit_frames(
             &self.skeleton,

@@ -10,6 +10,7 @@ use super::solved_take::{SolvedTake, UsedMarker};
 use super::tuning::*;
 use super::unseen_limbs::SeenBones;
 use crate::gait::GivenValues;
+use crate::ik::sequence::key_stride;
 use crate::io::Asf;
 use crate::label::people::named_people;
 use crate::label::unlabeled::is_unlabeled;
@@ -95,7 +96,7 @@ pub fn solve(
         prior: &calibrated.prior,
         skeleton: body.skeleton(&calibrated.numbers)?,
         xyz,
-        rate: poses.rate(),
+        stride: key_stride(poses.rate()),
     };
     let mut sequence = fitted.sequence(watch)?;
     let seen = |t: usize| xyz.row(t).iter().filter(|v| v.is_finite()).count() / 3 >= 3;

@@ -22,6 +22,8 @@ pub(super) const DAMPING: f64 = 1e-3;
 pub(super) const RELAX: f64 = 0.2;
 pub(super) const RAISE: f64 = 10.0;
 pub(super) const MOST_DAMPING: f64 = 1e6;
+/// Every so many frames of 30 a second is a key frame where only markers' places are asked for.
+pub(super) const PLACES_STRIDE: usize = 4;
 /// Standard deviation of bones that are given, cm.
 pub(super) const GIVEN_BONE: f64 = 1e-4;
 /// How far the pelvis follows the width between the front hips.
@@ -74,8 +76,10 @@ pub(super) mod body_labels {
     pub(crate) const WIDER: f64 = 2.0;
     /// Steps of the pose in a round.
     pub(crate) const STEPS: usize = 3;
+    /// The share of the cost by which a step lowers it that is the last.
+    pub(crate) const LEAST_GAIN: f64 = 1e-3;
     /// Rounds after which half of the turns are left.
-    pub(crate) const HALVED: [usize; 2] = [2, 5];
+    pub(crate) const HALVED: [usize; 3] = [0, 2, 5];
 }
 
 /// Markers that no set knows.

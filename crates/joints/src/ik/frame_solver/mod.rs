@@ -115,16 +115,16 @@ impl<'a> FrameSolver<'a> {
         self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch)
     }
 
-    /// Improves a frame by at most so many steps.
+    /// Improves a frame by at most so many steps that lower E by more than a share of it.
     pub(crate) fn improve(
         &self,
         targets: &[f64],
         weights: &[f64],
         state: FrameState,
-        steps: usize,
+        (steps, share): (usize, f64),
         scratch: &mut Scratch,
     ) -> FrameFit {
-        let most = (steps, (0.0, 0.0));
+        let most = (steps, (0.0, share));
         self.descend(targets, weights, Start::Far(state), most, scratch)
     }
 
