@@ -2,7 +2,7 @@
 
 use super::tuning::marker_distances::*;
 use crate::numeric::parallel;
-use crate::numeric::statistics::median;
+use crate::numeric::statistics::{at_ranks, median};
 use crate::pose::point_at;
 use glam::DVec3;
 use ndarray::ArrayView2;
@@ -50,16 +50,8 @@ impl Distance {
     /// The distance whose measured lengths, cm, these are; `None` of none.
     pub fn of(mut lengths: Vec<f64>) -> Option<Distance> {
         let last = lengths.len().checked_sub(1)?;
-        // From the highest down: what is below a quantile stays before it.
-        let mut open = lengths.len();
-        let [most, high, median, low, least] = [0.95, 0.9, 0.5, 0.1, 0.05].map(|share| {
-            let at = (share * last as f64).round() as usize;
-            if at < open {
-                lengths[..open].select_nth_unstable_by(at, f64::total_cmp);
-                open = at;
-            }
-            lengths[at]
-        });
+        let ranks = [0.95, 0.9, 0.5, 0.1, 0.05].map(|share| (share * last as f64).round() as usize);
+        let [most, high, median, low, least] = at_ranks(&mut lengths, ranks);
         Some(Distance {
             median,
             // Of a Gaussian these are 2.56 standard deviations apart.

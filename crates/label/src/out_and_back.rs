@@ -68,6 +68,9 @@ impl Track<'_> {
         let steps: Vec<DVec3> = (seen.start + 1..seen.end)
             .map(|t| self.at(t) - self.at(t - 1))
             .collect();
+        if (0..steps.len()).all(|k| farthest_off(&steps, k) <= LEAST) {
+            return Vec::new();
+        }
         let off: Vec<f64> = (0..steps.len())
             .map(|k| steps[k].distance(usual_step(&steps, k)))
             .collect();
@@ -174,6 +177,14 @@ impl Track<'_> {
 /// The steps near step `k`, itself aside.
 fn nearby(k: usize, steps: usize) -> impl Iterator<Item = usize> {
     (k.saturating_sub(NEARBY)..(k + NEARBY + 1).min(steps)).filter(move |i| *i != k)
+}
+
+/// How far a step is at most from the usual one, which lies between those nearby: far less work.
+fn farthest_off(steps: &[DVec3], k: usize) -> f64 {
+    let off = |i: usize| (steps[i] - steps[k]).abs();
+    (nearby(k, steps.len()).map(off))
+        .fold(DVec3::ZERO, DVec3::max)
+        .length()
 }
 
 /// The median of the steps near step `k` along each axis.

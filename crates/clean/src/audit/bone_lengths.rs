@@ -3,7 +3,7 @@
 use super::nearby;
 use super::other_speeds::OtherSpeeds;
 use super::{Finding, FindingKind, Limits, Take, ranges};
-use crate::numeric::statistics::median;
+use crate::numeric::statistics::{at_ranks, median};
 use std::collections::HashSet;
 
 /// Points that go together: their distance stays within this share of itself, and this, cm, in the
@@ -58,9 +58,12 @@ fn spread(mut all: Vec<f64>) -> Option<(f64, f64)> {
     if all.len() < FEWEST {
         return None;
     }
-    all.sort_by(f64::total_cmp);
-    let at = |share: f64| all[(share * (all.len() - 1) as f64) as usize];
-    Some((at(0.5), at(0.75) - at(0.25)))
+    let last = (all.len() - 1) as f64;
+    let [high, middle, low] = at_ranks(
+        &mut all,
+        [0.75, 0.5, 0.25].map(|share| (share * last) as usize),
+    );
+    Some((middle, high - low))
 }
 
 fn distances(take: &Take<'_>, p: usize, q: usize, frames: impl Iterator<Item = usize>) -> Vec<f64> {

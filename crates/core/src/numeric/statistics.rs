@@ -1,6 +1,7 @@
 //! Medians, quantiles and bootstrap intervals.
 
 use rand::Rng;
+use std::cmp::Ordering;
 
 /// Draws of a bootstrap.
 pub const DRAWS: usize = 1000;
@@ -15,6 +16,20 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
 pub fn median_of(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The values that have some ranks once finite ones are sorted; the ranks fall.
+pub fn at_ranks<const N: usize>(values: &mut [f64], ranks: [usize; N]) -> [f64; N] {
+    // What is below a rank stays before it.
+    let mut open = values.len();
+    ranks.map(|at| {
+        if at < open {
+            let order = |a: &f64, b: &f64| a.partial_cmp(b).unwrap_or(Ordering::Equal);
+            values[..open].select_nth_unstable_by(at, order);
+            open = at;
+        }
+        values[at]
+    })
 }
 
 /// The value below which a share of the values lies, that of the nearest rank; `None` for none.
@@ -81,6 +96,17 @@ pub fn bootstrap_interval(
 mod tests {
     use super::*;
     use crate::numeric::parallel;
+
+    #[test]
+    fn values_at_ranks_are_those_of_the_sorted_ones() {
+        for n in [1, 2, 5, 40, 401] {
+            let mut values: Vec<f64> = (0..n).map(|k| ((k * 7919) % 31) as f64).collect();
+            let ranks = [n - 1, 3 * n / 4, 3 * n / 4, n / 2, 0];
+            let mut sorted = values.clone();
+            sorted.sort_by(f64::total_cmp);
+            assert_eq!(at_ranks(&mut values, ranks), ranks.map(|at| sorted[at]));
+        }
+    }
 
     #[test]
     fn the_middle_value_is_found() {
