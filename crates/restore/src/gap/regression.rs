@@ -85,13 +85,14 @@ pub(crate) struct Prediction {
 }
 
 impl Regression<'_> {
-    /// The processes that predict.
-    pub(crate) fn kernels(&self) -> &'static [Kernel] {
+    /// The processes that predict a gap.
+    pub(crate) fn kernels(&self, gap: &Range<usize>) -> &'static [Kernel] {
         let own = self.complete.iter().filter(|c| **c).count() as f64;
         match self.others {
             // The last learns from the take alone.
             Some(_) if own < OWN_FRAMES => &POOLED[..2],
             Some(_) => &POOLED,
+            None if (gap.len() as f64) < ONE_PROCESS * self.rate => &OWN[..1],
             None => &OWN,
         }
     }
@@ -103,7 +104,8 @@ impl Regression<'_> {
             Some(others) => Some(Basis::new(self, gap, simulated, Some(others))?),
             None => None,
         };
-        let is_alone = self.kernels().iter().any(|k| !k.others);
+        let kernels = self.kernels(gap);
+        let is_alone = kernels.iter().any(|k| !k.others);
         let alone = if is_alone {
             Some(Basis::new(self, gap, simulated, None)?)
         } else {
@@ -113,7 +115,7 @@ impl Regression<'_> {
             let basis = if kernel.others { &with_others } else { &alone };
             Process::new(basis.as_ref()?, kernel, self.noise)
         };
-        let processes = self.kernels().iter().map(process).collect::<Option<_>>()?;
+        let processes = kernels.iter().map(process).collect::<Option<_>>()?;
         Some(Learned {
             processes,
             with_others,

@@ -49,7 +49,7 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
     };
     let estimates = targets.estimates(&learned, &[whole], false)?.pop()?;
     let simulated = Simulated::new(targets, &learned, gap, simulated, estimates.means.len());
-    let processes = targets.regression.kernels().len();
+    let processes = targets.regression.kernels(gap).len();
     let seconds = gap.len() as f64 / targets.regression.rate;
     let points = targets.columns.len() / 3;
     let usual = match targets.regression.others {
