@@ -124,7 +124,7 @@ fn a_page_of_sound_takes_is_short() {
         fs::read_to_string(out.join("clean.html")).unwrap()
     };
     let page = clean(&folder.path().join("out"));
-    assert!(page.contains("Nothing is to be looked at."));
+    assert!(page.contains("There are no findings."));
     assert!(!page.contains("class=\"more\"") && !page.contains("<li>"));
     assert_eq!(page.matches("<svg").count(), 30);
     let rows = &page[page.find("<tbody").unwrap()..];

@@ -125,7 +125,7 @@ impl CleanReport {
         entries(&self.rows, Path::new(""))
     }
 
-    /// The table, each file's findings below it, and a line that counts.
+    /// The table, each file's findings below it, and a line that counts and says where the page is.
     pub fn text(&self) -> String {
         let mut rows = vec![TITLES.map(String::from).to_vec()];
         for row in self.rows.iter().filter(|r| !self.only_new || r.has_news()) {
@@ -144,7 +144,11 @@ impl CleanReport {
         } else {
             String::new()
         };
-        table + &self.counts() + "\n"
+        let page = match &self.page {
+            Some(page) if self.has_findings() => format!("; see {}", page.display()),
+            _ => String::new(),
+        };
+        format!("{table}{}{page}\n", self.counts())
     }
 
     /// One line: how many files, and what became of them.
@@ -184,7 +188,10 @@ fn cells(row: &Row) -> Vec<String> {
         }
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
-    out.push(fate(row).to_string());
+    let named_by = row.outcome.summary().and_then(|s| s.named_by.as_ref());
+    let named =
+        named_by.map(|by| format!(", named by {}", by.replace(char::is_control, "\u{fffd}")));
+    out.push(fate(row).to_string() + &named.unwrap_or_default());
     out
 }
 

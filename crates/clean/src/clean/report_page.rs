@@ -51,7 +51,7 @@ impl CleanReport {
             PageRow::new(row, folder).push(&mut rows, is_pictured);
         }
         let look = if found == 0 && !self.has_failures() {
-            "Nothing is to be looked at."
+            "There are no findings."
         } else {
             "Each finding leads to its place in the page that plays the take."
         };
