@@ -125,7 +125,8 @@ impl CleanReport {
         entries(&self.rows, Path::new(""))
     }
 
-    /// The table, each file's findings below it, and a line that counts and says where the page is.
+    /// The table, each file's findings below it, and a line that counts and, if there is more to
+    /// see, says where the page is.
     pub fn text(&self) -> String {
         let mut rows = vec![TITLES.map(String::from).to_vec()];
         for row in self.rows.iter().filter(|r| !self.only_new || r.has_news()) {
@@ -145,7 +146,9 @@ impl CleanReport {
             String::new()
         };
         let page = match &self.page {
-            Some(page) if self.has_findings() => format!("; see {}", page.display()),
+            Some(page) if self.has_findings() || self.has_failures() => {
+                format!("; see {}", page.display())
+            }
             _ => String::new(),
         };
         format!("{table}{}{page}\n", self.counts())

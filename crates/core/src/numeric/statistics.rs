@@ -18,8 +18,10 @@ pub fn median_of(values: &mut [f64]) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The values that have some ranks once finite ones are sorted; the ranks fall.
+/// The values that have some ranks once finite ones are sorted. The ranks fall, and each is below
+/// the number of values.
 pub fn at_ranks<const N: usize>(values: &mut [f64], ranks: [usize; N]) -> [f64; N] {
+    debug_assert!(ranks.is_sorted_by(|a, b| a >= b) && values.iter().all(|v| v.is_finite()));
     // What is below a rank stays before it.
     let mut open = values.len();
     ranks.map(|at| {

@@ -181,7 +181,7 @@ pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
             zz - xx - yy,
         ],
     ];
-    if let Some((value, v)) = largest_eigenpair(m, &n) {
+    if let Some((value, v)) = largest_eigenpair(m, n) {
         return (rotation_of(v), value, true);
     }
     let (values, vectors) = eigen_symmetric(n);
@@ -201,28 +201,33 @@ fn rotation_of(v: [f64; 4]) -> DMat3 {
 /// The largest eigenvalue of Horn's matrix `n` of `m`, and an eigenvector: by Newton's steps on the
 /// characteristic polynomial from above (D. L. Theobald, Acta Crystallographica A 61, 2005), and as
 /// a column of the adjugate. `None` where another eigenvalue is so near that digits would be lost.
-fn largest_eigenpair(m: &DMat3, n: &[[f64; 4]; 4]) -> Option<(f64, [f64; 4])> {
+fn largest_eigenpair(m: &DMat3, n: [[f64; 4]; 4]) -> Option<(f64, [f64; 4])> {
+    // Of size 1, lest its powers leave the range of numbers.
+    let size = (m.to_cols_array().iter()).fold(0.0, |most: f64, v| most.max(v.abs()));
+    let (m, n) = (*m * size.recip(), n.map(|row| row.map(|v| v / size)));
     let square: f64 = m.to_cols_array().iter().map(|v| v * v).sum();
-    let size = square.sqrt();
+    if !square.is_finite() {
+        return None;
+    }
     let [c2, c1, c0] = [
         -2.0 * square,
         -8.0 * m.determinant(),
-        DMat4::from_cols_array_2d(n).determinant(),
+        DMat4::from_cols_array_2d(&n).determinant(),
     ];
     let slope = |x: f64| (4.0 * x * x + 2.0 * c2) * x + c1;
     // Three singular values whose squares add up to `square` add up to no more.
-    let mut value = 3f64.sqrt() * size;
+    let mut value = (3.0 * square).sqrt();
     for _ in 0..30 {
         let step = (((value * value + c2) * value + c1) * value + c0) / slope(value);
         value -= step;
-        if !(step.abs() > 1e-15 * size) {
+        if !(step.abs() > 1e-15) {
             break;
         }
     }
-    if !(slope(value) > 1e-2 * size * square) {
+    if !(slope(value) > 1e-2 * square.powf(1.5)) {
         return None;
     }
-    let mut left = *n;
+    let mut left = n;
     (0..4).for_each(|i| left[i][i] -= value);
     let cofactor = |i: usize, j: usize| {
         let others = |k: usize| [0, 1, 2, 3].into_iter().filter(move |o| *o != k);
@@ -237,7 +242,7 @@ fn largest_eigenpair(m: &DMat3, n: &[[f64; 4]; 4]) -> Option<(f64, [f64; 4])> {
     };
     let diagonal = [0, 1, 2, 3].map(|k| cofactor(k, k).abs());
     let column = (0..4).max_by(|a, b| diagonal[*a].total_cmp(&diagonal[*b]))?;
-    Some((value, [0, 1, 2, 3].map(|k| cofactor(k, column))))
+    Some((value * size, [0, 1, 2, 3].map(|k| cofactor(k, column))))
 }
 
 /// Eigenvalues and unit eigenvectors of a small symmetric matrix, by Jacobi's rotations.
@@ -337,13 +342,14 @@ mod tests {
 
     #[test]
     fn the_nearest_rotation_is_that_of_the_eigenvectors() {
-        for seed in 0..400 {
-            let part = |k: usize| (((seed * 9 + k) as f64 * 12.9898).sin() * 43758.5453).fract();
+        for seed in 0..400i32 {
+            let part =
+                |k: usize| (((9 * seed + k as i32) as f64 * 12.9898).sin() * 43758.5453).fract();
             let mut m = DMat3::from_cols_array(&std::array::from_fn(part))
-                * 10f64.powi(seed as i32 % 7 - 3);
+                * 10f64.powi(20 * (seed % 13) - 120);
             if seed % 3 == 0 {
                 // Points in a plane, and nearly on a line.
-                m *= DMat3::from_diagonal(DVec3::new(1.0, 0.1f64.powi(seed as i32 % 5), 0.0));
+                m *= DMat3::from_diagonal(DVec3::new(1.0, 0.1f64.powi(seed % 5), 0.0));
             }
             let (rotation, gain, determined) = nearest_rotation(&m);
             assert!((rotation * m).to_cols_array().iter().all(|v| v.is_finite()) && determined);

@@ -1,8 +1,9 @@
 //! Markers of a set named by the body that they are on: a person's points without names.
 //!
-//! The mean body is put at the points of a frame, turned in some ways about the vertical. In
-//! rounds, markers and points are assigned to each other within a gate that narrows, and the pose
-//! follows ([`FrameSolver`](crate::ik::frame_solver::FrameSolver)).
+//! The mean body is put at the points of a frame, turned in some ways about the vertical, or
+//! where they lie, about their length. In rounds, markers and points are assigned to each other
+//! within a gate that narrows, and the pose follows
+//! ([`FrameSolver`](crate::ik::frame_solver::FrameSolver)).
 
 use super::body::{BONES, Body};
 use super::landmarks::JointSet;
@@ -15,13 +16,14 @@ use crate::label::unlabeled::own_name;
 use crate::label::{FittedLabels, LabelModel, NamedFrame};
 use crate::numeric::assignment::assign;
 use crate::numeric::parallel::map_chunks;
-use crate::numeric::statistics::median;
+use crate::numeric::statistics::{median, quantile};
 use crate::pose::kinematics::Posture;
 use crate::pose::{Channel, Skeleton};
 use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use ndarray::ArrayView2;
+use std::f64::consts::TAU;
 
 /// The markers of a set on the body of people.
 pub struct BodyModel {
@@ -155,10 +157,9 @@ impl Search<'_> {
         let middle = DVec3::new(of(0), of(1), of(2));
         let root = &self.model.skeleton.bones()[0];
         let first = self.model.skeleton.dofs_of(0).start;
-        let turned = |n: usize| {
+        let turned = |turn: DMat3| {
             let mut state = mean.clone();
-            let yaw = n as f64 / YAWS as f64 * std::f64::consts::TAU;
-            state.rotations[0] = DMat3::from_rotation_y(yaw) * state.rotations[0];
+            state.rotations[0] = turn * state.rotations[0];
             let markers = self.markers(&state);
             let off = middle - markers.iter().sum::<DVec3>() / markers.len() as f64;
             for (n, dof) in root.dofs.iter().enumerate() {
@@ -168,7 +169,7 @@ impl Search<'_> {
             }
             (f64::INFINITY, state)
         };
-        (0..YAWS).map(turned).collect()
+        turns(points, middle).into_iter().map(turned).collect()
     }
 
     fn markers(&self, state: &FrameState) -> Vec<DVec3> {
@@ -208,12 +209,34 @@ impl Search<'_> {
     }
 }
 
+/// The turns to start from: about the vertical, or where points are far longer than high, about
+/// their length, with the head at either end.
+fn turns(points: &[DVec3], middle: DVec3) -> Vec<DMat3> {
+    let about = |n: usize, of: usize| DMat3::from_rotation_y(n as f64 / of as f64 * TAU);
+    let sum = |of: fn(DVec3) -> f64| points.iter().map(|p| of(*p - middle)).sum::<f64>();
+    let angle = 0.5 * (2.0 * sum(|p| p.x * p.z)).atan2(sum(|p| p.x * p.x - p.z * p.z));
+    let along = DVec3::new(angle.cos(), 0.0, angle.sin());
+    let extent = |axis: DVec3| {
+        let at = |share| quantile(points.iter().map(|p| p.dot(axis)).collect(), share);
+        at(0.9).zip(at(0.1)).map_or(0.0, |(high, low)| high - low)
+    };
+    if extent(DVec3::Y) >= LYING * extent(along) {
+        return (0..YAWS).map(|n| about(n, YAWS)).collect();
+    }
+    let laid = [along, -along].map(|to| DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Y, to)));
+    let half = YAWS / 2;
+    (0..YAWS)
+        .map(|n| laid[n / half] * about(n % half, half))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::io::PointMove;
     use crate::label::Templates;
     use crate::label::nameless::name_tracks;
+    use crate::pose::rotation::from_rotation_vector;
     use crate::pose::{Poses, point_at};
     use crate::solve::marker_solver::tests::person;
     use ndarray::Array2;
@@ -258,9 +281,24 @@ mod tests {
     }
 
     #[test]
-    fn a_body_without_names_is_named() {
-        let (poses, _) = person(240);
-        let (nameless, truth) = nameless(&poses);
+    fn a_body_without_names_is_named_standing_and_lying() {
+        let (mut poses, _) = person(240);
+        for turn in [
+            DMat3::IDENTITY,
+            from_rotation_vector(DVec3::new(1.0, 0.0, 1.2)),
+        ] {
+            for mut row in poses.xyz.rows_mut() {
+                let row = row.as_slice_mut().unwrap();
+                for at in row.chunks_exact_mut(3) {
+                    (turn * DVec3::from_slice(at)).write_to_slice(at);
+                }
+            }
+            named_whole(&poses);
+        }
+    }
+
+    fn named_whole(poses: &Poses) {
+        let (nameless, truth) = nameless(poses);
         let model = BodyModel::new(MarkerSet::find("cmu41").unwrap()).unwrap();
         let found = name_tracks(&nameless, 60.0, &model, 0.9, &Templates::default()).unwrap();
         let mut xyz = nameless.xyz.clone();

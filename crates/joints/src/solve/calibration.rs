@@ -74,20 +74,15 @@ impl Calibrator<'_> {
         let mut cost = self.cost(&state, &linear);
         let (mut damping, mut taken) = (DAMPING, 0);
         loop {
-            let reduced = self.reduced(&state, &linear, damping);
-            let reduced = reduced.ok_or_else(singular)?;
-            let next = self.step(&of_mean, &state, &reduced, damping);
-            let is_last = next.as_ref().is_some_and(|n| n.1 <= TOLERANCE * cost);
+            let next = (self.reduced(&state, &linear, damping))
+                .and_then(|reduced| self.step(&of_mean, &state, &reduced, damping));
+            let gains_little = |gain: f64| damping <= DAMPING && gain <= TOLERANCE * cost;
+            let is_last = next.as_ref().is_some_and(|n| gains_little(n.1));
             if is_last || taken == STEPS || damping > MOST_DAMPING {
-                let precision = if damping <= DAMPING {
-                    reduced.precision
-                } else {
-                    let undamped = self.reduced(&state, &linear, 0.0);
-                    undamped.ok_or_else(singular)?.precision
-                };
+                let undamped = self.reduced(&state, &linear, 0.0);
                 return Ok(Calibration {
                     numbers: state.numbers,
-                    precision,
+                    precision: undamped.ok_or_else(singular)?.precision,
                 });
             }
             let reached = match next {
@@ -190,11 +185,13 @@ impl Calibrator<'_> {
         let poses = map_chunks(linear.len(), 1, |range| pose(&linear[range.start]));
         let poses: Vec<Pose> = poses.into_iter().collect::<Option<_>>()?;
         // One product for all frames: couplings on top of each other.
-        let stacked = |of: fn(&Pose) -> &Array2<f64>| {
-            let all: Vec<_> = poses.iter().map(|p| of(p).view()).collect();
-            concatenate(Axis(0), &all).ok()
+        let stacked = |columns: usize, of: fn(&Pose) -> &Array2<f64>| {
+            let none = Array2::zeros((0, columns));
+            let all = std::iter::once(none.view()).chain(poses.iter().map(|p| of(p).view()));
+            concatenate(Axis(0), &all.collect::<Vec<_>>()).ok()
         };
-        let (coupling, gradient) = (stacked(|p| &p.coupling)?, stacked(|p| &p.gradient)?);
+        let coupling = stacked(self.body.mean.len(), |p| &p.coupling)?;
+        let gradient = stacked(1, |p| &p.gradient)?;
         let (own, rest) = self.of_numbers(linear);
         let lost = coupling.t().dot(&gradient.column(0));
         Some(Reduced {
@@ -228,7 +225,8 @@ impl Calibrator<'_> {
     }
 
     /// The state after a damped step, with the solver of any body of these bones, and by how much
-    /// the cost is less there as far as the equations tell; `None` where they are singular.
+    /// the cost is less there as far as the undamped equations tell; `None` where they are
+    /// singular.
     fn step(
         &self,
         solver: &FrameSolver<'_>,

@@ -127,7 +127,7 @@ impl Calibrated {
     /// # Errors
     /// [`Error::Usage`]: the equations of the prior are singular.
     pub(super) fn positions(&self) -> Result<Array2<f64>> {
-        let fitted = self.fitted(&self.xyz, PLACES_STRIDE)?;
+        let fitted = self.fitted(&self.xyz)?;
         let sequence = fitted.sequence(&mut |_| ())?;
         fitted.ends(&sequence, &self.body.marker_bones())
     }
@@ -138,7 +138,7 @@ impl Calibrated {
     /// [`Error::Usage`]: the equations of the prior are singular.
     pub(super) fn postures(&self, frames: &[usize]) -> Result<Vec<Posture>> {
         let xyz = self.xyz.select(Axis(0), frames);
-        let fitted = self.fitted(&xyz, 1)?;
+        let fitted = self.fitted(&xyz)?;
         let sequence = fitted.sequence(&mut |_| ())?;
         let rows = sequence.values.rows().into_iter();
         Ok(rows
@@ -146,13 +146,13 @@ impl Calibrated {
             .collect())
     }
 
-    fn fitted<'a>(&'a self, xyz: &'a Array2<f64>, stride: usize) -> Result<Fitted<'a>> {
+    fn fitted<'a>(&'a self, xyz: &'a Array2<f64>) -> Result<Fitted<'a>> {
         Ok(Fitted {
             body: &self.body,
             prior: &self.prior,
             skeleton: self.body.skeleton(&self.numbers)?,
             xyz,
-            stride,
+            stride: 1,
         })
     }
 }

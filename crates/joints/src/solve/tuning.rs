@@ -3,8 +3,8 @@
 
 /// Standard deviation of a marker on its bone, cm.
 pub(super) const SD: f64 = 1.0;
-/// Frames that bones and markers are fitted on: 12 to 24 give the same joints in eight takes, to .02
-/// cm in the mean.
+/// Frames that bones and markers are fitted on: 12 to 24 give the same joints in eight takes, to
+/// .02 cm in the mean.
 pub(super) const FRAMES: usize = 18;
 /// How many of these are of a static take, if there is one.
 pub(super) const STATIC_FRAMES: usize = 6;
@@ -23,8 +23,6 @@ pub(super) const DAMPING: f64 = 1e-3;
 pub(super) const RELAX: f64 = 0.2;
 pub(super) const RAISE: f64 = 10.0;
 pub(super) const MOST_DAMPING: f64 = 1e6;
-/// Every so many frames of 30 a second is a key frame where only markers' places are asked for.
-pub(super) const PLACES_STRIDE: usize = 4;
 /// Standard deviation of bones that are given, cm.
 pub(super) const GIVEN_BONE: f64 = 1e-4;
 /// How far the pelvis follows the width between the front hips.
@@ -66,8 +64,9 @@ pub(super) const EXCHANGED: f64 = 16.0;
 pub(super) mod body_labels {
     /// Frames that bones and markers are fitted on.
     pub(crate) const FRAMES: usize = 12;
-    /// Turns about the vertical to start from.
+    /// Turns to start from; who is less high than this share of their length lies.
     pub(crate) const YAWS: usize = 8;
+    pub(crate) const LYING: f64 = 0.5;
     /// Rounds, and the gates of the first and the last, cm; a gate is so many deviations.
     pub(crate) const GATES: usize = 14;
     pub(crate) const WIDE: f64 = 60.0;
@@ -77,7 +76,7 @@ pub(super) mod body_labels {
     pub(crate) const WIDER: f64 = 2.0;
     /// Steps of the pose in a round.
     pub(crate) const STEPS: usize = 3;
-    /// The share of the cost by which a step lowers it that is the last.
+    /// A step that lowers the cost by a smaller share is the last.
     pub(crate) const LEAST_GAIN: f64 = 1e-3;
     /// Rounds after which half of the turns are left.
     pub(crate) const HALVED: [usize; 3] = [0, 2, 5];

@@ -11,7 +11,7 @@ pub(crate) struct Moments {
     covariance: Array2<f64>,
 }
 
-/// Poses in some rows, and what is left of their moments without the last ones.
+/// The moments of all rows, and of the kept ones alone.
 pub(crate) fn moments_without(
     poses: &LocalPoses,
     kept: &[usize],

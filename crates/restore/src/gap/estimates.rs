@@ -54,7 +54,8 @@ fn spread_of(means: &[Array2<f64>]) -> Array2<f64> {
 }
 
 impl Targets<'_> {
-    /// The estimates for `gaps`: the one that was learned for, or those simulated for it.
+    /// The estimates for `gaps`: the one that was learned for, or those simulated for it. `None`
+    /// where they have no frame of reference.
     pub(crate) fn estimates(
         &self,
         learned: &Learned,

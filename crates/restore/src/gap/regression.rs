@@ -452,17 +452,23 @@ fn matern(apart: f64) -> f64 {
     (1.0 + a) * (-a).exp()
 }
 
-/// Frames to learn from: some spread over the take, and those beside each gap.
+/// Frames to learn from: some spread over the take, at least half as many outside simulated gaps,
+/// which may hide most of it, and those beside each gap.
 fn training_frames(
     known: &[usize],
     gap: &Range<usize>,
     simulated: &[Range<usize>],
     rate: f64,
 ) -> BTreeSet<usize> {
-    let mut frames: BTreeSet<usize> = (spread(&(0..known.len()), SPREAD_FRAMES))
-        .into_iter()
-        .map(|k| known[k])
-        .collect();
+    let some = |of: &[usize], count: usize| -> BTreeSet<usize> {
+        (spread(&(0..of.len()), count).into_iter().map(|k| of[k])).collect()
+    };
+    let is_kept = |t: &usize| !simulated.iter().any(|g| g.contains(t));
+    let mut frames = some(known, SPREAD_FRAMES);
+    if frames.iter().filter(|t| is_kept(t)).count() < SPREAD_FRAMES / 2 {
+        let kept: Vec<usize> = known.iter().copied().filter(is_kept).collect();
+        frames.extend(some(&kept, SPREAD_FRAMES / 2));
+    }
     for away in BESIDE {
         let away = ((away * rate / 120.0).round() as usize).max(1);
         for gap in simulated.iter().chain([gap]) {

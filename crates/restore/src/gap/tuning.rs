@@ -49,7 +49,8 @@ pub(crate) mod predictors {
     pub(crate) const MOST_PLACED: usize = 3000;
     /// Predictors, at most: those at the steadiest distances. Over 900 gaps of 20 takes by
     /// themselves, errors are .97 to 1.00 of those with 40 up to .3 s, .96 at .6 and .90 at 1 s; 16
-    /// are better still by themselves, and worse with a model of 22 joints (.55 for .50).
+    /// are better still by themselves, and worse with a model of 22 joints (ratio .55
+    /// for .50).
     pub(crate) const MOST_PREDICTORS: usize = 24;
     /// Frames with all predictors, as a share of those with the targets: predictors that are
     /// missing more often are left out.
@@ -122,7 +123,7 @@ pub(crate) mod regression {
     pub(crate) const MOST_NOISE: f64 = 1.0;
     /// Own frames spread over the take, and other poses, nearest to the gap's and as many nearest
     /// to the simulated ones'. Over 490 gaps of .1 to 1.5 s in 20 takes, with and without a model,
-    /// 330 and 180 of these are within 1% of it and take three times as long.
+    /// the errors with 330 and 180 are the same within 1%, in three times the time.
     pub(crate) const SPREAD_FRAMES: usize = 240;
     pub(crate) const NEAREST_OTHERS: usize = 100;
     /// Frames of a gap that others are near to.
@@ -169,8 +170,9 @@ pub(crate) mod regression {
         kernel(true, 8.0, 0.0),
         kernel(false, 8.0, 0.01),
     ];
-    /// Briefer gaps, seconds, are predicted by the first of the processes that learn from the take
-    /// alone: both are better by 1% there, which is some thousandths of a centimeter.
+    /// Gaps shorter than this, in seconds, of a take without a model have only the first process:
+    /// both are 1% better there, thousandths of a centimeter. The share of coordinates within one
+    /// and two sd is the same (.75 and .92).
     pub(crate) const ONE_PROCESS: f64 = 0.3;
     /// The processes that learn from the take alone.
     pub(crate) const OWN: [Kernel; 2] = [kernel(false, 8.0, 0.01), kernel(false, 8.0, 0.0)];

@@ -123,7 +123,8 @@ struct Simulated {
 }
 
 /// Gaps that are simulated like `gap`, or shorter ones where it is not long and the take has no
-/// room for two; none where it has no room for these either.
+/// room for two; none where it has no room for these either. (What is learned beside them may
+/// still be too little: then none is simulated.)
 fn simulated_gaps(targets: &Targets<'_>, gap: &Range<usize>) -> Vec<GapFrames> {
     let is_long = gap.len() as f64 > LONG * targets.regression.rate;
     let parts = if is_long { &SHORTER[..1] } else { &SHORTER };

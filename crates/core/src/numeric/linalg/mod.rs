@@ -1,5 +1,5 @@
-//! Decompositions of dense symmetric matrices: by LAPACK (OpenBLAS) with the feature `openblas`, by
-//! faer without it.
+//! Decompositions of dense symmetric matrices, by LAPACK (OpenBLAS) with the feature `openblas`, by
+//! faer without it; and products of matrices with themselves, by faer.
 //!
 //! The two agree but for rounding, and for what is arbitrary: the signs of eigenvectors, and the
 //! basis of those that share an eigenvalue. With faer the largest component of an eigenvector is

@@ -115,7 +115,8 @@ impl<'a> FrameSolver<'a> {
         self.descend(targets, weights, start, (STEPS, TOLERANCE), scratch)
     }
 
-    /// Improves a frame by at most so many steps that lower E by more than a share of it.
+    /// Improves a frame by at most so many steps; one that lowers E by less than a share of it is
+    /// the last.
     pub(crate) fn improve(
         &self,
         targets: &[f64],
