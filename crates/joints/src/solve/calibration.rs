@@ -5,8 +5,8 @@
 //! ```
 //!
 //! over the poses of F frames and the numbers s of bones and markers, of which P is the precision:
-//! the frames count as κ independent ones. A step is Gauss's and Newton's, damped; each frame's
-//! pose is eliminated, so that only s remains (Schur's complement).
+//! the frames count as κ independent ones. A step is Gauss's and Newton's; each frame's pose is
+//! eliminated, so that only s remains (Schur's complement), and is damped.
 
 use super::body::{Body, Part};
 use super::tuning::*;
@@ -73,16 +73,15 @@ impl Calibrator<'_> {
         let mut linear = self.linearized(&state)?;
         let mut cost = self.cost(&state, &linear);
         let (mut damping, mut taken) = (DAMPING, 0);
+        let mut reduced = self.reduced(&state, &linear).ok_or_else(singular)?;
         loop {
-            let next = (self.reduced(&state, &linear, damping))
-                .and_then(|reduced| self.step(&of_mean, &state, &reduced, damping));
+            let next = self.step(&of_mean, &state, &reduced, damping);
             let gains_little = |gain: f64| damping <= DAMPING && gain <= TOLERANCE * cost;
             let is_last = next.as_ref().is_some_and(|n| gains_little(n.1));
             if is_last || taken == STEPS || damping > MOST_DAMPING {
-                let undamped = self.reduced(&state, &linear, 0.0);
                 return Ok(Calibration {
                     numbers: state.numbers,
-                    precision: undamped.ok_or_else(singular)?.precision,
+                    precision: reduced.precision,
                 });
             }
             let reached = match next {
@@ -95,6 +94,7 @@ impl Calibrator<'_> {
             match reached {
                 Some(reached) if reached.0 < cost => {
                     (cost, state, linear) = reached;
+                    reduced = self.reduced(&state, &linear).ok_or_else(singular)?;
                     damping *= RELAX;
                     taken += 1;
                 }
@@ -171,9 +171,9 @@ impl Calibrator<'_> {
     }
 
     /// The equations of the numbers; `None` where those of a frame are singular.
-    fn reduced(&self, state: &State, linear: &[Linearized], damping: f64) -> Option<Reduced> {
+    fn reduced(&self, state: &State, linear: &[Linearized]) -> Option<Reduced> {
         let pose = |linear: &Linearized| {
-            let (factor, coupling) = coupled(self.body, linear, damping)?;
+            let (factor, coupling) = coupled(self.body, linear)?;
             let gradient = Array1::from_vec(linear.gradient.clone()).insert_axis(Axis(1));
             let gradient = factor.half_solve(&gradient)?;
             Some(Pose {
@@ -259,13 +259,9 @@ impl Calibrator<'_> {
     }
 }
 
-/// The Cholesky factor L of a frame's own equations, damped, and L⁻¹ B: what the pose has to do
-/// with the numbers of the body. `None` where the equations are singular.
-pub(super) fn coupled(
-    body: &Body,
-    linear: &Linearized,
-    damping: f64,
-) -> Option<(Cholesky, Array2<f64>)> {
+/// The Cholesky factor L of a frame's own equations and L⁻¹ B: what the pose has to do with the
+/// numbers of the body. `None` where the equations are singular.
+pub(super) fn coupled(body: &Body, linear: &Linearized) -> Option<(Cholesky, Array2<f64>)> {
     let n = linear.gradient.len();
     let mut coupling: Array2<f64> = Array2::zeros((n, body.mean.len()));
     for (m, _) in linear
@@ -285,7 +281,7 @@ pub(super) fn coupled(
     }
     let mut normal = linear.normal.clone();
     for i in 0..n {
-        normal[[i, i]] += damping * normal[[i, i]] + LEAST_PRECISION;
+        normal[[i, i]] += LEAST_PRECISION;
     }
     let factor = Cholesky::new(normal)?;
     let coupling = factor.half_solve(&coupling)?;

@@ -25,7 +25,7 @@ impl Deviations<'_> {
     /// that of `(K − J X) S⁻¹ (K − J X)ᵀ + J H⁻¹ Jᵀ`. `None` where nothing tells.
     pub(super) fn of(&self, at: &Linearized, scratch: &Scratch) -> Option<Vec<f64>> {
         let (n, count) = (at.gradient.len(), self.body.mean.len());
-        let (factor, coupling) = coupled(self.body, at, 0.0)?;
+        let (factor, coupling) = coupled(self.body, at)?;
         let rows = 3 * self.bones.len();
         let mut pose: Array2<f64> = Array2::zeros((n, rows));
         let mut own: Array2<f64> = Array2::zeros((count, rows));
