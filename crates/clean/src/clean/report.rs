@@ -147,7 +147,7 @@ impl CleanReport {
         };
         let page = match &self.page {
             Some(page) if self.has_findings() || self.has_failures() => {
-                format!("; see {}", page.display())
+                format!("; see {}", plain(&page.display().to_string()))
             }
             _ => String::new(),
         };
@@ -178,9 +178,14 @@ impl CleanReport {
     }
 }
 
+/// A name without characters that move a terminal's cursor.
+fn plain(name: &str) -> String {
+    name.replace(char::is_control, "\u{fffd}")
+}
+
 /// The cells of a file, as [`TITLES`] has them.
 fn cells(row: &Row) -> Vec<String> {
-    let mut out = vec![row.name.replace(char::is_control, "\u{fffd}")];
+    let mut out = vec![plain(&row.name)];
     match row.outcome.summary() {
         Some(s) => {
             out.push(s.format.clone());
@@ -192,8 +197,7 @@ fn cells(row: &Row) -> Vec<String> {
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
     let named_by = row.outcome.summary().and_then(|s| s.named_by.as_ref());
-    let named =
-        named_by.map(|by| format!(", named by {}", by.replace(char::is_control, "\u{fffd}")));
+    let named = named_by.map(|by| format!(", named by {}", plain(by)));
     out.push(fate(row).to_string() + &named.unwrap_or_default());
     out
 }

@@ -77,7 +77,7 @@ pub(crate) struct Wanted<'a> {
 /// The prediction of one process for some frames.
 #[derive(Debug, Clone)]
 pub(crate) struct Prediction {
-    /// Of the wanted frames, and of those beside them (frames, 3 T), cm.
+    /// Means of the wanted frames, and of those beside them (frames, 3 T), cm.
     pub mean: Array2<f64>,
     pub beside: Array2<f64>,
     /// (frames, 3 T), cm²; empty of a process without time and of the conditional.
@@ -100,35 +100,30 @@ impl Regression<'_> {
     /// Learns from the frames outside `gap`, to predict those of simulated gaps without what is in
     /// any of these. `None` where there is nothing to learn from.
     pub(crate) fn learn(&self, gap: &Range<usize>, simulated: &[Range<usize>]) -> Option<Learned> {
-        let with_others = match self.others {
-            Some(others) => Some(Basis::new(self, gap, simulated, Some(others))?),
-            None => None,
-        };
         let kernels = self.kernels(gap);
-        let is_alone = kernels.iter().any(|k| !k.others);
-        let alone = if is_alone {
-            Some(Basis::new(self, gap, simulated, None)?)
-        } else {
-            None
-        };
+        let mut bases = Vec::new();
+        if let Some(others) = self.others {
+            bases.push(Basis::new(self, gap, simulated, Some(others))?);
+        }
+        if kernels.iter().any(|k| !k.others) {
+            bases.push(Basis::new(self, gap, simulated, None)?);
+        }
+        let last = bases.len().checked_sub(1)?;
         let process = |kernel: &Kernel| {
-            let basis = if kernel.others { &with_others } else { &alone };
-            Process::new(basis.as_ref()?, kernel, self.noise)
+            let basis = if kernel.others { 0 } else { last };
+            Some((basis, Process::new(&bases[basis], kernel, self.noise)?))
         };
         let processes = kernels.iter().map(process).collect::<Option<_>>()?;
-        Some(Learned {
-            processes,
-            with_others,
-            alone,
-        })
+        Some(Learned { bases, processes })
     }
 }
 
 /// The processes, trained.
 pub(crate) struct Learned {
-    processes: Vec<Process>,
-    with_others: Option<Basis>,
-    alone: Option<Basis>,
+    /// With others' poses, if there are any, and of the take alone, if a process wants it.
+    bases: Vec<Basis>,
+    /// Each with the number of its basis.
+    processes: Vec<(usize, Process)>,
 }
 
 impl Learned {
@@ -138,26 +133,15 @@ impl Learned {
         regression: &Regression<'_>,
         wanted: &Wanted<'_>,
     ) -> Option<Vec<Prediction>> {
-        let inputs = |basis: &Basis| Inputs::new(basis, regression, wanted);
-        let with_others = self.with_others.as_ref().map(inputs);
-        let alone = self.alone.as_ref().map(inputs);
-        let (basis, first) = (self.with_others.as_ref().zip(with_others.as_ref()))
-            .or(self.alone.as_ref().zip(alone.as_ref()))?;
-        let of_process = |process: &Process| {
-            let (basis, inputs) = if process.kernel.others {
-                self.with_others.as_ref().zip(with_others.as_ref())
-            } else {
-                self.alone.as_ref().zip(alone.as_ref())
-            }?;
-            process.predict(basis, inputs, wanted)
+        let inputs = |basis| Inputs::new(basis, regression, wanted);
+        let inputs: Vec<Inputs> = self.bases.iter().map(inputs).collect();
+        let of_process = |(basis, process): &(usize, Process)| {
+            process.predict(&self.bases[*basis], &inputs[*basis], wanted)
         };
-        let mut out: Vec<Prediction> = self
-            .processes
-            .iter()
-            .map(of_process)
-            .collect::<Option<_>>()?;
-        let none = Array2::zeros((0, 0));
-        out.push(wanted.prediction(basis.conditional(wanted).expects(&first.x), none));
+        let all = self.processes.iter().map(of_process);
+        let mut out: Vec<Prediction> = all.collect::<Option<_>>()?;
+        let mean = self.bases[0].conditional(wanted).expects(&inputs[0].x);
+        out.push(wanted.prediction(mean, Array2::zeros((0, 0))));
         Some(out)
     }
 }
@@ -495,19 +479,20 @@ pub(crate) fn spread(range: &Range<usize>, count: usize) -> Vec<usize> {
 fn squared_distances_within(a: &Array2<f64>) -> Array2<f64> {
     let products = gram(a.t());
     let squares = products.diag().to_owned();
-    let mut out = products * -2.0;
-    out += &squares.view().insert_axis(Axis(1));
-    out += &squares;
-    out.mapv_inplace(|v| v.max(0.0));
-    out
+    distances_by(products, &squares, &squares)
 }
 
 /// |a − b|² between the rows of (n, d) and (m, d).
 fn squared_distances(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
     let squares = |x: &Array2<f64>| x.map_axis(Axis(1), |row| row.dot(&row));
-    let mut out = a.dot(&b.t()) * -2.0;
-    out += &squares(a).insert_axis(Axis(1));
-    out += &squares(b);
+    distances_by(a.dot(&b.t()), &squares(a), &squares(b))
+}
+
+/// |a − b|² by the products a · b and the squares of both.
+fn distances_by(products: Array2<f64>, a: &Array1<f64>, b: &Array1<f64>) -> Array2<f64> {
+    let mut out = products * -2.0;
+    out += &a.view().insert_axis(Axis(1));
+    out += b;
     out.mapv_inplace(|v| v.max(0.0));
     out
 }
