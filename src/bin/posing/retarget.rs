@@ -28,8 +28,10 @@ use std::path::PathBuf;
 /// RIG.bvh, byte for byte, and the source's frames. Directions of limbs are the source's; pelvis,
 /// spine, neck and head turn as the source's, whatever number of joints they have. The middle of
 /// the hips moves by the ratio of the legs, and feet are planted as the source's are: the ankle
-/// keeps the source's own roll, and knees bend to their own side. Fingers follow where they have
-/// the source's names; other joints keep their rest pose.
+/// keeps the source's own roll, and knees bend to their own side. Feet turn relative to how each
+/// skeleton stands: a sole that is level stays level, ankles are as high as the rig's own, and toes
+/// never go under the ground. Fingers follow where they have the source's names; other joints keep
+/// their rest pose.
 ///
 /// Which joint is which is told by the names (maps as for complete), else by the shape of the tree.
 /// Skeletons are compared in their rest pose, all rotations zero; where that is no standing body,
@@ -65,7 +67,7 @@ pub struct Args {
     /// Names of the rig's joints, likewise
     #[arg(long, value_name = "NAME|FILE.toml", help_heading = "Method")]
     map_to: Option<String>,
-    /// Do not plant feet: limbs have exactly the source's directions
+    /// Do not plant feet on their soles: limbs, feet too, have exactly the source's directions
     #[arg(long, help_heading = "Method")]
     no_feet: bool,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
@@ -194,6 +196,8 @@ fn told(done: &Retargeted) -> Value {
         "resting_joints": done.resting,
         "contacts": done.contacts,
         "slide": done.slide,
+        "raised": done.raised,
+        "ground": done.ground,
         "missing": done.missing,
         "moves": done.moves,
     })
@@ -206,8 +210,13 @@ fn report(name: &str, done: &Retargeted) {
         Some(contacts) => {
             let s = if contacts == 1 { "" } else { "s" };
             let slide = done.slide;
+            let ankles = match done.ground {
+                Some(_) => format!("; ankles at the rig's own height: {:+.2}", done.raised),
+                None => String::new(),
+            };
             format!(
-                "; {contacts} contact{s} held, sliding {slide:.2} more than the source's at most"
+                "; {contacts} contact{s} held, sliding {slide:.2} more than the source's at \
+                 most{ankles}"
             )
         }
         None => String::new(),

@@ -2,8 +2,11 @@
 //!
 //! An ankle of the source is in contact while it is slow and low. There the rig's ankle goes to `k
 //! (a - median a) + median a'`: the position that it has itself, with the source's own roll, k the
-//! scale. The legs reach it by two-bone inverse kinematics; what was added fades before and after.
+//! scale; over a ground it is as high as the source's, but for how high the ankles of both stand.
+//! The legs reach it by two-bone inverse kinematics; what was added fades before and after. Where
+//! a sole would be under the ground, foot and toes turn up.
 
+use super::soles::Ground;
 use super::tuning::feet::*;
 use crate::numeric::statistics::median;
 use crate::pose::foot_contacts::{ContactLimits, contacts, fade};
@@ -18,13 +21,15 @@ pub(super) struct LegFrame {
     pub thigh: DMat3,
     /// The source's ankle; nan where it is missing.
     pub source: DVec3,
+    /// The global rotations of foot and toes.
+    pub foot: [DMat3; 2],
 }
 
 /// What plants a foot.
 #[derive(Debug, Default)]
 pub(super) struct Planted {
-    /// By frame, what turns thigh and shin, from the left; `None`: nothing.
-    pub turns: Vec<Option<[DMat3; 2]>>,
+    /// By frame, what turns thigh, shin, foot and toes, from the left; `None`: nothing.
+    pub turns: Vec<[Option<DMat3>; 4]>,
     /// The number of contacts.
     pub contacts: usize,
     /// How far the ankle leaves its goal at most, cm.
@@ -40,17 +45,23 @@ fn limits(unit: f64) -> ContactLimits {
     }
 }
 
-/// Plants a foot; `scale` is the rig's length of a unit of the source, `leg` the rig's leg, and
-/// `unit` what counts as a centimeter of the source.
-pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]) -> Planted {
+/// Plants a foot, on a ground if there is one; `scale` is the rig's length of a unit of the source,
+/// `leg` the rig's leg, and `unit` what counts as a centimeter of the source.
+pub(super) fn plant(
+    frames: &[LegFrame],
+    rate: f64,
+    [scale, leg, unit]: [f64; 3],
+    ground: Option<&Ground>,
+) -> Planted {
     let source: Vec<DVec3> = frames.iter().map(|f| f.source).collect();
     let contacts = contacts(&source, rate, &limits(unit));
     let mut offsets = vec![DVec3::ZERO; frames.len()];
     let mut weights = vec![0.0; frames.len()];
     for contact in &contacts {
-        let shift = middle(&frames[contact.clone()], |f| {
+        let mut shift = middle(&frames[contact.clone()], |f| {
             f.bones.ankle - scale * f.source
         });
+        shift.y = ground.map_or(shift.y, |ground| ground.raise);
         for t in contact.clone() {
             offsets[t] = scale * frames[t].source + shift - frames[t].bones.ankle;
             weights[t] = 1.0;
@@ -62,6 +73,14 @@ pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]
         &mut offsets,
         &mut weights,
     );
+    let mut turns = vec![[None; 2]; frames.len()];
+    if let Some(ground) = ground {
+        for (t, frame) in frames.iter().enumerate() {
+            let (feet, lift) = ground.clear(frame.bones.ankle + offsets[t], frame.foot);
+            turns[t] = feet;
+            offsets[t].y += lift;
+        }
+    }
     let hinge: DVec3 = frames
         .iter()
         .map(|f| f.thigh.transpose() * f.bones.bend())
@@ -71,7 +90,8 @@ pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]
         contacts: contacts.len(),
         ..Planted::default()
     };
-    for ((frame, &offset), &weight) in frames.iter().zip(&offsets).zip(&weights) {
+    for (t, frame) in frames.iter().enumerate() {
+        let (offset, weight) = (offsets[t], weights[t]);
         let is_moved = offset != DVec3::ZERO && frame.source.is_finite();
         let reached = is_moved.then(|| {
             // What hardly moves keeps the plane of its knee.
@@ -84,7 +104,8 @@ pub(super) fn plant(frames: &[LegFrame], rate: f64, [scale, leg, unit]: [f64; 3]
             let goal = frame.bones.ankle + offset;
             out.slide = out.slide.max(reached.ankle.distance(goal));
         }
-        out.turns.push(reached.map(|r| [r.upper, r.lower]));
+        let [upper, lower] = [reached.map(|r| r.upper), reached.map(|r| r.lower)];
+        out.turns.push([upper, lower, turns[t][0], turns[t][1]]);
     }
     out
 }
@@ -122,6 +143,7 @@ mod tests {
                 bones: TwoBones { hip, knee, ankle },
                 thigh: DMat3::IDENTITY,
                 source,
+                foot: [DMat3::IDENTITY; 2],
             }
         };
         track().into_iter().enumerate().map(frame).collect()
@@ -131,14 +153,16 @@ mod tests {
     fn a_planted_foot_has_the_sources_roll_and_fades_out() {
         let wobble = |t: usize| DVec3::new((t as f64 * 0.3).sin(), 0.0, (t as f64 * 0.2).cos());
         let frames = legs(wobble);
-        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0]);
+        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0], None);
         assert_eq!(planted.contacts, 2);
         assert!(planted.slide <= 1e-9, "{}", planted.slide);
         let ankle = |t: usize| {
             let TwoBones { hip, knee, ankle } = frames[t].bones;
             match planted.turns[t] {
-                Some([upper, lower]) => hip + upper * (knee - hip) + lower * (ankle - knee),
-                None => ankle,
+                [Some(upper), Some(lower), ..] => {
+                    hip + upper * (knee - hip) + lower * (ankle - knee)
+                }
+                _ => ankle,
             }
         };
         for contact in contacts(&track(), 100.0, &limits(1.0)) {
@@ -163,7 +187,7 @@ mod tests {
             .iter_mut()
             .enumerate()
             .for_each(|(t, frame)| frame.thigh = turn(t));
-        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0]);
+        let planted = plant(&frames, 100.0, [0.9, 80.0, 1.0], None);
         let still = |turn: &DMat3| turn.abs_diff_eq(DMat3::IDENTITY, 1e-6);
         assert!(planted.turns.iter().flatten().flatten().all(still));
     }

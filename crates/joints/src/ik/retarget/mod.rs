@@ -3,17 +3,20 @@
 //!
 //! [`Retargeter`] holds a rig and takes sources with rotations, one after another. Directions of
 //! limbs are the source's (see `transfer`); the middle of the hips is at `k` times its position,
-//! `k` the ratio of the legs, and the root follows from it; see `feet` for the contacts. A source's
-//! missing channels (nan) are missing in the rig's joints that depend on them, and in no others.
+//! `k` the ratio of the legs, and the root follows from it; see `feet` for the contacts and `soles`
+//! for how feet stand. A source's missing channels (nan) are missing in the rig's joints that
+//! depend on them, and in no others.
 //!
 //! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest
 //! poses that are no bodies are replaced by a frame in which one stands (`rest`).
 
 mod feet;
+mod figure;
 mod hierarchy;
 mod rest;
 mod segments;
 mod shape;
+mod soles;
 mod transfer;
 mod tuning;
 mod up_axis;
@@ -29,13 +32,14 @@ use crate::pose::two_bone::TwoBones;
 use crate::pose::{Channel, NameMap, UpAxis};
 use crate::{Error, Result};
 use feet::{LegFrame, Planted, plant};
+use figure::Figure;
 use glam::{DMat3, DVec3};
 use hierarchy::{Hierarchy, Missing, Pose};
 use ndarray::Array2;
 use rest::{RestPose, is_same_convention};
 use segments::BodyJoints;
-use transfer::{Figure, Transfer};
-use tuning::feet::{LEG, LEGS};
+use soles::{Ground, Stance, foot_joints};
+use transfer::Transfer;
 use tuning::{BLOCK, CHUNK};
 
 /// A rig that takes over motions.
@@ -73,7 +77,7 @@ pub struct RetargetOptions<'a> {
     pub rate: Option<f64>,
     /// The names of the source, as for [`Retargeter::new`].
     pub map: Option<&'a NameMap>,
-    /// Whether feet are planted as the source's.
+    /// Whether feet are planted as the source's, on their own soles.
     pub plants_feet: bool,
 }
 
@@ -105,6 +109,11 @@ pub struct Retargeted {
     pub contacts: Option<usize>,
     /// How far a held foot leaves its goal at most, in the rig's unit: where that is out of reach.
     pub slide: f64,
+    /// How much higher than the source's, times the scale, the body stands, in the rig's unit:
+    /// ankles are as high above soles as the rig's. 0 where feet were not asked for.
+    pub raised: f64,
+    /// How high the ground is on which feet stand, in the rig's unit; `None`: they never do.
+    pub ground: Option<f64>,
     /// The number of values that are missing (nan), as the source lacks what they depend on.
     pub missing: usize,
     /// Whether the rig has position channels that move it.
@@ -169,16 +178,24 @@ impl Retargeter {
         if legs.iter().any(|leg| !(*leg > 0.0 && leg.is_finite())) {
             return Err(Error::unfit("legs without a length"));
         }
+        let scale = legs[1] / legs[0];
+        let mut transfer = Transfer::new(figure, rig, is_same);
+        let mut stance = Stance::default();
+        if options.plants_feet {
+            stance = Stance::of([figure, rig], [source, &self.bvh], rate, scale, is_same);
+            transfer.stand([&body, &self.body], &stance.soles);
+        }
         let run = Run {
             rig: self,
-            transfer: Transfer::new(figure, rig, is_same),
+            transfer,
             tree: &tree,
             body: &body,
             source,
-            scale: legs[1] / legs[0],
+            scale,
+            raised: stance.raised,
         };
         let planted = if options.plants_feet {
-            run.plant(legs, rate)
+            run.plant([figure.centimeter(), legs[1]], rate, &stance.grounds)
         } else {
             Default::default()
         };
@@ -199,6 +216,13 @@ impl Retargeter {
             resting: run.transfer.resting(),
             contacts: (options.plants_feet).then(|| planted.iter().map(|p| p.contacts).sum()),
             slide: planted.iter().map(|p| p.slide).fold(0.0, f64::max),
+            raised: run.raised,
+            ground: stance
+                .grounds
+                .iter()
+                .flatten()
+                .map(|ground| ground.height)
+                .next(),
             missing,
             moves: self.carrier.is_some(),
         })
@@ -213,6 +237,8 @@ struct Run<'a> {
     body: &'a BodyJoints,
     source: &'a Bvh,
     scale: f64,
+    /// How much higher than the source's, times the scale, the hips are.
+    raised: f64,
 }
 
 impl Run<'_> {
@@ -245,7 +271,10 @@ impl Run<'_> {
             pose.positions.push(position);
         }
         let shift = match self.rig.carrier {
-            Some(_) => self.scale * hips(self.body, source) - hips(&self.rig.body, pose),
+            Some(_) => {
+                let goal = self.scale * hips(self.body, source) + self.raised * DVec3::Y;
+                goal - hips(&self.rig.body, pose)
+            }
             None => DVec3::ZERO,
         };
         pose.positions
@@ -254,13 +283,14 @@ impl Run<'_> {
         shift
     }
 
-    /// What plants each foot.
-    fn plant(&self, [source_leg, leg]: [f64; 2], rate: f64) -> Vec<Planted> {
-        let unit = if LEGS.contains(&source_leg) {
-            1.0
-        } else {
-            source_leg / LEG
-        };
+    /// What plants each foot, on its ground; `unit` counts as a centimeter of the source, and `leg`
+    /// is the rig's.
+    fn plant(
+        &self,
+        [unit, leg]: [f64; 2],
+        rate: f64,
+        grounds: &[Option<Ground>; 2],
+    ) -> Vec<Planted> {
         let ankles = [0, 1].map(|side| self.body.legs[side].joints[2]);
         let frames = map_chunks(self.source.motion.nrows(), CHUNK, |range| {
             let (mut source, mut pose) = (Pose::default(), Pose::default());
@@ -279,6 +309,7 @@ impl Run<'_> {
                         } else {
                             source.positions[ankles[side]]
                         },
+                        foot: foot_joints(&self.rig.body.legs[side]).map(|j| pose.rotations[j]),
                     }
                 })
             };
@@ -286,7 +317,8 @@ impl Run<'_> {
         });
         let side = |side: usize| {
             let of_side: Vec<LegFrame> = frames.iter().flatten().map(|f| f[side]).collect();
-            plant(&of_side, rate, [self.scale, leg, unit])
+            let scales = [self.scale, leg, unit];
+            plant(&of_side, rate, scales, grounds[side].as_ref())
         };
         vec![side(0), side(1)]
     }
@@ -346,10 +378,16 @@ impl Run<'_> {
     fn turns(&self, planted: &[Planted], frame: usize) -> Vec<(usize, DMat3)> {
         let legs = planted.iter().zip(&self.rig.body.legs);
         let of_leg = |(planted, leg): (&Planted, &shape::Limb)| {
-            let [upper, lower] = planted.turns[frame]?;
-            Some([(leg.joints[0], upper), (leg.joints[1], lower)])
+            let [hip, knee, _] = leg.joints;
+            let [foot, toes] = foot_joints(leg);
+            let turns = [hip, knee, foot, toes]
+                .into_iter()
+                .zip(planted.turns[frame]);
+            turns
+                .filter_map(|(joint, turn)| Some((joint, turn?)))
+                .collect::<Vec<_>>()
         };
-        legs.filter_map(of_leg).flatten().collect()
+        legs.flat_map(of_leg).collect()
     }
 }
 

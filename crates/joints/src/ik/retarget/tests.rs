@@ -244,6 +244,73 @@ fn a_zero_pose_that_is_no_body_is_replaced_by_an_upright_frame() {
     assert_eq!(carried(&rig, &longer, false).rests, [Rest::Zero; 2]);
 }
 
+/// A body that stands on its soles, squats a little, and walks on its toes for a while.
+fn standing(frames: usize, change: impl Fn(usize, DVec3) -> DVec3) -> Bvh {
+    let bend = |t: usize| 0.4 * (t as f64 * 0.02).sin().powi(2);
+    let tiptoe = |t: usize| if t > frames / 2 { 0.5 } else { 0.0 };
+    let mut body = body(frames, change, none, |t, j| match j {
+        13 | 17 => [0.0, -bend(t), 0.0],
+        14 | 18 => [0.0, 2.0 * bend(t), 0.0],
+        15 | 19 => [0.0, -bend(t) + tiptoe(t), 0.0],
+        16 | 20 => [0.0, -tiptoe(t), 0.0],
+        _ => [0.0; 3],
+    });
+    for t in 0..frames {
+        body.motion[[t, 1]] = 0.0;
+        let low = pose(&body, t).positions[16].y - 2.4;
+        (
+            body.motion[[t, 0]],
+            body.motion[[t, 1]],
+            body.motion[[t, 2]],
+        ) = (0.0, -low, 0.0);
+    }
+    body
+}
+
+/// Feet that slope by half as much and are longer, and ankles that are as high as that.
+fn flat_feet(j: usize, offset: DVec3) -> DVec3 {
+    match j {
+        16 | 20 => DVec3::new(0.0, -3.0, 19.0),
+        _ => offset,
+    }
+}
+
+#[test]
+fn feet_stand_level_on_their_own_soles() {
+    let source = standing(200, same);
+    let rig = body(1, flat_feet, none, |_, _| [0.0; 3]);
+    let there = carried(&rig, &source, true);
+    // Ankles are 3 over the ball and 6 over the tip, the source's 6 and 8.4.
+    assert!((there.raised - (6.0 - 8.4)).abs() <= 0.1);
+    assert_eq!(there.ground, Some(0.0));
+    for t in 0..200 {
+        let (a, b) = (pose(&source, t), pose(&there.bvh, t));
+        for (ankle, ball) in [(15, 16), (19, 20)] {
+            let tip = b.positions[ball] + b.rotations[ball] * DVec3::new(0.0, -3.0, 19.0);
+            assert!(tip.y >= -1e-6 && b.positions[ball].y >= -1e-6, "{t}");
+            if t < 100 {
+                assert!(angle_between(&a.rotations[ankle], &b.rotations[ankle]) <= 0.02);
+                assert!((b.positions[ankle].y - 6.0).abs() <= 0.2, "{t}");
+            }
+        }
+    }
+    // Without feet, limbs have the source's directions to the digit.
+    let free = carried(&rig, &source, false);
+    assert_eq!((free.raised, free.ground), (0.0, None));
+    assert!(farthest(&source, &free.bvh) <= 1e-7);
+}
+
+#[test]
+fn who_never_stands_is_not_put_on_the_ground() {
+    let mut source = body(60, same, none, moving);
+    (0..60).for_each(|t| source.motion[[t, 1]] = 300.0 + 8.0 * t as f64);
+    let there = carried(&body(1, flat_feet, none, moving), &source, true);
+    assert_eq!(
+        (there.raised, there.ground, there.contacts),
+        (0.0, None, Some(0))
+    );
+}
+
 #[test]
 fn a_body_that_never_stands_is_told() {
     let source = body(5, same, none, moving);

@@ -5,23 +5,17 @@
 //! pose to the source's: `A = B` for pelvis, spine and head, B by the line of the hips or of the
 //! shoulders; `A = swing(B d', d) B` for a bone of a limb, d and d' its directions in both rest
 //! poses. So the direction of each limb is the source's to the digit. Chains of other numbers of
-//! joints are blended along their index; a joint that follows nothing keeps its rest pose.
+//! joints are blended along their index; a joint that follows nothing keeps its rest pose. Feet may
+//! turn by how they stand instead (`soles`).
 
+use super::figure::Figure;
 use super::hierarchy::{Hierarchy, Pose};
-use super::rest::{RestPose, between};
+use super::rest::between;
 use super::segments::BodyJoints;
 use super::shape::Limb;
-use super::tuning::rest::NO_LENGTH;
+use super::soles::Sole;
 use crate::pose::rotation::shortest_arc;
 use glam::{DMat3, DQuat, DVec3};
-
-/// A skeleton, its body and its rest pose.
-#[derive(Clone, Copy)]
-pub(super) struct Figure<'a> {
-    pub tree: &'a Hierarchy,
-    pub body: &'a BodyJoints,
-    pub rest: &'a RestPose,
-}
 
 /// What a rig's joint follows: a source's joint, or two blended; each with its Q.
 struct Follow {
@@ -40,38 +34,6 @@ pub(super) struct Transfer {
     locals: Vec<DMat3>,
     /// By joint, its A.
     carried: Vec<Option<DMat3>>,
-}
-
-impl Figure<'_> {
-    /// The direction in the rest pose from a joint to another, or to the mean of what hangs on it.
-    fn direction(&self, joint: usize, end: Option<usize>) -> Option<DVec3> {
-        let pose = &self.rest.pose;
-        let bone = match end {
-            Some(end) => pose.positions[end] - pose.positions[joint],
-            None => {
-                let children = self.tree.children(joint).map(|j| self.tree.offsets[j]);
-                let tips = self.tree.tips[joint].iter().copied();
-                pose.rotations[joint] * children.chain(tips).sum::<DVec3>()
-            }
-        };
-        (bone.length() > NO_LENGTH * self.leg()).then(|| bone.normalize())
-    }
-
-    /// The length of a leg at rest, the mean of both.
-    pub(super) fn leg(&self) -> f64 {
-        let positions = &self.rest.pose.positions;
-        let long = |leg: &Limb| {
-            let [hip, knee, ankle] = leg.joints.map(|j| positions[j]);
-            hip.distance(knee) + knee.distance(ankle)
-        };
-        self.body.legs.iter().map(long).sum::<f64>() / 2.0
-    }
-
-    /// The joints of a hand that bend: the wrist, and with CMU's names the joint after it.
-    fn hand(&self, arm: &Limb) -> Vec<usize> {
-        let more = arm.end.filter(|_| self.body.has_hand_joint());
-        [Some(arm.joints[2]), more].into_iter().flatten().collect()
-    }
 }
 
 impl Transfer {
@@ -106,6 +68,25 @@ impl Transfer {
         }
         out.same_names([source, rig], lower, is_same);
         out
+    }
+
+    /// Lets a rig's feet and toes turn as the source's do, relative to how each stands: by the
+    /// soles of source and rig, left and right.
+    pub(super) fn stand(&mut self, bodies: [&BodyJoints; 2], soles: &[Option<[Sole; 2]>; 2]) {
+        for (side, soles) in soles.iter().enumerate() {
+            let Some([of_source, of_rig]) = soles else {
+                continue;
+            };
+            let [source, rig] = bodies.map(|body| &body.legs[side]);
+            let feet = [source.joints[2], rig.joints[2]];
+            let toes = source.end.zip(rig.end).map(|(s, r)| [s, r]);
+            for (n, [s, r]) in std::iter::once(feet).chain(toes).enumerate() {
+                let q = of_source.axes[n] * of_rig.axes[n].transpose();
+                if let Some(follow) = &mut self.follows[r] {
+                    (follow.from, follow.to) = ((s, q), (s, q));
+                }
+            }
+        }
     }
 
     /// Lets joint `r` of the rig follow the source's joints `from` and `to`, each with its A.

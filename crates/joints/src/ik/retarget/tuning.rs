@@ -26,6 +26,27 @@ pub(super) mod feet {
     pub(in super::super) const LEGS: std::ops::RangeInclusive<f64> = 42.0..=130.0;
 }
 
+/// How feet stand.
+pub(super) mod soles {
+    /// A foot stands while ankle and ball are slower than this, cm/s, for a leg of
+    /// [`LEG`](super::feet::LEG).
+    pub(in super::super) const SPEED: f64 = 15.0;
+    /// And the ankle is lower than this over the lowest of its take, cm, likewise.
+    pub(in super::super) const HEIGHT: f64 = 5.0;
+    /// And for as long as this, seconds.
+    pub(in super::super) const LEAST: f64 = 0.08;
+    /// The cosine of how far a sole that stands may tilt against that of the rest pose: farther,
+    /// it stands on its toes.
+    pub(in super::super) const NEAR: f64 = 0.9;
+    /// A foot that points up or down more than by this sine of its angle has no sole.
+    pub(in super::super) const STEEP: f64 = 0.25;
+    /// The floor of a take is at 0 if its feet stand there to so many cm, for a leg of
+    /// [`LEG`](super::feet::LEG): joints are above soles.
+    pub(in super::super) const FLOOR: f64 = 8.0;
+    /// How high an ankle is over its sole where nothing tells it, cm, likewise.
+    pub(in super::super) const ANKLE: f64 = 8.0;
+}
+
 /// Rest poses.
 pub(super) mod rest {
     /// In the rest pose of a standing body, the cosine of legs and trunk is below this.
