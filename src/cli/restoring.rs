@@ -9,9 +9,9 @@ use super::messages;
 use super::name_maps::name_map;
 use super::progress::Progress;
 use super::streams::{create_table, write_bytes, write_table};
-use super::summary::{report, status_cells, status_columns};
+use super::summary::{StatusColumns, report};
 use crate::io::text::excerpt;
-use crate::io::{Model, PosesBuilder, Row, Table};
+use crate::io::{Cells, Model, PosesBuilder, Row, Table, deviations};
 use crate::label::unlabeled::left_alone;
 use crate::pose::computed::{computed_note, computed_points};
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Units, check_unit, joints};
@@ -222,8 +222,9 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
 fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> {
     let table = read_table(&args.input, task.planar(), true)?;
     task.check(&table.columns.points)?;
-    let added = status_columns(args.status, &table.columns);
-    args.out.format().check_added(&added)?;
+    let units = args.units();
+    let told = StatusColumns::new(args.status, &table.columns, units[1]);
+    args.out.format().check_added(&told.added)?;
     let model = args.model.open()?;
     let naming = args.naming(&table.poses, model.as_ref())?;
     let restorer = args.restorer(model.as_ref(), &table, &naming)?;
@@ -250,20 +251,14 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     for what in aside.chain(computed_note(&computed)) {
         messages::info(&what);
     }
-    let units = args.units();
     let bar = Progress::new(task.name(), table.poses.frames() as u64);
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
-    write_table(&args.out, units, &table, restored.xyz(), &added, |t| {
-        status_cells(
-            args.status.then_some(units[1]),
-            &restored,
-            t,
-            table.columns.points.len(),
-        )
+    write_table(&args.out, units, &table, restored.xyz(), &told.added, |t| {
+        told.cells(&restored, t)
     })?;
     Ok(report)
 }
@@ -275,12 +270,13 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     task.check(&columns.points)?;
     let model = args.model.open()?;
     let (mut restorer, mut naming) = (None, None);
-    let added = status_columns(args.status, &columns);
     let units = args.units();
-    let mut sink = create_table(&args.out, units, &columns, &added)?;
+    let told = StatusColumns::new(args.status, &columns, units[1]);
+    let mut sink = create_table(&args.out, units, &columns, &told.added)?;
+    let told_in = (!told.added.is_empty()).then(|| units[0].unit.centimeters());
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
-        let (mut rows, table) = next_batch(&mut stream)?;
+        let (mut rows, table) = next_batch(&mut stream, told_in)?;
         if rows.is_empty() && batch > 0 {
             break;
         }
@@ -310,12 +306,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
         }
         counts.add(restored.counts());
         for (t, row) in rows.iter_mut().enumerate() {
-            let cells = status_cells(
-                args.status.then_some(units[1]),
-                &restored,
-                t,
-                columns.points.len(),
-            );
+            let cells = told.cells(&restored, t);
             sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
@@ -323,8 +314,9 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     Ok(counts)
 }
 
-/// The next frames of a stream, as they were read and as a table; none at its end.
-fn next_batch(stream: &mut RowStream<'_>) -> Result<(Vec<Row>, Table)> {
+/// The next frames of a stream, as they were read and as a table; none at its end. The table has
+/// what columns tell of points, whose unit is `told_in` centimeters; `None`: nothing is told.
+fn next_batch(stream: &mut RowStream<'_>, told_in: Option<f64>) -> Result<(Vec<Row>, Table)> {
     let mut rows = Vec::with_capacity(BATCH);
     let mut row = Row::default();
     while rows.len() < BATCH && stream.read(&mut row)? {
@@ -333,11 +325,16 @@ fn next_batch(stream: &mut RowStream<'_>) -> Result<(Vec<Row>, Table)> {
     let columns = stream.columns().clone();
     let mut builder = PosesBuilder::new(&columns);
     rows.iter().for_each(|row| builder.push(row));
+    let cells: Vec<Cells> = match told_in {
+        Some(_) => rows.iter().map(|row| row.cells.clone()).collect(),
+        None => Vec::new(),
+    };
     let table = Table {
         name: stream.name().to_string(),
         poses: builder.finish(),
+        sd: deviations(&columns, &cells, told_in.unwrap_or(1.0)),
         columns,
-        ..Table::default()
+        cells,
     };
     Ok((rows, table))
 }

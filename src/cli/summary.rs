@@ -7,54 +7,76 @@ use crate::io::text::{number_cell, significant};
 use crate::pose::units::{LengthUnit, Units};
 use crate::restore::{Restoration, RestorationCounts};
 
-/// The columns that `--status` adds.
-pub(crate) fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
-    if !status {
-        return Vec::new();
-    }
-    let names = columns.points.iter().enumerate();
-    let of_points = names.flat_map(|(p, n)| {
-        [
-            AddedColumn::new(format!("{n}.status"), After::Point(p)),
-            AddedColumn::new(format!("{n}.sd"), After::Point(p)),
-            AddedColumn::new(format!("{n}.method"), After::Point(p)),
-        ]
-    });
-    of_points
-        .chain([AddedColumn::new("unlike", After::All)])
-        .collect()
+/// What a column of a point says of a restoration.
+#[derive(Debug, Clone, Copy)]
+enum Told {
+    Status,
+    Sd,
+    Method,
 }
 
-/// The cells of these columns for one frame of `points` points; none without the `units` of the
-/// output.
-pub(crate) fn status_cells(
-    units: Option<Units>,
-    restored: &Restoration<'_>,
-    t: usize,
-    points: usize,
-) -> Vec<String> {
-    let Some(units) = units else {
-        return Vec::new();
-    };
-    let of_point = |p: usize| {
-        let sd = (restored.sd(t, p) * 1e4).round() / 1e4;
-        let method = restored.method(t, p).map_or("", |m| m.name());
-        [
-            restored.status(t, p).name().to_string(),
-            match units.unit {
-                LengthUnit::Cm => number_cell(sd),
-                _ => significant(units.length(sd)),
-            },
-            method.to_string(),
-        ]
-    };
-    // Rounded up, so that only 0 is 0.
-    let novelty = (restored.novelty(t) * 10.0).ceil() / 10.0;
-    (0..points)
-        .flat_map(of_point)
-        .chain([number_cell(novelty)])
-        .collect()
+impl Told {
+    const ALL: [(Told, &'static str); 3] = [
+        (Told::Status, "status"),
+        (Told::Sd, "sd"),
+        (Told::Method, "method"),
+    ];
 }
+
+/// The columns that tell what became of the points of a table.
+pub(crate) struct StatusColumns {
+    /// The columns.
+    pub added: Vec<AddedColumn>,
+    /// What each says, of which point; that of a frame is last, and not among them.
+    told: Vec<(usize, Told)>,
+    units: Units,
+}
+
+impl StatusColumns {
+    /// Those that `--status` adds; without it, those that the table has, which would be false of
+    /// what is restored. `units` are those of the output.
+    pub(crate) fn new(status: bool, columns: &Columns, units: Units) -> StatusColumns {
+        let has = Told::ALL.map(|(_, ending)| columns.of_points(ending));
+        let names = columns.points.iter().enumerate();
+        let of_points = names.flat_map(|(p, name)| {
+            let all = Told::ALL.iter().zip(&has);
+            let wanted = all.filter(move |(_, has)| status || has[p].is_some());
+            wanted.map(move |((told, ending), _)| {
+                let column = AddedColumn::new(format!("{name}.{ending}"), After::Point(p));
+                ((p, *told), column)
+            })
+        });
+        let (told, mut added): (Vec<_>, Vec<_>) = of_points.unzip();
+        if status || columns.names.iter().any(|name| name == UNLIKE) && !told.is_empty() {
+            added.push(AddedColumn::new(UNLIKE, After::All));
+        }
+        StatusColumns { added, told, units }
+    }
+
+    /// Their cells for one frame.
+    pub(crate) fn cells(&self, restored: &Restoration<'_>, t: usize) -> Vec<String> {
+        let cell = |(p, told): &(usize, Told)| match told {
+            Told::Status => restored.status(t, *p).name().to_string(),
+            Told::Method => restored.method(t, *p).map_or("", |m| m.name()).to_string(),
+            Told::Sd => {
+                let sd = (restored.sd(t, *p) * 1e4).round() / 1e4;
+                match self.units.unit {
+                    LengthUnit::Cm => number_cell(sd),
+                    _ => significant(self.units.length(sd)),
+                }
+            }
+        };
+        let mut cells: Vec<String> = self.told.iter().map(cell).collect();
+        if self.added.len() > cells.len() {
+            // Rounded up, so that only 0 is 0.
+            cells.push(number_cell((restored.novelty(t) * 10.0).ceil() / 10.0));
+        }
+        cells
+    }
+}
+
+/// The column of how unlike the training poses a frame is.
+const UNLIKE: &str = "unlike";
 
 /// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points
 /// are visible; `status`: whether the table has status columns; `max_gap`: whether long gaps are

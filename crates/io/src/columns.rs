@@ -28,6 +28,16 @@ pub struct Columns {
 }
 
 impl Columns {
+    /// The column `NAME.ending` of each point: the first of several.
+    #[doc(hidden)]
+    pub fn of_points(&self, ending: &str) -> Vec<Option<usize>> {
+        let by_point: HashMap<&str, usize> = (self.names.iter().enumerate().rev())
+            .filter_map(|(n, name)| Some((name.strip_suffix(ending)?.strip_suffix('.')?, n)))
+            .collect();
+        let column = |point: &String| by_point.get(point.as_str()).copied();
+        self.points.iter().map(column).collect()
+    }
+
     /// What an array does not hold of a table, in a line; `None`: it holds all.
     #[doc(hidden)]
     pub fn lost_in_array(&self) -> Option<String> {

@@ -11,7 +11,6 @@ use crate::Result;
 use crate::pose::Poses;
 use crate::pose::one_take::{one_take, take_rows};
 use ndarray::{Array2, Axis};
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -234,12 +233,7 @@ impl PosesBuilder {
 /// column.
 #[doc(hidden)]
 pub fn deviations(columns: &Columns, cells: &[Cells], centimeters: f64) -> Option<Array2<f64>> {
-    // The first of several columns of one name.
-    let by_point: HashMap<&str, usize> = (columns.names.iter().enumerate().rev())
-        .filter_map(|(n, name)| Some((name.strip_suffix(".sd")?, n)))
-        .collect();
-    let column = |point: &String| by_point.get(point.as_str()).copied();
-    let of_points: Vec<Option<usize>> = columns.points.iter().map(column).collect();
+    let of_points = columns.of_points("sd");
     if cells.is_empty() || of_points.iter().all(Option::is_none) {
         return None;
     }

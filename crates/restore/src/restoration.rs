@@ -2,7 +2,7 @@
 //! each point.
 
 use super::gap::{Gap, find_gaps};
-use super::take::TakeResult;
+use super::take::{PointState, TakeResult};
 use crate::Result;
 use crate::io::Table;
 use crate::label::unlabeled::labeled;
@@ -111,6 +111,30 @@ pub struct RestoredGap {
     pub longest_step: f64,
 }
 
+/// What the columns of a table say of its points; of a point without them, that it is as captured
+/// and nothing is known of its deviation. What is missing is unknown.
+fn told_states(table: &Table, captured: &TakeResult) -> Vec<PointState> {
+    let [statuses, methods] = ["status", "method"].map(|ending| table.columns.of_points(ending));
+    let cell = |columns: &[Option<usize>], t: usize, p: usize| {
+        let column = columns.get(p).copied().flatten()?;
+        std::str::from_utf8(table.cells.get(t)?.get(column)?).ok()
+    };
+    let points = captured.points();
+    let told = |(n, own): (usize, &PointState)| {
+        let (t, p) = (n / points, n % points);
+        if own.status == Status::Unknown {
+            return *own;
+        }
+        let status = cell(&statuses, t, p).and_then(|name| Status::of_name(name.trim()));
+        PointState {
+            status: status.filter(|s| *s != Status::Unknown).unwrap_or_default(),
+            sd: table.sd.as_ref().map_or(f64::NAN, |sd| sd[[t, p]]),
+            method: cell(&methods, t, p).and_then(|name| FillMethod::of_name(name.trim())),
+        }
+    };
+    captured.states.iter().enumerate().map(told).collect()
+}
+
 /// A restored table.
 #[derive(Debug, Clone)]
 #[must_use = "it holds the restored values; the table passed in is unchanged"]
@@ -127,7 +151,7 @@ impl<'t> Restoration<'t> {
     /// A table that is left as it is, or of which no frame is restored yet.
     pub fn unchanged(source: &'t Table) -> Restoration<'t> {
         let mut frames = TakeResult::captured(source.poses.xyz.view());
-        frames.states.iter_mut().for_each(|s| s.sd = f64::NAN);
+        frames.states = told_states(source, &frames);
         Restoration {
             source,
             frames,
@@ -198,7 +222,7 @@ impl<'t> Restoration<'t> {
                     continue;
                 }
                 let at = (first + t) * out.points() + in_table;
-                out.states[at] = *restored.state(t, p);
+                out.states[at] = restored.state(t, p).after(&out.states[at]);
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
                 let mut is_moved = false;
                 for axis in (0..3).filter(|_| is_filled) {

@@ -247,6 +247,20 @@ pub(crate) struct PointState {
     pub method: Option<FillMethod>,
 }
 
+impl PointState {
+    /// This state, of a point of which another was known before: what is left as it was stays what
+    /// it was, and no surer than it was.
+    pub(crate) fn after(&self, before: &PointState) -> PointState {
+        if self.status != Status::Observed {
+            return *self;
+        }
+        PointState {
+            sd: self.sd.max(before.sd),
+            ..*before
+        }
+    }
+}
+
 /// The frames of a take, or of a table, restored.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TakeResult {
