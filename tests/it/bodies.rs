@@ -158,7 +158,7 @@ fn people_and_markers_that_were_not_seen_are_completed() {
         let orthonormal = |r: &DMat3| (*r * r.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-9);
         assert!(fit.state.rotations.iter().all(orthonormal));
         let shape = body.shape.matrices(&fit.state.shape);
-        complete(&body, &fit, &shape).completed
+        complete(&body, &fit, &shape, None).completed
     };
     for (what, all) in [("poses", &bodies.poses), ("people", &bodies.people)] {
         let of = |k: usize| {

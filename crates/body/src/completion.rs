@@ -15,13 +15,14 @@ pub struct Completion {
 }
 
 /// Makes the surfaces; `shape` are the matrices of the fitted shape (see
-/// [`super::ShapeModel::matrices`]).
-pub fn complete(body: &BodyModel, fit: &Fit, shape: &[DMat3]) -> Completion {
+/// [`super::ShapeModel::matrices`]), `noise` the standard deviation of a marker's coordinate, cm,
+/// if known: else the surface is as smooth as it predicts each marker best from the others.
+pub fn complete(body: &BodyModel, fit: &Fit, shape: &[DMat3], noise: Option<f64>) -> Completion {
     let vertices = body.synthesize_shaped(&fit.state.rotations, shape);
     // The marker model's positions are relative to the first vertex.
     let shift = fit.shift - vertices[0];
     let predicted: Vec<DVec3> = vertices.iter().map(|v| *v + shift).collect();
-    let completed = match Warp::new(&fit.missed) {
+    let completed = match Warp::new(&fit.missed, noise) {
         Some(warp) => predicted.iter().map(|v| *v + warp.at(*v)).collect(),
         None => predicted.clone(),
     };

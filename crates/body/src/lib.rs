@@ -37,6 +37,7 @@ pub(crate) mod deformation_gradient;
 #[doc(hidden)]
 pub mod file;
 pub mod fit;
+pub mod fit_doubts;
 pub mod fit_prior;
 pub mod glb;
 pub(crate) mod gradient_energy;

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3};
 use posing::body::animation::{MarkerFrame, Offsets, animate};
 use posing::body::completion::{Completion, complete};
 use posing::body::fit::{Fit, FitProblem};
+use posing::body::fit_doubts::{has_few_markers, lying_axis};
 use posing::body::fit_prior::FitPrior;
 use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
@@ -17,7 +18,7 @@ use posing::cli::body::{
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
-use posing::cli::{input, streams};
+use posing::cli::{input, messages, streams};
 use posing::io::MeshFormat;
 use posing::io::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
@@ -37,9 +38,12 @@ use std::path::PathBuf;
 /// Each part needs about three markers. For a take of one person, whose shape stays the same, use
 /// body-animate, or --one-person.
 ///
-/// Markers that do not fit are left out and named with their distance, mirrored ones are told: the
-/// exit status is 3 then. The completed mesh goes through the markers but for
-/// their noise, which is told from where markers near each other disagree.
+/// The completed mesh goes through the markers but for their noise: that of --noise, else what
+/// tells each marker best from the others.
+///
+/// Markers that do not fit are left out and named with their distance. They, mirrored markers,
+/// frames with less than two thirds of the markers, and bodies that all lie, as if another axis
+/// pointed up, are told: the exit status is 3 then.
 #[derive(Parser)]
 #[command(
     name = "body-fit",
@@ -61,9 +65,11 @@ pub struct Args {
     /// The vertex that each point is on
     #[arg(long, value_name = "MAP.csv")]
     on: PathBuf,
-    /// Noise of the markers: standard deviation per coordinate, in cm or with a unit
-    #[arg(long, value_name = "LENGTH", default_value = "0.18", value_parser = parse_length)]
-    noise: f64,
+    /// Noise of the markers: standard deviation per coordinate, in cm or with a unit. 0: the
+    /// completed mesh goes through them [default: 0.18 for the pose; for the completed mesh, what
+    /// tells each marker best from the others]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    noise: Option<f64>,
     /// All frames show one person: one shape for all of them
     #[arg(long)]
     one_person: bool,
@@ -94,17 +100,18 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let poses = timed(&table.poses, tables.rate(&table.poses)?);
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
-    prior.noise = args.noise;
+    prior.noise = args.noise.unwrap_or(prior.noise);
     let fits = if args.one_person {
-        fit_one_person(&body, &model, &prior, &frames)
+        fit_one_person(&body, &model, &prior, &frames, args.noise)
             .map_err(|e| e.at(Place::file(&table.name)))?
     } else {
-        fit_each(&body, &frames, |frame| {
+        fit_each(&body, &frames, args.noise, |frame| {
             let problem = FitProblem::new(&model, &prior, frame).ok()?;
             Some(problem.solve(None))
         })
     };
-    let findings = report(&fits, &table.name, &names)?;
+    let findings =
+        report(&fits, &table.name, &names)? + report_doubts(&body, &fits, &frames, &table.name);
     report_free_parts(&model, &frames, &table.name);
     write(args, &body, &fits)?;
     let state = |f: &Fitted| {
@@ -134,6 +141,7 @@ type Fitted = Option<(Fit, Completion)>;
 fn fit_each(
     body: &BodyModel,
     frames: &[MarkerFrame],
+    noise: Option<f64>,
     fit: impl Fn(&MarkerFrame) -> Option<Fit> + Sync,
 ) -> Vec<Fitted> {
     let bar = Progress::new("frames", frames.len() as u64);
@@ -143,7 +151,7 @@ fn fit_each(
         fits.extend(parallel::map_chunks(block.len(), 1, |range| {
             let fit = fit(&block[range.start])?;
             let shape = body.shape.matrices(&fit.state.shape);
-            let completion = complete(body, &fit, &shape);
+            let completion = complete(body, &fit, &shape, noise);
             Some((fit, completion))
         }));
         bar.set(fits.len() as u64);
@@ -157,13 +165,14 @@ fn fit_one_person(
     model: &MarkerModel,
     prior: &FitPrior,
     frames: &[MarkerFrame],
+    noise: Option<f64>,
 ) -> Result<Vec<Fitted>> {
     let animation = animate(model, prior, frames, Offsets::Known)?;
     let shape = body.shape.matrices(&animation.shape);
     let surfaces = |fit: &Fit| {
         let mut fit = fit.clone();
         fit.state.shape = animation.shape.clone();
-        let completion = complete(body, &fit, &shape);
+        let completion = complete(body, &fit, &shape, noise);
         (fit, completion)
     };
     Ok(parallel::map_chunks(animation.fits.len(), 1, |range| {
@@ -181,6 +190,27 @@ fn report(fits: &[Fitted], source: &str, names: &[String]) -> Result<usize> {
     report_fits(rms, fits.len(), "markers are", "the predicted bodies");
     let fits: Vec<&Fit> = fits.iter().flatten().map(|(fit, _)| fit).collect();
     Ok(report_markers(&fits, source, names))
+}
+
+/// Tells of frames with few markers, and of bodies that all lie; how many lines that are.
+fn report_doubts(body: &BodyModel, fits: &[Fitted], frames: &[MarkerFrame], source: &str) -> usize {
+    let few = frames.iter().filter(|frame| has_few_markers(frame)).count();
+    if few > 0 {
+        messages::info(&format!(
+            "{source}: {few} of {} frames have less than two thirds of the markers of the map: the \
+             rest of the body is what is usual there",
+            frames.len()
+        ));
+    }
+    let states = fits.iter().flatten().map(|(fit, _)| &fit.state);
+    let lying = lying_axis(body, states);
+    if let Some(axis) = lying {
+        messages::info(&format!(
+            "{source}: all bodies lie along the axis {axis}, which no pose of the training \
+             does: if {axis} points up, convert the markers again with --up {axis}"
+        ));
+    }
+    usize::from(few > 0) + usize::from(lying.is_some())
 }
 
 /// How the fits are, for JSON: of each frame the distance of the markers (RMS, cm), and those that
