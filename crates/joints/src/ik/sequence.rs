@@ -180,7 +180,8 @@ impl Observed {
         let shape = (xyz.nrows(), targets.joints.len());
         let weights = Array2::from_shape_fn(shape, |at| {
             let sd = targets.sd.map_or(f64::NAN, |sd| sd[at]);
-            sd.max(LEAST_SD).powi(-2)
+            let sd = if sd.is_nan() { LEAST_SD } else { sd };
+            sd.clamp(LEAST_SD, MOST_SD).max(sd / FAR_SD).powi(-2)
         });
         Observed {
             xyz,
