@@ -136,13 +136,11 @@ impl KnotEstimates {
         let nearest = (self.knots)
             .nearest(t, |k| self.found[k].is_some())
             .filter(|_| is_any_seen);
-        let Some((near, novelty)) =
-            nearest.and_then(|k| Some((self.found[k].as_ref()?, self.novelty[k])))
-        else {
+        let Some(near) = nearest else {
             out.too_little += 1;
             return;
         };
-        out.novelty[t] = novelty;
+        out.novelty[t] = self.novelty[near];
         let points = out.mean.ncols() / 3;
         for (p, in_table) in adapted.mapping.pairs() {
             let correction = |k: usize| {
@@ -157,7 +155,10 @@ impl KnotEstimates {
             };
             let mean = point_at(self.seen.view(), t, p) + by;
             (0..3).for_each(|axis| out.mean[[t, 3 * in_table + axis]] = mean[axis]);
-            out.sd[t * points + in_table] = near.sd[p];
+            // At the edge of a gap: as sure as where it was seen.
+            let own = self.knots.nearest(t, |k| correction(k).is_some());
+            let sd = own.and_then(|k| Some(self.found[k].as_ref()?.sd[p]));
+            out.sd[t * points + in_table] = sd.unwrap_or(f64::NAN);
         }
     }
 }

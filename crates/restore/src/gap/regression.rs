@@ -109,9 +109,14 @@ impl Regression<'_> {
             bases.push(Basis::new(self, gap, simulated, None)?);
         }
         let last = bases.len().checked_sub(1)?;
+        // Others' poses are like the take's only by so much.
+        let most = self.others.map_or(0.0, |_| MOST_NOISE);
         let process = |kernel: &Kernel| {
             let basis = if kernel.others { 0 } else { last };
-            Some((basis, Process::new(&bases[basis], kernel, self.noise)?))
+            Some((
+                basis,
+                Process::new(&bases[basis], kernel, [self.noise, most])?,
+            ))
         };
         let processes = kernels.iter().map(process).collect::<Option<_>>()?;
         Some(Learned { bases, processes })
@@ -377,12 +382,12 @@ struct Process {
 }
 
 impl Process {
-    fn new(basis: &Basis, kernel: &Kernel, noise: f64) -> Option<Process> {
+    fn new(basis: &Basis, kernel: &Kernel, [noise, most]: [f64; 2]) -> Option<Process> {
         let n = basis.z.nrows();
         let mut gram = basis.own_covariance(kernel);
         let squares = basis.residual.iter().map(|r| r * r).sum::<f64>();
         let variance = squares / basis.residual.len() as f64;
-        let noise = (noise / variance.max(1e-12)).min(MOST_NOISE);
+        let noise = (noise / variance.max(1e-12)).min(most);
         gram.diag_mut().mapv_inplace(|v| v + NUGGET + noise);
         let factor = Cholesky::new(gram)?;
         let both = [basis.residual.view(), basis.residual_without.view()];

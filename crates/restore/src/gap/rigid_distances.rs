@@ -122,7 +122,6 @@ impl TakeDistances {
             return;
         };
         let mut reached = update.objective(frame, variance);
-        let mut last = None;
         for _ in 0..STEPS {
             let Some(step) = update.step(frame, variance) else {
                 break;
@@ -134,14 +133,18 @@ impl TakeDistances {
                 .find(|(o, _)| *o < reached);
             let Some((found, moved)) = lower else { break };
             frame.copy_from_slice(&moved);
-            last = Some((step.factor, step.weighted));
             let is_converged = reached - found < CONVERGED;
             reached = found;
             if is_converged {
                 break;
             }
         }
-        let Some(half) = last.and_then(|(f, weighted)| f.half_solve(&weighted)) else {
+        // Missing points err together: their distances tell their shape, not where they are.
+        let seen = update.to_seen_points();
+        let Some(step) = seen.step(frame, variance) else {
+            return;
+        };
+        let Some(half) = step.factor.half_solve(&step.weighted) else {
             return;
         };
         let explained = half.map_axis(Axis(0), |column| column.dot(&column));
@@ -208,6 +211,12 @@ impl<'a> Update<'a> {
             mean: points.iter().map(|p| position(frame, *p)).collect(),
             pairs,
         })
+    }
+
+    /// By the distances to seen points alone.
+    fn to_seen_points(mut self) -> Update<'a> {
+        (self.pairs).retain(|(_, ends)| ends.iter().any(Option::is_none));
+        self
     }
 
     /// −2 log of the density, but for a constant.

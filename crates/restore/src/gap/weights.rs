@@ -54,7 +54,12 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
     let points = targets.columns.len() / 3;
     let usual = match targets.regression.others {
         Some(_) => USUAL_FACTOR,
-        None => USUAL_FACTOR + OWN_FACTOR * seconds,
+        None => OWN_USUAL_FACTOR + OWN_FACTOR * seconds,
+    };
+    let usual = if targets.regression.noise > 0.0 {
+        NOISY * usual
+    } else {
+        usual
     };
     let mut out = Weighed {
         mean: Array2::zeros(estimates.variance.dim()),
