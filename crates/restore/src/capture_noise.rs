@@ -11,7 +11,9 @@
 //! ```
 //!
 //! The mean over M frames takes a share c ≈ (1 + a) / ((1 − a) M) of the variance along, which is
-//! put back.
+//! put back. Without a model the steadiest distances stand in for bones: those of markers of one
+//! segment, less their mean over a shorter time, as skin moves. What is alike for longer than noise
+//! is, or not as noise is (ρ₂ ≠ ρ₁²), is skin too, and counts for nothing.
 
 use super::kalman_smoother::PathNoise;
 use super::noise_estimation;
@@ -19,7 +21,10 @@ use super::take::{PointMapping, Take};
 use super::tuning::adaptive_smoothing::{LEAST_VARIANCE, MOTION_VARIANCE};
 use super::tuning::capture_noise::*;
 use crate::label::marker_distances::Distance;
+use crate::numeric::parallel;
 use crate::numeric::statistics::{less_local_mean, mean_of_finite, median};
+use crate::pose::point_at;
+use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -44,8 +49,19 @@ impl CaptureNoise {
         let in_model = mapping.map(|mapping| (mapping.model, mapping.gather(take.xyz)));
         let model = (in_model.as_ref()).map(|(model, seen)| (*model, seen.view()));
         let white = noise_estimation::by_point(model, take, given);
-        let bones = mapping.map_or(Vec::new(), PointMapping::bones);
-        match of_bones(take, &bones) {
+        let (bones, by_bones) = match mapping {
+            Some(mapping) => {
+                let bones = mapping.bones();
+                let found = of_bones(take, &bones, LOCAL_SECONDS);
+                (bones, found.map(|found| found.noise))
+            }
+            None => {
+                let pairs = steadiest_pairs(take.xyz);
+                let found = of_bones(take, &pairs, PAIR_SECONDS).filter(Lengths::is_noise);
+                (pairs, found.map(|found| found.noise))
+            }
+        };
+        match by_bones {
             Some(by_bones) => CaptureNoise::mixed(white, &by_bones, &bones, given.is_some()),
             None => CaptureNoise::white(white),
         }
@@ -110,9 +126,51 @@ impl CaptureNoise {
     }
 }
 
-/// The noise that the lengths of `bones` show in a take. `None` where too few are seen.
-fn of_bones(take: &Take<'_>, bones: &[[usize; 2]]) -> Option<PathNoise> {
-    let reach = (LOCAL_SECONDS * take.rate / 2.0).ceil() as usize;
+/// The pairs of points whose distance is the steadiest, each point with one other: a third of them,
+/// the steadiest.
+fn steadiest_pairs(xyz: ArrayView2<'_, f64>) -> Vec<[usize; 2]> {
+    let points = xyz.ncols() / 3;
+    let step = xyz.nrows().div_ceil(PAIR_FRAMES).max(1);
+    let frames: Vec<Vec<DVec3>> = (0..xyz.nrows())
+        .step_by(step)
+        .map(|t| (0..points).map(|p| point_at(xyz, t, p)).collect())
+        .collect();
+    let spread = |a: usize, b: usize| {
+        let lengths = frames.iter().map(|frame| frame[a].distance(frame[b]));
+        let known = Distance::of(lengths.filter(|l| l.is_finite()).collect())?;
+        (2 * known.frames >= frames.len()).then_some(known.spread)
+    };
+    let steadiest = parallel::map_chunks(points, 1, |range| {
+        let a = range.start;
+        let others = (0..points).filter(|b| *b != a);
+        let known = others.filter_map(|b| Some((spread(a, b)?, [a.min(b), a.max(b)])));
+        known.min_by(|one, other| one.0.total_cmp(&other.0))
+    });
+    let mut pairs: Vec<(f64, [usize; 2])> = steadiest.into_iter().flatten().collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    pairs.dedup_by_key(|(_, pair)| *pair);
+    pairs.truncate((pairs.len() / 3).max(FEWEST_BONES));
+    pairs.into_iter().map(|(_, pair)| pair).collect()
+}
+
+/// The noise that lengths show, and by how much it is alike two frames later.
+struct Lengths {
+    noise: PathNoise,
+    /// √ρ₂ less ρ₁: 0 for what is alike from one frame to the next only.
+    longer: f64,
+}
+
+impl Lengths {
+    /// Whether it is alike as noise is.
+    fn is_noise(&self) -> bool {
+        self.noise.correlation <= PAIR_CORRELATION && self.longer.abs() <= UNLIKE_NOISE
+    }
+}
+
+/// The noise that the lengths of `bones` show in a take, less their mean over some seconds. `None`
+/// where too few are seen.
+fn of_bones(take: &Take<'_>, bones: &[[usize; 2]], seconds: f64) -> Option<Lengths> {
+    let reach = (seconds * take.rate / 2.0).ceil() as usize;
     let measure = |bone: &[usize; 2]| Bone::new(take.xyz, take.runs, *bone, reach);
     let bones: Vec<Bone> = bones.iter().filter_map(measure).collect();
     if bones.len() < FEWEST_BONES {
@@ -120,20 +178,25 @@ fn of_bones(take: &Take<'_>, bones: &[[usize; 2]]) -> Option<PathNoise> {
     }
     let of = |value: &dyn Fn(&Bone) -> f64| median(bones.iter().map(value).collect());
     let variance = of(&|b| b.variance / 2.0)?;
-    let [first, second] = [of(&|b| b.correlation[0])?, of(&|b| b.correlation[1])?];
+    let seen = [of(&|b| b.correlation[0])?, of(&|b| b.correlation[1])?];
     let frames = (2 * reach + 1) as f64;
-    let (mut a, mut lost) = (0.0f64, 0.0);
+    let (mut a, mut lost, mut longer) = (0.0f64, 0.0, 0.0);
     for _ in 0..ROUNDS {
         lost = ((1.0 + a) / (1.0 - a) / frames).min(0.5);
-        let [first, second] = [first, second].map(|rho| rho * (1.0 - lost) + lost);
-        a = ((first + second.max(0.0).sqrt()) / 2.0).clamp(0.0, MOST_CORRELATION);
+        let [first, second] = seen.map(|rho| rho * (1.0 - lost) + lost);
+        let root = second.max(0.0).sqrt();
+        longer = root - first;
+        a = ((first + root) / 2.0).clamp(0.0, MOST_CORRELATION);
         if first < LEAST_CORRELATION {
-            a = 0.0;
+            (a, longer) = (0.0, 0.0);
         }
     }
-    Some(PathNoise {
-        variance: variance / (1.0 - lost),
-        correlation: a,
+    Some(Lengths {
+        noise: PathNoise {
+            variance: variance / (1.0 - lost),
+            correlation: a,
+        },
+        longer,
     })
 }
 
@@ -227,7 +290,7 @@ mod tests {
                 rate: 120.0,
                 sd: None,
             };
-            let found = of_bones(&take, &bones).unwrap();
+            let found = of_bones(&take, &bones, LOCAL_SECONDS).unwrap().noise;
             assert!(
                 (found.variance.sqrt() / sd - 1.0).abs() <= 0.1,
                 "{sd} {a}: {found:?}"
@@ -241,5 +304,35 @@ mod tests {
                 "{sd} {a}: {noise:?}"
             );
         }
+    }
+
+    #[test]
+    fn markers_show_it_too_and_skin_that_moves_is_none() {
+        let measured = |xyz: &Array2<f64>| {
+            let take = Take {
+                names: &[],
+                xyz: xyz.view(),
+                runs: std::slice::from_ref(&(0..400)),
+                rate: 120.0,
+                sd: None,
+            };
+            CaptureNoise::measure(None, &take, None)
+        };
+        for (sd, a) in [(0.3, 0.62), (0.5, 0.0)] {
+            let noise = measured(&noisy(400, sd, a));
+            assert!(
+                (noise.mean() / sd - 1.0).abs() <= 0.2,
+                "{sd} {a}: {noise:?}"
+            );
+            assert!((noise.correlation - a).abs() <= 0.1, "{sd} {a}: {noise:?}");
+        }
+        // Millimeters of skin at three hertz, each marker at its own time.
+        let mut xyz = noisy(400, 0.0, 0.0);
+        for ((t, c), v) in xyz.indexed_iter_mut() {
+            *v += 0.3 * (t as f64 * 0.157 + 1.7 * c as f64).sin();
+        }
+        let noise = measured(&xyz);
+        assert_eq!(noise.correlation, 0.0);
+        assert!(noise.mean() <= 0.01, "{noise:?}");
     }
 }

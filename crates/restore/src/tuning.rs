@@ -135,6 +135,14 @@ pub(crate) mod capture_noise {
     /// Seconds over which a bone's length is compared with its mean: what changes more slowly is
     /// the body, or a camera's distortion.
     pub(crate) const LOCAL_SECONDS: f64 = 1.0;
+    /// The same of distances of markers, which skin moves.
+    pub(crate) const PAIR_SECONDS: f64 = 0.35;
+    /// Frames in which distances are compared, at most about.
+    pub(crate) const PAIR_FRAMES: usize = 150;
+    /// More correlation of distances of markers is that of skin, and so is such a difference
+    /// between the correlation with the next frame and the root of that with the one after it.
+    pub(crate) const PAIR_CORRELATION: f64 = 0.85;
+    pub(crate) const UNLIKE_NOISE: f64 = 0.15;
     /// Rounds in which correlation and mean are told apart.
     pub(crate) const ROUNDS: usize = 4;
     /// Standard deviations beyond which a length counts as this far off.
@@ -226,4 +234,7 @@ pub(crate) mod denoise {
     pub(crate) const OWN_SHARE: f64 = 0.5;
     pub(crate) const COMMON_SHARE: f64 = 0.8;
     pub(crate) const HALF_COMMON: f64 = 0.3;
+    /// The variance that the smoother leaves, cm², for which that counts by half: without it .81
+    /// are within one deviation under noise of .3 cm.
+    pub(crate) const HALF_OWN: f64 = 0.004;
 }
