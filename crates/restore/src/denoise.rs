@@ -175,6 +175,8 @@ fn put_denoised(
             let sd = expected.map_or(left.sqrt(), |e| {
                 let common = COMMON_SHARE * left / (left + HALF_COMMON) * common[t];
                 let variance = OWN_SHARE * e.sd[t * points + p].powi(2) + common;
+                // Little noise leaves less than the model knows of.
+                let variance = variance * left / (left + HALF_OWN);
                 (1.0 - share) * left.sqrt() + share * variance.sqrt()
             });
             let status = if moved <= UNCHANGED * UNCHANGED {
