@@ -290,6 +290,30 @@ fn six_joints_tell_the_pose() {
 }
 
 #[test]
+fn a_tracker_that_pops_for_a_moment_leaves_the_body_where_it_is() {
+    let Some(walk) = walk(60) else { return };
+    let trackers = six_of(&Numbers::read(&walk));
+    let mut popped = trackers.clone();
+    for (t, name) in [(12, "rwrist"), (30, "lfoot"), (44, "lclavicle")] {
+        let p = 3 * popped.points.iter().position(|q| q == name).unwrap();
+        popped.rows[t][p + 1] += 40.0;
+    }
+    let of = |table: &Numbers| Numbers::read(&run("complete", &["-q"], &table.write()));
+    let [whole, popped] = [of(&trackers), of(&popped)];
+    for (t, (a, b)) in whole.rows.iter().zip(&popped.rows).enumerate() {
+        for (p, name) in whole.points.iter().enumerate() {
+            // What was measured stays.
+            if SIX.contains(&name.as_str()) {
+                continue;
+            }
+            let far = (3 * p..3 * p + 3).map(|i| (a[i] - b[i]).abs());
+            let far = far.fold(0.0, f64::max);
+            assert!(far <= 3.0, "{name} in frame {t}: {far} cm");
+        }
+    }
+}
+
+#[test]
 fn two_dimensions_are_given_the_third() {
     flat_input(&["-q", "--per-frame"]);
 }

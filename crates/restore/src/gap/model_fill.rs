@@ -41,8 +41,10 @@ pub(crate) fn fill(
         let gap = gaps[k].clone();
         filled[k].is_none().then_some((k, Gap { point, ..gap }))
     };
-    let (left, gaps): (Vec<usize>, Vec<Gap>) = (0..gaps.len()).filter_map(of_model).unzip();
-    let seen = adapted.mapping.gather(take.xyz);
+    let (left, open): (Vec<usize>, Vec<Gap>) = (0..gaps.len()).filter_map(of_model).unzip();
+    let mut seen = adapted.mapping.gather(take.xyz);
+    let known = put_known(adapted, gaps, filled, &mut seen);
+    let gaps = open;
     let take = take.with_xyz(seen.view());
     let upright = (!gaps.is_empty())
         .then(|| adapted.upright_poses(seen.view(), true))
@@ -50,6 +52,7 @@ pub(crate) fn fill(
     let model = ModelFill {
         seen: seen.view(),
         rate: take.rate,
+        known,
         limits: MotionLimits::measure(&take, &gaps),
         estimates: BTreeMap::new(),
         is_upright: upright.is_some(),
@@ -63,10 +66,38 @@ pub(crate) fn fill(
     }
 }
 
+/// Puts gaps that are filled for sure, such as a tracker that was rejected for a moment, into what
+/// counts as seen (frames, 3 J), in the model's order of points; without them the body would be
+/// another one in these frames. Their variances by frame and point, cm².
+fn put_known(
+    adapted: &AdaptedPrior<'_>,
+    gaps: &[Gap],
+    filled: &[Option<FilledGap>],
+    seen: &mut Array2<f64>,
+) -> BTreeMap<(usize, usize), f64> {
+    let mut known = BTreeMap::new();
+    for (gap, filled) in gaps.iter().zip(filled) {
+        let point = adapted.mapping.in_model(gap.point);
+        let (Some(filled), Some(p)) = (filled, point) else {
+            continue;
+        };
+        if filled.variance.iter().any(|v| !(*v <= KNOWN_SD * KNOWN_SD)) {
+            continue;
+        }
+        let columns = 3 * p..3 * p + 3;
+        (seen.slice_mut(s![gap.frames.clone(), columns])).assign(&filled.xyz);
+        let frames = gap.frames.clone().zip(&filled.variance);
+        known.extend(frames.map(|(t, variance)| ((t, p), *variance)));
+    }
+    known
+}
+
 /// The model's estimates of the frames of a take, in the model's order of points.
 struct ModelFill<'a> {
     /// What counts as seen (frames, 3 J), cm; NaN missing.
     seen: ArrayView2<'a, f64>,
+    /// The variances of a coordinate of points that were filled, by frame and point, cm².
+    known: BTreeMap<(usize, usize), f64>,
     /// Frames a second.
     rate: f64,
     /// What the points that have gaps can do.
@@ -96,7 +127,12 @@ impl ModelFill<'_> {
             done(range.len());
             let estimate = |(t, hidden): &Key| {
                 let y = self.seen.row(*t).to_vec();
-                adapted.estimate(upright, &y, &variances(&y, 0.0, hidden))
+                let mut noise = variances(&y, 0.0, hidden);
+                for ((_, p), variance) in self.known.range((*t, 0)..(*t + 1, 0)) {
+                    let own = noise[3 * p..3 * p + 3].iter_mut();
+                    own.for_each(|noise| *noise = noise.max(*variance));
+                }
+                adapted.estimate(upright, &y, &noise)
             };
             keys[range].iter().map(estimate).collect::<Vec<_>>()
         });

@@ -310,6 +310,8 @@ pub(crate) mod model_fill {
     /// joints were seen.
     pub(crate) const OWN_SHARE: f64 = 1.5;
     pub(crate) const COMMON_SHARE: f64 = 2.0;
+    /// A point that was filled counts as seen up to this standard deviation, cm.
+    pub(crate) const KNOWN_SD: f64 = 1.5;
     /// Noise that is assumed, cm, as long as the estimates are no path that a body can follow.
     pub(crate) const STRONGER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 }
