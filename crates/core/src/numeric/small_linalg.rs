@@ -24,26 +24,49 @@ pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
 
+/// Columns that are taken from the rest of a matrix at once: each of its numbers is loaded and stored
+/// once for so many.
+const PANEL: usize = 4;
+
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a
 /// small one: the direction is then known exactly, as a duplicate of others.
 pub fn factorize(a: &mut [f64], n: usize) {
     let least: Vec<f64> = (0..n).map(|i| 1e-12 * a[i * n + i].abs()).collect();
-    let mut column = vec![0.0; n];
+    let mut panel: [Vec<f64>; PANEL] = std::array::from_fn(|_| vec![0.0; n]);
     dispatch8(
         #[inline(always)]
         || {
-            // Column by column, each taken from the rest at once: short sums one by one are slower.
-            for k in 0..n {
-                let pivot = a[k * n + k].max(least[k]).max(1e-300).sqrt();
-                a[k * n + k] = pivot;
-                for i in k + 1..n {
-                    column[i] = a[i * n + k] / pivot;
-                    a[i * n + k] = column[i];
-                    add(
-                        &mut a[i * n + k + 1..=i * n + i],
-                        -column[i],
-                        &column[k + 1..=i],
-                    );
+            for first in (0..n).step_by(PANEL) {
+                let last = (first + PANEL).min(n);
+                for k in first..last {
+                    let (before, rest) = panel.split_at_mut(k - first);
+                    let column = &mut rest[0][k..n];
+                    for (i, v) in column.iter_mut().enumerate() {
+                        *v = a[(k + i) * n + k];
+                    }
+                    for other in before {
+                        add(column, -other[k], &other[k..n]);
+                    }
+                    let pivot = column[0].max(least[k]).max(1e-300).sqrt();
+                    column[0] = pivot;
+                    column[1..].iter_mut().for_each(|v| *v /= pivot);
+                    for (i, v) in column.iter().enumerate() {
+                        a[(k + i) * n + k] = *v;
+                    }
+                }
+                let [p, q, r, s] = &panel;
+                if last - first < PANEL {
+                    // Nothing is left.
+                    return;
+                }
+                for i in last..n {
+                    let row = &mut a[i * n + last..=i * n + i];
+                    let (c, d, e, f) = (p[i], q[i], r[i], s[i]);
+                    let columns = p[last..=i].iter().zip(&q[last..=i]);
+                    let others = r[last..=i].iter().zip(&s[last..=i]);
+                    for ((v, (p, q)), (r, s)) in row.iter_mut().zip(columns).zip(others) {
+                        *v -= (c * p + d * q) + (e * r + f * s);
+                    }
                 }
             }
         },

@@ -18,6 +18,7 @@ use crate::prior::rotations::{JointPrior, RotationPrior};
 use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
+use std::ops::Range;
 
 /// The points of a take that are joints of a skeleton.
 #[derive(Debug, Clone, Copy)]
@@ -249,7 +250,20 @@ impl TakeFitter<'_> {
                 .start(self.root, &self.frames.xyz.row(t).to_vec());
             self.solve(t, Start::Far(start), scratch)
         };
-        let mut key_fits = self.in_blocks(keys.len(), &mut |_| (), |n, s| of_mean(keys[n], s));
+        // Each from the one before; the first of a few from the mean.
+        let of_few = |range: Range<usize>| {
+            let (mut scratch, mut before) = (Scratch::default(), None::<FrameFit>);
+            let mut of_key = |n: usize| {
+                let fit = match &before {
+                    Some(fit) => self.solve(keys[n], Start::Far(fit.state.clone()), &mut scratch),
+                    None => of_mean(keys[n], &mut scratch),
+                };
+                before.clone_from(&fit);
+                fit
+            };
+            range.map(&mut of_key).collect::<Vec<_>>()
+        };
+        let mut key_fits = map_chunks(keys.len(), CHUNK, of_few).concat();
         for direction in [Direction::Forward, Direction::Backward] {
             self.retry_from_neighbors(&keys, &mut key_fits, direction);
         }

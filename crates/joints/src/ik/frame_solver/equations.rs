@@ -138,26 +138,7 @@ impl FrameEquations<'_> {
                 }
             }
         }
-        let known = deviations.len();
-        for i in 0..known {
-            add(
-                &mut normal[i * n..][..=i],
-                1.0,
-                &self.prior.precision[i * known..][..=i],
-            );
-        }
-        let pull = |i: usize| dot(&self.prior.precision[i * known..][..known], deviations);
-        for &(bone, first, count) in &self.prior.bones {
-            if self.states.is_ball[bone] {
-                let r = DVec3::from_slice(&deviations[first..first + 3]);
-                // log(exp(d) exp(r)) ≈ r + J(−r) d, and its transpose carries the gradient.
-                let carried = rotation_vector_jacobian(r)
-                    * DVec3::from_array([0, 1, 2].map(|c| pull(first + c)));
-                (0..3).for_each(|c| gradient[first + c] += carried[c]);
-            } else {
-                (first..first + count).for_each(|c| gradient[c] += pull(c));
-            }
-        }
+        self.add_prior(normal, gradient, deviations);
         for (c, (column, held)) in self.states.columns.iter().zip(&self.prior.held).enumerate() {
             normal[c * n + c] += held;
             gradient[c] += held
@@ -166,6 +147,65 @@ impl FrameEquations<'_> {
                 } else {
                     0.0
                 };
+        }
+    }
+
+    /// Adds the prior: Bᵀ Λ B and Bᵀ Λ r, where B carries a step to the deviations.
+    fn add_prior(&self, normal: &mut [f64], gradient: &mut [f64], deviations: &[f64]) {
+        let (n, known) = (self.states.columns.len(), deviations.len());
+        let precision = |i: usize| &self.prior.precision[i * known..][..known];
+        let pull: Vec<f64> = (0..known).map(|i| dot(precision(i), deviations)).collect();
+        // log(exp(d) exp(r)) ≈ r + J(−r) d, J(−r) = J(r)ᵀ
+        let carried = |bone: usize, first: usize| {
+            let r = DVec3::from_slice(&deviations[first..first + 3]);
+            self.states.is_ball[bone].then(|| rotation_vector_jacobian(r))
+        };
+        let bones = self.prior.bones.iter();
+        let blocks: Vec<(usize, usize, Option<DMat3>)> = bones
+            .map(|&(bone, first, count)| {
+                let is_ball = self.states.is_ball[bone];
+                (
+                    first,
+                    count,
+                    is_ball.then(|| carried(bone, first)).flatten(),
+                )
+            })
+            .collect();
+        let mut rows = vec![0.0; 3 * known];
+        for &(first, count, own) in &blocks {
+            let rows = &mut rows[..count * known];
+            for (c, row) in rows.chunks_exact_mut(known).enumerate() {
+                let Some(own) = own else {
+                    row.copy_from_slice(precision(first + c));
+                    continue;
+                };
+                row.fill(0.0);
+                (0..3).for_each(|k| add(row, own.col(k)[c], precision(first + k)));
+            }
+            for (c, row) in rows.chunks_exact(known).enumerate() {
+                let at = first + c;
+                let to = &mut normal[at * n..][..=at];
+                for &(other, width, theirs) in blocks.iter().take_while(|b| b.0 <= first) {
+                    let from = &row[other..other + width];
+                    let carried: [f64; 3] = match theirs {
+                        Some(theirs) => (theirs * DVec3::from_slice(from)).to_array(),
+                        None => std::array::from_fn(|k| from.get(k).copied().unwrap_or(0.0)),
+                    };
+                    for (k, v) in carried.into_iter().enumerate().take(width) {
+                        if other + k <= at {
+                            to[other + k] += v;
+                        }
+                    }
+                }
+            }
+            let pulls = &pull[first..first + count];
+            match own {
+                Some(own) => {
+                    let carried = own * DVec3::from_slice(pulls);
+                    (0..3).for_each(|c| gradient[first + c] += carried[c]);
+                }
+                None => add(&mut gradient[first..first + count], 1.0, pulls),
+            }
         }
     }
 
@@ -204,13 +244,13 @@ impl FrameEquations<'_> {
         }
     }
 
-    /// The state after a damped step.
+    /// The state after a damped step, and by how much it lowers E if that is quadratic.
     pub(super) fn step(
         &self,
         state: &FrameState,
         damping: f64,
         scratch: &mut Scratch,
-    ) -> FrameState {
+    ) -> (FrameState, f64) {
         let n = self.states.columns.len();
         scratch.factor.clone_from(&scratch.normal);
         scratch.step.clone_from(&scratch.gradient);
@@ -220,7 +260,8 @@ impl FrameEquations<'_> {
         factorize(&mut scratch.factor, n);
         forward(&scratch.factor, n, &mut scratch.step);
         backward(&scratch.factor, n, &mut scratch.step);
-        self.states.applied(state, |c| -scratch.step[c])
+        let expected = dot(&scratch.gradient, &scratch.step);
+        (self.states.applied(state, |c| -scratch.step[c]), expected)
     }
 
     /// The normal equations of a frame at a state.

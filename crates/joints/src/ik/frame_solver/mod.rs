@@ -166,12 +166,21 @@ impl<'a> FrameSolver<'a> {
             Start::Near(state) => (state, NEAR_DAMPING),
         };
         let energy = equations.energy(&start, targets, weights, scratch);
+        let (absolute, relative) = tolerance;
+        let mut is_settled = false;
         let attempt = |at: &(f64, FrameState), damping: f64, fresh: bool| {
+            if is_settled {
+                return Some((at.0, at.clone()));
+            }
             if fresh {
                 equations.set_equations(&at.1, targets, weights, scratch);
             }
-            let next = equations.step(&at.1, damping, scratch);
+            let (next, expected) = equations.step(&at.1, damping, scratch);
             let energy = equations.energy(&next, targets, weights, scratch);
+            // Where a step that helps lowers E as it should, the next one would hardly.
+            let gain = at.0 - energy;
+            let most = absolute + relative * energy;
+            is_settled = absolute > 0.0 && gain > 0.0 && (gain - expected).abs() <= most;
             Some((energy, (energy, next)))
         };
         let (first, most) = ((energy, (energy, start)), (steps, 2 * steps));
