@@ -221,7 +221,7 @@ impl<'a> Split<'a> {
                         let fit = problem.solve(None);
                         steps += fit.energies.len() - 1;
                         let shape = self.model.shape.matrices(&fit.state.shape);
-                        let found = complete(&self.model, &fit, &shape);
+                        let found = complete(&self.model, &fit, &shape, None);
                         predicted.push(errors(&found.predicted, truth));
                         completed.push(errors(&found.completed, truth));
                     }

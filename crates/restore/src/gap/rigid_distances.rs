@@ -140,7 +140,7 @@ impl TakeDistances {
             }
         }
         // Missing points err together: their distances tell their shape, not where they are.
-        let seen = update.to_seen_points();
+        let seen = update.with_seen_points();
         let Some(step) = seen.step(frame, variance) else {
             return;
         };
@@ -214,7 +214,7 @@ impl<'a> Update<'a> {
     }
 
     /// By the distances to seen points alone.
-    fn to_seen_points(mut self) -> Update<'a> {
+    fn with_seen_points(mut self) -> Update<'a> {
         (self.pairs).retain(|(_, ends)| ends.iter().any(Option::is_none));
         self
     }
