@@ -181,8 +181,8 @@ pub(crate) mod adaptive_smoothing {
 
 /// Frames that are estimated.
 pub(crate) mod knots {
-    /// How many a second, at least. Errors are those with 40 within .8% (under noise of .1 cm; within
-    /// .3% of .3 to 5.6 cm).
+    /// How many a second, at least. Errors are those with 40 within .8% under noise of .1 cm, and
+    /// within .5% under .3 to 5.6 cm.
     pub(crate) const PER_SECOND: f64 = 24.0;
 }
 

@@ -24,8 +24,8 @@ pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
 
-/// Columns that are taken from the rest of a matrix at once: each of its numbers is loaded and stored
-/// once for so many.
+/// Columns that are taken from the rest of a matrix at once: each of its numbers is loaded and
+/// stored once for so many.
 const PANEL: usize = 4;
 
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a
