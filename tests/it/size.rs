@@ -20,7 +20,7 @@ const BUDGET: [(&str, usize); 16] = [
     ("glb", 1_600),
     ("io", 15_100),
     // Feet stand on the soles of the rig (330).
-    ("joints", 8_780),
+    ("joints", 8_850),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
     // names, the body as evidence, and loose pieces that close gaps.
     ("label", 6_480),

@@ -210,9 +210,13 @@ fn report(name: &str, done: &Retargeted) {
         Some(contacts) => {
             let s = if contacts == 1 { "" } else { "s" };
             let slide = done.slide;
-            let ankles = match done.ground {
-                Some(_) => format!("; ankles at the rig's own height: {:+.2}", done.raised),
-                None => String::new(),
+            let ankles = if done.raised == 0.0 {
+                String::new()
+            } else {
+                format!(
+                    "; body moved by {:+.2} for the height of the rig's ankles",
+                    done.raised
+                )
             };
             format!(
                 "; {contacts} contact{s} held, sliding {slide:.2} more than the source's at \

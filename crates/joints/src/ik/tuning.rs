@@ -103,7 +103,7 @@ pub(crate) mod sequence {
     /// a limit limbs that were missing in takes of people left out are 1.7 and 2.18 cm off where
     /// points that all count alike give 1.55 and 1.72; with it 1.56 and 1.70.
     pub(crate) const MOST_SD: f64 = 1.0;
-    /// Times this, from which on a point is hardly known at all, and counts less.
+    /// A point with a deviation of this times the most is hardly known, and counts less and less.
     pub(crate) const FAR_SD: f64 = 20.0;
 }
 

@@ -156,21 +156,12 @@ impl FrameEquations<'_> {
         let precision = |i: usize| &self.prior.precision[i * known..][..known];
         let pull: Vec<f64> = (0..known).map(|i| dot(precision(i), deviations)).collect();
         // log(exp(d) exp(r)) ≈ r + J(−r) d, J(−r) = J(r)ᵀ
-        let carried = |bone: usize, first: usize| {
-            let r = DVec3::from_slice(&deviations[first..first + 3]);
-            self.states.is_ball[bone].then(|| rotation_vector_jacobian(r))
+        let block = |&(bone, first, count): &(usize, usize, usize)| {
+            let r = || DVec3::from_slice(&deviations[first..first + 3]);
+            let own = self.states.is_ball[bone].then(|| rotation_vector_jacobian(r()));
+            (first, count, own)
         };
-        let bones = self.prior.bones.iter();
-        let blocks: Vec<(usize, usize, Option<DMat3>)> = bones
-            .map(|&(bone, first, count)| {
-                let is_ball = self.states.is_ball[bone];
-                (
-                    first,
-                    count,
-                    is_ball.then(|| carried(bone, first)).flatten(),
-                )
-            })
-            .collect();
+        let blocks: Vec<_> = self.prior.bones.iter().map(block).collect();
         let mut rows = vec![0.0; 3 * known];
         for &(first, count, own) in &blocks {
             let rows = &mut rows[..count * known];
@@ -244,7 +235,8 @@ impl FrameEquations<'_> {
         }
     }
 
-    /// The state after a damped step, and by how much it lowers E if that is quadratic.
+    /// The state after a damped step, and by how much it lowers E if that is quadratic, but for the
+    /// damping.
     pub(super) fn step(
         &self,
         state: &FrameState,

@@ -23,6 +23,8 @@ pub(super) struct LegFrame {
     pub source: DVec3,
     /// The global rotations of foot and toes.
     pub foot: [DMat3; 2],
+    /// Whether the toes turn with the foot.
+    pub toes_rest: bool,
 }
 
 /// What plants a foot.
@@ -76,7 +78,8 @@ pub(super) fn plant(
     let mut turns = vec![[None; 2]; frames.len()];
     if let Some(ground) = ground {
         for (t, frame) in frames.iter().enumerate() {
-            let (feet, lift) = ground.clear(frame.bones.ankle + offsets[t], frame.foot);
+            let (feet, lift) =
+                ground.clear(frame.bones.ankle + offsets[t], frame.foot, frame.toes_rest);
             turns[t] = feet;
             offsets[t].y += lift;
         }
@@ -144,6 +147,7 @@ mod tests {
                 thigh: DMat3::IDENTITY,
                 source,
                 foot: [DMat3::IDENTITY; 2],
+                toes_rest: false,
             }
         };
         track().into_iter().enumerate().map(frame).collect()

@@ -112,7 +112,8 @@ pub struct Retargeted {
     /// How much higher than the source's, times the scale, the body stands, in the rig's unit:
     /// ankles are as high above soles as the rig's. 0 where feet were not asked for.
     pub raised: f64,
-    /// How high the ground is on which feet stand, in the rig's unit; `None`: they never do.
+    /// How high the ground is on which feet stand, in the rig's unit; `None`: they never do, the
+    /// rig has no position channels, or both skeletons have the same joints.
     pub ground: Option<f64>,
     /// The number of values that are missing (nan), as the source lacks what they depend on.
     pub missing: usize,
@@ -184,6 +185,10 @@ impl Retargeter {
         if options.plants_feet {
             stance = Stance::of([figure, rig], [source, &self.bvh], rate, scale, is_same);
             transfer.stand([&body, &self.body], &stance.soles);
+            if self.carrier.is_none() {
+                // A body that nothing moves is no higher or lower.
+                (stance.raised, stance.grounds) = (0.0, [None, None]);
+            }
         }
         let run = Run {
             rig: self,
@@ -255,13 +260,10 @@ impl Run<'_> {
         pose.positions.clear();
         for (j, parent) in rig.parents.iter().enumerate() {
             let above = parent.map_or(DMat3::IDENTITY, |p| pose.rotations[p]);
-            let wanted = match self.transfer.rotation(j, source) {
-                Some(rotation) => {
-                    let own = turns.iter().filter(|(joint, _)| *joint == j);
-                    own.fold(rotation, |r, (_, turn)| *turn * r)
-                }
-                None => above * self.transfer.rest_local(j),
-            };
+            let rotation = self.transfer.rotation(j, source);
+            let rotation = rotation.unwrap_or(above * self.transfer.rest_local(j));
+            let own = turns.iter().filter(|(joint, _)| *joint == j);
+            let wanted = own.fold(rotation, |r, (_, turn)| *turn * r);
             let position = match parent {
                 Some(p) => pose.positions[*p] + above * rig.offsets[j],
                 None => rig.offsets[j],
@@ -292,6 +294,10 @@ impl Run<'_> {
         grounds: &[Option<Ground>; 2],
     ) -> Vec<Planted> {
         let ankles = [0, 1].map(|side| self.body.legs[side].joints[2]);
+        let toes_rest = [0, 1].map(|side: usize| {
+            let [_, toes] = foot_joints(&self.rig.body.legs[side]);
+            self.transfer.rests(toes)
+        });
         let frames = map_chunks(self.source.motion.nrows(), CHUNK, |range| {
             let (mut source, mut pose) = (Pose::default(), Pose::default());
             let mut of_frame = |frame: usize| {
@@ -310,6 +316,7 @@ impl Run<'_> {
                             source.positions[ankles[side]]
                         },
                         foot: foot_joints(&self.rig.body.legs[side]).map(|j| pose.rotations[j]),
+                        toes_rest: toes_rest[side],
                     }
                 })
             };

@@ -288,15 +288,22 @@ impl Sole {
 
 impl Ground {
     /// What turns foot and toes up, so that no point of the sole is lower than where it is level on
-    /// the ground; and by how much the ankle must rise besides.
-    pub(super) fn clear(&self, ankle: DVec3, rotations: [DMat3; 2]) -> ([Option<DMat3>; 2], f64) {
+    /// the ground; and by how much the ankle must rise besides. With `toes_rest` the toes turn with
+    /// the foot.
+    pub(super) fn clear(
+        &self,
+        ankle: DVec3,
+        [foot, toes]: [DMat3; 2],
+        toes_rest: bool,
+    ) -> ([Option<DMat3>; 2], f64) {
         let sole = &self.sole;
         if !ankle.is_finite() || sole.ankle.is_none() {
             return ([None; 2], 0.0);
         }
-        let [foot, toes] = rotations;
         let at_foot = self.turn_up(0, ankle, foot);
-        let foot = at_foot.map_or(foot, |turn| turn * foot);
+        let by_foot = at_foot.unwrap_or(DMat3::IDENTITY);
+        let foot = by_foot * foot;
+        let toes = if toes_rest { by_foot * toes } else { toes };
         let ball = ankle + foot * sole.ball;
         let has_toes = sole.ball != DVec3::ZERO;
         let at_toes = has_toes.then(|| self.turn_up(1, ball, toes)).flatten();

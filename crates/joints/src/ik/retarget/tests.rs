@@ -301,6 +301,56 @@ fn feet_stand_level_on_their_own_soles() {
 }
 
 #[test]
+fn a_rig_that_nothing_moves_keeps_its_legs() {
+    let source = standing(60, same);
+    let mut rig = body(1, flat_feet, none, |_, _| [0.0; 3]);
+    rig.joints[0].channels.drain(..3);
+    rig.motion = Array2::zeros((1, Bvh::channels(&rig.joints)));
+    let there = carried(&rig, &source, true);
+    assert_eq!((there.raised, there.ground), (0.0, None));
+    for t in 0..60 {
+        let (a, b) = (pose(&source, t), pose(&there.bvh, t));
+        for (hip, knee) in [(13, 14), (17, 18)] {
+            let thigh = |pose: &Pose| pose.positions[knee] - pose.positions[hip];
+            // Its hips do not sink: legs bend less, and are not folded.
+            assert!(thigh(&a).angle_between(thigh(&b)) <= 0.5, "{t}");
+        }
+    }
+}
+
+#[test]
+fn toes_of_a_rig_that_the_source_lacks_stay_on_the_ground() {
+    let mut source = standing(200, same);
+    // Feet end where toes began.
+    for (j, at) in [(15, 16), (19, 20)] {
+        source.joints[j].ends = vec![EndSite {
+            offset: source.joints[at].offset,
+            after: 0,
+        }];
+    }
+    let kept: Vec<usize> = (0..source.joints.len())
+        .filter(|j| ![16, 20].contains(j))
+        .collect();
+    let mut columns: Vec<usize> = (0..3).collect();
+    columns.extend(kept.iter().flat_map(|j| 3 * j + 3..3 * j + 6));
+    source.motion = source.motion.select(ndarray::Axis(1), &columns);
+    source.joints = kept.iter().map(|j| source.joints[*j].clone()).collect();
+    for joint in &mut source.joints {
+        joint.parent = joint.parent.map(|p| if p > 16 { p - 1 } else { p });
+    }
+    let rig = body(1, flat_feet, none, |_, _| [0.0; 3]);
+    let there = carried(&rig, &source, true);
+    assert!(there.ground.is_some());
+    for t in 0..200 {
+        let b = pose(&there.bvh, t);
+        for ball in [16, 20] {
+            let tip = b.positions[ball] + b.rotations[ball] * DVec3::new(0.0, -3.0, 19.0);
+            assert!(tip.y >= -1e-6, "{t}: {}", tip.y);
+        }
+    }
+}
+
+#[test]
 fn who_never_stands_is_not_put_on_the_ground() {
     let mut source = body(60, same, none, moving);
     (0..60).for_each(|t| source.motion[[t, 1]] = 300.0 + 8.0 * t as f64);

@@ -252,9 +252,14 @@ impl Transfer {
         }
     }
 
+    /// Whether a joint follows nothing.
+    pub(super) fn rests(&self, joint: usize) -> bool {
+        self.follows[joint].is_none()
+    }
+
     /// The joints that follow nothing.
     pub(super) fn resting(&self) -> usize {
-        self.follows.iter().filter(|f| f.is_none()).count()
+        (0..self.follows.len()).filter(|j| self.rests(*j)).count()
     }
 
     /// The joint's rotation at rest in its parent's frame.
