@@ -367,13 +367,9 @@ fn a_frame_with_too_few_markers_stays_and_is_told() {
         .args(args)
         .args([&rotations, &table])
         .assert()
-        .code(3);
+        .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
     assert!(said.contains("no body in 1 frames"), "{said}");
-    assert!(
-        said.contains("1 of 2 frames have less than two thirds"),
-        "{said}"
-    );
     assert_eq!(fs::read_dir(&meshes).unwrap().count(), 1);
     // The commands take what the others have written.
     let again = setup.file("again.npz");

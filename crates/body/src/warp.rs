@@ -20,7 +20,9 @@ const NEAR: f64 = 10.0;
 const PAIRS: usize = 3;
 /// The least smoothing, cm: points that coincide leave the equations solvable.
 const LEAST_SMOOTHING: f64 = 1e-3;
-/// Smoothing that is tried where the noise is not told, cm.
+/// Points that tell how smooth the plate is where the noise is not told, at most about.
+const JUDGED: usize = 250;
+/// Smoothing that is tried there, cm.
 const TRIED: [f64; 11] = [
     LEAST_SMOOTHING,
     0.3,
@@ -37,6 +39,8 @@ const TRIED: [f64; 11] = [
 /// By how much the polynomials count more than the largest distance: the equations are positive
 /// definite then, and their solution is the same.
 const LIFT: f64 = 10.0;
+/// What a point's own value counts against the stiffest motion of all, at least, if others tell it.
+const ALONE: f64 = 1e-9;
 
 /// A warp of space.
 #[derive(Debug, Clone)]
@@ -69,12 +73,25 @@ impl Warp {
         };
         let polynomials = Array2::from_shape_fn((count, 4), |(i, c)| base(moves[i].0)[c]);
         let values = Array2::from_shape_fn((count, 3), |(i, a)| moves[i].1[a]);
-        let plate = Plate::new(moves, &polynomials)?;
         let smoothing = match noise {
             Some(noise) => smoothing(moves, noise * noise).max(LEAST_SMOOTHING),
-            None => plate.best_smoothing(&values)?,
+            None => {
+                let some: Vec<usize> = (0..count).step_by(count.div_ceil(JUDGED)).collect();
+                let [polynomials, values] =
+                    [&polynomials, &values].map(|m| m.select(Axis(0), &some));
+                let moves: Vec<(DVec3, DVec3)> = some.iter().map(|i| moves[*i]).collect();
+                Plate::new(&moves, &polynomials)?.best_smoothing(&values)
+            }
         };
-        let pulls = plate.pulls(&values, smoothing);
+        let apart = distances(moves);
+        let largest = apart.iter().copied().fold(0.0, f64::max);
+        let mut matrix = polynomials.dot(&polynomials.t()) * (LIFT * largest) - apart;
+        matrix.diag_mut().mapv_inplace(|v| v + smoothing);
+        let factor = Cholesky::new(matrix)?;
+        let (own, theirs) = (factor.solve(&polynomials)?, factor.solve(&values)?);
+        let normal = Cholesky::new(polynomials.t().dot(&own))?;
+        let shared = normal.solve(&polynomials.t().dot(&theirs))?;
+        let pulls = theirs - own.dot(&shared);
         // The polynomials are what the values are less the rest.
         let left = polynomials.t().dot(&polynomials);
         let rest = Array2::from_shape_fn((count, 3), |(i, a)| {
@@ -101,8 +118,8 @@ impl Warp {
     }
 }
 
-/// What gives −c of the values at some points: `V (Λ + smoothing)⁻¹ Vᵀ`, by the eigenvectors of the
-/// negative distances across the polynomials.
+/// What gives −c of the values at some points for any smoothing: `V (Λ + smoothing)⁻¹ Vᵀ`, by the
+/// eigenvectors of the negative distances across the polynomials.
 struct Plate {
     /// V (points, points − 4).
     vectors: Array2<f64>,
@@ -113,7 +130,7 @@ struct Plate {
 impl Plate {
     fn new(moves: &[(DVec3, DVec3)], polynomials: &Array2<f64>) -> Option<Plate> {
         let count = moves.len();
-        let apart = Array2::from_shape_fn((count, count), |(i, j)| moves[i].0.distance(moves[j].0));
+        let apart = distances(moves);
         let largest = apart.iter().copied().fold(0.0, f64::max);
         let normal = Cholesky::new(polynomials.t().dot(polynomials))?;
         let along = polynomials.dot(&normal.solve(&polynomials.t().to_owned())?);
@@ -135,20 +152,29 @@ impl Plate {
         self.vectors.dot(&along)
     }
 
-    /// The smoothing by which the others tell each value best.
-    fn best_smoothing(&self, values: &Array2<f64>) -> Option<f64> {
+    /// The smoothing by which the others tell each value best; the least where they tell none.
+    fn best_smoothing(&self, values: &Array2<f64>) -> f64 {
+        let stiffest = self.values.iter().copied().fold(0.0, f64::max);
         let squares = self.vectors.mapv(|v| v * v);
         // What a value is off without its own pull is that over the diagonal of the inverse.
         let off = |smoothing: f64| -> f64 {
             let own = squares.dot(&self.values.mapv(|v| 1.0 / (v + smoothing)));
             let pulls = self.pulls(values, smoothing);
             let rows = pulls.rows().into_iter().zip(&own);
-            rows.map(|(pull, own)| pull.dot(&pull) / (own * own)).sum()
+            // A point that the polynomials alone go through is told by no other.
+            let told = rows.filter(|(_, own)| **own * (stiffest + smoothing) > ALONE);
+            told.map(|(pull, own)| pull.dot(&pull) / (own * own)).sum()
         };
         let tried = TRIED.iter().map(|smoothing| (off(*smoothing), *smoothing));
-        let sound = tried.filter(|(off, _)| off.is_finite());
-        Some(sound.min_by(|a, b| a.0.total_cmp(&b.0))?.1)
+        let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or(LEAST_SMOOTHING, |(_, smoothing)| smoothing)
     }
+}
+
+/// The distances of some points (points, points), cm.
+fn distances(moves: &[(DVec3, DVec3)]) -> Array2<f64> {
+    let count = moves.len();
+    Array2::from_shape_fn((count, count), |(i, j)| moves[i].0.distance(moves[j].0))
 }
 
 /// Whether all points are in a plane.
@@ -206,6 +232,11 @@ mod tests {
         let warp = Warp::new(&moves, Some(0.0)).unwrap();
         let at = DVec3::new(50.0, -4.0, 7.0);
         assert!(warp.at(at).distance(affine(at)) < 1e-6);
+        // Four points tell an affine map, whether or not the noise is told.
+        for noise in [Some(0.0), None] {
+            let warp = Warp::new(&moves[..4], noise).unwrap();
+            assert!(warp.at(at).distance(affine(at)) < 1e-6);
+        }
         let flat = points.iter().map(|x| (x.with_z(x.x - 0.5 * x.y), DVec3::X));
         let flat: Vec<_> = flat.collect();
         assert!(Warp::new(&flat, None).is_none() && Warp::new(&moves[..3], None).is_none());

@@ -41,9 +41,9 @@ use std::path::PathBuf;
 /// The completed mesh goes through the markers but for their noise: that of --noise, else what
 /// tells each marker best from the others.
 ///
-/// Markers that do not fit are left out and named with their distance. They, mirrored markers,
-/// frames with less than two thirds of the markers, and bodies that all lie, as if another axis
-/// pointed up, are told: the exit status is 3 then.
+/// Markers that do not fit are left out and named with their distance. The exit status is 3 then,
+/// and where markers are mirrored, a frame has less than two thirds of them, or everybody lies
+/// down, as if another axis pointed up.
 #[derive(Parser)]
 #[command(
     name = "body-fit",
@@ -194,7 +194,8 @@ fn report(fits: &[Fitted], source: &str, names: &[String]) -> Result<usize> {
 
 /// Tells of frames with few markers, and of bodies that all lie; how many lines that are.
 fn report_doubts(body: &BodyModel, fits: &[Fitted], frames: &[MarkerFrame], source: &str) -> usize {
-    let few = frames.iter().filter(|frame| has_few_markers(frame)).count();
+    let fitted = frames.iter().zip(fits).filter(|(_, fit)| fit.is_some());
+    let few = fitted.filter(|(frame, _)| has_few_markers(frame)).count();
     if few > 0 {
         messages::info(&format!(
             "{source}: {few} of {} frames have less than two thirds of the markers of the map: the \
@@ -206,7 +207,7 @@ fn report_doubts(body: &BodyModel, fits: &[Fitted], frames: &[MarkerFrame], sour
     let lying = lying_axis(body, states);
     if let Some(axis) = lying {
         messages::info(&format!(
-            "{source}: all bodies lie along the axis {axis}, which no pose of the training \
+            "{source}: all bodies lie along the axis {axis}, as hardly a pose of the training \
              does: if {axis} points up, convert the markers again with --up {axis}"
         ));
     }
