@@ -11,7 +11,7 @@ use super::progress::Progress;
 use super::streams::{create_table, write_bytes, write_table};
 use super::summary::{StatusColumns, report};
 use crate::io::text::excerpt;
-use crate::io::{Cells, Model, PosesBuilder, Row, Table, deviations};
+use crate::io::{Cells, Columns, Model, PosesBuilder, Row, Table, TableFormat, deviations};
 use crate::label::unlabeled::left_alone;
 use crate::pose::computed::{computed_note, computed_points};
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, Units, check_unit, joints};
@@ -205,11 +205,6 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
     };
     let counts = restored.counts();
     report(counts, left, args.status, task.max_gap().is_some());
-    if matches!(task, Task::Denoise(_)) && !args.status && counts.unfilled > 0 {
-        messages::info(
-            "complete will take these values for exact: --status passes their uncertainty on",
-        );
-    }
     match (listed, as_json) {
         (_, Some(json)) => json.write(&restored)?,
         (Some(path), None) => write_bytes(Some(path), restored.text().as_bytes(), false)?,
@@ -223,7 +218,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     let table = read_table(&args.input, task.planar(), true)?;
     task.check(&table.columns.points)?;
     let units = args.units();
-    let told = StatusColumns::new(args.status, &table.columns, units[1]);
+    let told = args.told(&table.columns, &table.cells);
     args.out.format().check_added(&told.added)?;
     let model = args.model.open()?;
     let naming = args.naming(&table.poses, model.as_ref())?;
@@ -257,6 +252,12 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
+    let is_lost = told.added.is_empty() && report.counts().unfilled > 0;
+    if matches!(task, Task::Denoise(_)) && is_lost {
+        messages::info(
+            "complete will take these values for exact: --status passes their uncertainty on",
+        );
+    }
     write_table(&args.out, units, &table, restored.xyz(), &told.added, |t| {
         told.cells(&restored, t)
     })?;
@@ -271,7 +272,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let model = args.model.open()?;
     let (mut restorer, mut naming) = (None, None);
     let units = args.units();
-    let told = StatusColumns::new(args.status, &columns, units[1]);
+    let told = args.told(&columns, &[]);
     let mut sink = create_table(&args.out, units, &columns, &told.added)?;
     let told_in = (!told.added.is_empty()).then(|| units[0].unit.centimeters());
     let mut counts = RestorationCounts::default();
@@ -352,6 +353,19 @@ impl RestoringArgs {
     fn units(&self) -> [Units; 2] {
         let input = self.input.table_units();
         [input, self.out_units.table_units(input)]
+    }
+
+    /// The columns that tell what became of points. An array has none, unless they are asked for:
+    /// then it is refused.
+    fn told(&self, columns: &Columns, cells: &[Cells]) -> StatusColumns {
+        let is_array = self.out.format() == TableFormat::Npy;
+        let cells = if is_array { &[] } else { cells };
+        let none = Columns::default();
+        let columns = match (self.status, is_array) {
+            (false, true) => &none,
+            _ => columns,
+        };
+        StatusColumns::new(self.status, columns, cells, self.units()[1])
     }
 
     /// How the points of a table are named, for the model; without one, for CMU's names, by which a

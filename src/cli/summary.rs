@@ -1,10 +1,11 @@
 //! The report of `denoise` and `complete`: status columns of the table, and messages at the end.
 
 use super::messages;
-use crate::io::Columns;
 use crate::io::csv::{AddedColumn, After};
 use crate::io::text::{number_cell, significant};
+use crate::io::{Cells, Columns};
 use crate::pose::units::{LengthUnit, Units};
+use crate::pose::{FillMethod, Status};
 use crate::restore::{Restoration, RestorationCounts};
 
 /// What a column of a point says of a restoration.
@@ -16,6 +17,18 @@ enum Told {
 }
 
 impl Told {
+    /// Whether a cell may be one of such a column: a word of ours, a number, or nothing.
+    fn reads(self, cell: Option<&[u8]>) -> bool {
+        let text = cell.and_then(|cell| std::str::from_utf8(cell).ok());
+        let text = text.unwrap_or_default().trim();
+        text.is_empty()
+            || match self {
+                Told::Status => Status::of_name(text).is_some(),
+                Told::Sd => text.parse::<f64>().is_ok(),
+                Told::Method => FillMethod::of_name(text).is_some(),
+            }
+    }
+
     const ALL: [(Told, &'static str); 3] = [
         (Told::Status, "status"),
         (Told::Sd, "sd"),
@@ -33,10 +46,22 @@ pub(crate) struct StatusColumns {
 }
 
 impl StatusColumns {
-    /// Those that `--status` adds; without it, those that the table has, which would be false of
-    /// what is restored. `units` are those of the output.
-    pub(crate) fn new(status: bool, columns: &Columns, units: Units) -> StatusColumns {
-        let has = Told::ALL.map(|(_, ending)| columns.of_points(ending));
+    /// Those that `--status` adds; without it, those that the table has and that are ours, which
+    /// would be false of what is restored. `units` are those of the output, `cells` the table's.
+    pub(crate) fn new(
+        status: bool,
+        columns: &Columns,
+        cells: &[Cells],
+        units: Units,
+    ) -> StatusColumns {
+        let has = Told::ALL.map(|(told, ending)| {
+            let mut found = columns.of_points(ending);
+            let is_ours = |column: &usize| cells.iter().all(|row| told.reads(row.get(*column)));
+            found
+                .iter_mut()
+                .for_each(|column| *column = column.filter(is_ours));
+            found
+        });
         let names = columns.points.iter().enumerate();
         let of_points = names.flat_map(|(p, name)| {
             let all = Told::ALL.iter().zip(&has);

@@ -1,7 +1,7 @@
 //! Takes restored in time without a model: `complete --self` and `denoise --self` on points of any
 //! names.
 
-use crate::common::{Numbers, command, run};
+use crate::common::{Numbers, command, run, take, thin};
 
 /// A swinging two-part body of eight points, `frames` frames at 100 a second.
 fn body(frames: usize) -> Numbers {
@@ -246,4 +246,53 @@ fn a_frame_of_another_skeleton_is_not_bent_to_the_models() {
     }
     let table = format!("{head}\n{row}\n");
     assert_eq!(run("denoise", &["-q"], &table), table);
+}
+
+#[test]
+fn what_a_table_told_of_its_points_goes_through_a_pipe() {
+    let Some(walk) = take("07", "07_01", &[]).map(|walk| thin(&walk, 200, 1)) else {
+        return;
+    };
+    let gaps = [
+        "--gaps", "2", "--length", "0.2", "--points", "1", "--seed", "3",
+    ];
+    let noisy = run("corrupt", &["--dense", "0.5cm", "--seed", "1"], &walk);
+    let noisy = run("corrupt", &gaps, &noisy);
+    let denoised = run("denoise", &["-q", "--status"], &noisy);
+    let plain = run("complete", &["-q"], &denoised);
+    assert_eq!(plain, run("complete", &["-q", "--status"], &denoised));
+    let (before, after) = (Numbers::read(&denoised), Numbers::read(&plain));
+    let ends = |name: &String| [".status", ".sd"].iter().any(|end| name.ends_with(end));
+    let (mut kept, mut filled) = (0, 0);
+    for (was, is) in before.cells.iter().zip(&after.cells) {
+        for c in (0..before.names.len()).filter(|c| ends(&before.names[*c])) {
+            let [was, is] = [&was[c], &is[c]];
+            if was == "unknown" || was.is_empty() {
+                // Filled: it is said to be, and how sure that is.
+                assert!(
+                    is == "inferred" || is.parse::<f64>().is_ok_and(|sd| sd > 0.0),
+                    "{is}"
+                );
+                filled += 1;
+            } else {
+                assert_eq!(was, is);
+                kept += 1;
+            }
+        }
+    }
+    assert!(kept > 1000 && filled > 10, "{kept} {filled}");
+    // Columns of somebody's own stay as they are, and an array has none.
+    let own = denoised
+        .replacen("observed", "good", 1)
+        .replace("changed", "good");
+    let left = run("complete", &["-q"], &own);
+    assert!(
+        left.contains("good") && !left.contains("observed,"),
+        "{}",
+        &left[..200]
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.npy");
+    run("complete", &["-q", "-o", path.to_str().unwrap()], &denoised);
+    assert!(path.exists());
 }

@@ -222,7 +222,7 @@ impl<'t> Restoration<'t> {
                     continue;
                 }
                 let at = (first + t) * out.points() + in_table;
-                out.states[at] = restored.state(t, p).after(&out.states[at]);
+                out.states[at] = restored.state(t, p).after(&out.states[at], restored.noise);
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
                 let mut is_moved = false;
                 for axis in (0..3).filter(|_| is_filled) {

@@ -13,6 +13,9 @@ use std::ops::Range;
 /// Frames of one parallel task.
 pub(crate) const FRAMES_PER_TASK: usize = 8;
 
+/// What was told of a point's deviation may be noise if that much of it was found.
+const TAKEN_OUT: f64 = 0.5;
+
 /// A point of a frame that repeats another is that frame's to so many cm.
 const REPEATED: f64 = 1e-6;
 
@@ -248,15 +251,26 @@ pub(crate) struct PointState {
 }
 
 impl PointState {
-    /// This state, of a point of which another was known before: what is left as it was stays what
-    /// it was, and no surer than it was.
-    pub(crate) fn after(&self, before: &PointState) -> PointState {
-        if self.status != Status::Observed {
-            return *self;
-        }
-        PointState {
-            sd: self.sd.max(before.sd),
-            ..*before
+    /// This state, of a point of which another was known before. What is left as it was, and an
+    /// estimate that moves, stay what they were; and a point is no surer than it was, unless so
+    /// much `noise` was taken out of it: standard deviation of a coordinate, cm.
+    pub(crate) fn after(&self, before: &PointState, noise: f64) -> PointState {
+        let was_estimated = matches!(before.status, Status::Inferred | Status::Rejected);
+        let is_kept = match self.status {
+            Status::Observed => true,
+            Status::Changed => was_estimated,
+            _ => return *self,
+        };
+        let is_surer = noise >= before.sd * TAKEN_OUT && !was_estimated;
+        let sd = if is_surer {
+            self.sd
+        } else {
+            self.sd.max(before.sd)
+        };
+        if is_kept {
+            PointState { sd, ..*before }
+        } else {
+            PointState { sd, ..*self }
         }
     }
 }

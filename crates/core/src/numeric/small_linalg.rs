@@ -174,6 +174,21 @@ mod tests {
         let mut a = [4.0, 0.0, 2.0, 5.0];
         factorize(&mut a, 2);
         assert_eq!([a[0], a[2], a[3]], [2.0, 1.0, 2.0]);
+        // Panels of four, what is left of them, and what comes after.
+        for n in 1..=11 {
+            let entry = |i: usize, j: usize| {
+                let both = 1.0 / (1.0 + i.abs_diff(j) as f64);
+                both + f64::from(u8::from(i == j))
+            };
+            let mut l: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
+            factorize(&mut l, n);
+            for i in 0..n {
+                for j in 0..=i {
+                    let product: f64 = (0..=j).map(|k| l[i * n + k] * l[j * n + k]).sum();
+                    assert!((product - entry(i, j)).abs() < 1e-12, "{n}: {i} {j}");
+                }
+            }
+        }
         // (4 2; 2 5) z = (8, 12)
         let mut z = [8.0, 12.0];
         forward(&a, 2, &mut z);

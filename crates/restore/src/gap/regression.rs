@@ -109,7 +109,6 @@ impl Regression<'_> {
             bases.push(Basis::new(self, gap, simulated, None)?);
         }
         let last = bases.len().checked_sub(1)?;
-        // Others' poses are like the take's only by so much.
         let most = self.others.map_or(0.0, |_| MOST_NOISE);
         let process = |kernel: &Kernel| {
             let basis = if kernel.others { 0 } else { last };

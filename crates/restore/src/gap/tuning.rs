@@ -7,9 +7,9 @@
 
 /// Noise of what gaps are filled from.
 pub(crate) mod noise {
-    /// The share of the variance beside a gap that is added to that of what fills it. Chosen in
-    /// takes of 02, 13, 35 and 49 left out of the model, with white noise of .5 and 1 cm, denoised
-    /// (seeds 1 to 3).
+    /// How often the variance beside a gap is added to that of what fills it: both ends err.
+    /// Chosen in takes of 02, 13, 35 and 49 left out of the model, with white noise of .5 and 1 cm,
+    /// denoised (seeds 1 and 2).
     pub(crate) const NOISE_SHARE: f64 = 1.2;
 }
 
@@ -119,7 +119,8 @@ pub(crate) mod local_poses {
 pub(crate) mod regression {
     /// Added to the variance of each predictor, cm²: what no predictor is more exact than.
     pub(crate) const RIDGE: f64 = 0.01;
-    /// The share of noise in what a process learns, at most.
+    /// The share of noise in what a process learns beside a model's poses, at most; without these
+    /// it has none, for where all is called noise the spread of what is left goes with it.
     pub(crate) const MOST_NOISE: f64 = 0.01;
     /// Own frames spread over the take, and other poses, nearest to the gap's and as many nearest
     /// to the simulated ones'. Over 490 gaps of .1 to 1.5 s in 20 takes, with and without a model,
@@ -233,6 +234,8 @@ pub(crate) mod weights {
     /// hide the motion that denoising took. With it .70 and .92 are within one and two deviations
     /// (57 and 84 of a hundred before).
     pub(crate) const NOISY: f64 = 2.8;
+    /// The variance of a predictor's coordinate at which half of that counts, cm².
+    pub(crate) const HALF_NOISY: f64 = 4e-4;
     /// What is added to it for each second of a gap of which only the take's own frames tell: the
     /// longer, the more it lacks them.
     pub(crate) const OWN_FACTOR: f64 = 1.2;

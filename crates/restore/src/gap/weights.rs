@@ -56,11 +56,8 @@ pub(crate) fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed
         Some(_) => USUAL_FACTOR,
         None => OWN_USUAL_FACTOR + OWN_FACTOR * seconds,
     };
-    let usual = if targets.regression.noise > 0.0 {
-        NOISY * usual
-    } else {
-        usual
-    };
+    let noise = targets.regression.noise;
+    let usual = usual * (1.0 + (NOISY - 1.0) * noise / (noise + HALF_NOISY));
     let mut out = Weighed {
         mean: Array2::zeros(estimates.variance.dim()),
         variance: estimates.variance.clone(),
