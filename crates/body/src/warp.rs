@@ -191,9 +191,10 @@ fn is_flat(moves: &[(DVec3, DVec3)], middle: DVec3) -> bool {
     values.is_none_or(|values| values[0] <= FLAT * values[2])
 }
 
-/// The variance of the noise (cm²) over the growth of half the variance of a coordinate's
-/// difference with the distance, cm: by a line from it through what near pairs show.
-fn smoothing(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
+/// The variance of the noise over the growth of half the variance of a coordinate's
+/// difference with the distance, cm: by a line through what near pairs show, which starts no higher
+/// than at the noise that was told, cm².
+fn smoothing(moves: &[(DVec3, DVec3)], told: f64) -> f64 {
     let mut pairs = Vec::new();
     for (i, (a, moved)) in moves.iter().enumerate() {
         for (b, other) in &moves[..i] {
@@ -205,8 +206,18 @@ fn smoothing(moves: &[(DVec3, DVec3)], noise: f64) -> f64 {
     }
     pairs.sort_by(|a: &(f64, f64), b| a.0.total_cmp(&b.0));
     pairs.truncate(PAIRS * moves.len());
-    let along: f64 = pairs.iter().map(|(d, v)| d * (v - noise)).sum();
-    let growth = along / pairs.iter().map(|(d, _)| d * d).sum::<f64>();
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(d, v)| of(*d, *v)).sum::<f64>();
+    let count = pairs.len().max(1) as f64;
+    let (middle, mean) = (sum(&|d, _| d) / count, sum(&|_, v| v) / count);
+    let slope = sum(&|d, v| (d - middle) * (v - mean)) / sum(&|d, _| (d - middle).powi(2));
+    let start = (mean - slope * middle).max(0.0);
+    // Near pairs may show less noise than was told, but not more.
+    let (noise, growth) = if start < told && slope > 0.0 {
+        (start, slope)
+    } else {
+        let along = sum(&|d, v| d * (v - told));
+        (told, along / sum(&|d, _| d * d))
+    };
     // Where nothing but noise is seen, the warp is all but stiff.
     noise / growth.max(noise / (100.0 * NEAR)).max(1e-9)
 }
