@@ -162,6 +162,15 @@ impl Task {
         }
     }
 
+    /// Says that the next command will not know how sure denoised points are.
+    fn tell_what_is_lost(&self, told: &StatusColumns, counts: &RestorationCounts) {
+        if matches!(self, Task::Denoise(_)) && told.added.is_empty() && counts.unfilled > 0 {
+            messages::info(
+                "complete will take these values for exact: --status passes their uncertainty on",
+            );
+        }
+    }
+
     /// Restores a table; `progress` is called with the number of frames finished since its last
     /// call.
     fn restore<'t>(
@@ -252,12 +261,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
-    let is_lost = told.added.is_empty() && report.counts().unfilled > 0;
-    if matches!(task, Task::Denoise(_)) && is_lost {
-        messages::info(
-            "complete will take these values for exact: --status passes their uncertainty on",
-        );
-    }
+    task.tell_what_is_lost(&told, report.counts());
     write_table(&args.out, units, &table, restored.xyz(), &told.added, |t| {
         told.cells(&restored, t)
     })?;
@@ -272,15 +276,24 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let model = args.model.open()?;
     let (mut restorer, mut naming) = (None, None);
     let units = args.units();
-    let told = args.told(&columns, &[]);
-    let mut sink = create_table(&args.out, units, &columns, &told.added)?;
-    let told_in = (!told.added.is_empty()).then(|| units[0].unit.centimeters());
+    // Whose the columns are is told by the first rows.
+    let maybe = args.told(&columns, &[]);
+    let told_in = (!maybe.added.is_empty()).then(|| units[0].unit.centimeters());
+    let mut written = None;
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
         let (mut rows, table) = next_batch(&mut stream, told_in)?;
         if rows.is_empty() && batch > 0 {
             break;
         }
+        let (told, sink) = match &mut written {
+            Some(written) => written,
+            None => {
+                let told = args.told(&columns, &table.cells);
+                let sink = create_table(&args.out, units, &columns, &told.added)?;
+                written.insert((told, sink))
+            }
+        };
         if batch == 0 {
             // The last batch may be a few frames, whose rounded times may seem to contradict the
             // rate.
@@ -311,7 +324,10 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
             sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
-    sink.finish()?;
+    if let Some((told, sink)) = written {
+        sink.finish()?;
+        task.tell_what_is_lost(&told, &counts);
+    }
     Ok(counts)
 }
 
@@ -358,14 +374,11 @@ impl RestoringArgs {
     /// The columns that tell what became of points. An array has none, unless they are asked for:
     /// then it is refused.
     fn told(&self, columns: &Columns, cells: &[Cells]) -> StatusColumns {
-        let is_array = self.out.format() == TableFormat::Npy;
-        let cells = if is_array { &[] } else { cells };
-        let none = Columns::default();
-        let columns = match (self.status, is_array) {
-            (false, true) => &none,
-            _ => columns,
-        };
-        StatusColumns::new(self.status, columns, cells, self.units()[1])
+        let units = self.units()[1];
+        if self.out.format() == TableFormat::Npy && !self.status {
+            return StatusColumns::new(false, &Columns::default(), &[], units);
+        }
+        StatusColumns::new(self.status, columns, cells, units)
     }
 
     /// How the points of a table are named, for the model; without one, for CMU's names, by which a
