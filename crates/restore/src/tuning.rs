@@ -135,7 +135,7 @@ pub(crate) mod capture_noise {
     /// Seconds over which a bone's length is compared with its mean: what changes more slowly is
     /// the body, or a camera's distortion.
     pub(crate) const LOCAL_SECONDS: f64 = 1.0;
-    /// The same of distances of markers, which skin moves.
+    /// Distances of markers, which skin moves, are compared with their mean over fewer seconds.
     pub(crate) const PAIR_SECONDS: f64 = 0.35;
     /// Frames in which distances are compared, at most about.
     pub(crate) const PAIR_FRAMES: usize = 150;

@@ -231,8 +231,8 @@ pub(crate) mod weights {
     pub(crate) const OWN_USUAL_FACTOR: f64 = 0.75;
     pub(crate) const USUAL_COUNT: f64 = 1.0;
     /// How many times as large it is where what is learned from was denoised: in-sample residuals
-    /// hide the motion that denoising took. With it .70 and .92 are within one and two deviations
-    /// (57 and 84 of a hundred before).
+    /// hide the motion that denoising took. With it .65 to .73 and .89 to .94 are within one and
+    /// two deviations, .56 to .62 and .83 to .88 without.
     pub(crate) const NOISY: f64 = 2.8;
     /// The variance of a predictor's coordinate at which half of that counts, cm².
     pub(crate) const HALF_NOISY: f64 = 4e-4;

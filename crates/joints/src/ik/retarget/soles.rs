@@ -145,7 +145,7 @@ struct FootFrame {
 }
 
 impl FootFrame {
-    /// Of what is missing.
+    /// A foot that is not all known.
     const MISSING: FootFrame = FootFrame {
         ankle: DVec3::NAN,
         ball: DVec3::NAN,
