@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Rooms that know only some types of io: data that they are made from or turned into.
 const IO_TYPES: &[(&str, &[&str])] = &[
-    ("likeness/", &["io::Model"]),
+    ("likeness/", &["io::Matrix", "io::Model"]),
     ("body/", &["io::Model"]),
     ("joints/ik/", &["io::Bvh", "io::bvh"]),
     ("models/prior/", &["io::Model", "io::model"]),

@@ -31,6 +31,8 @@ pub struct Input {
     first: Vec<u8>,
     reader: Box<dyn BufRead>,
     is_utf16: bool,
+    /// The bytes of the file, 0 where they are not known.
+    size: u64,
 }
 
 /// The kind of content, by its first bytes.
@@ -55,13 +57,16 @@ impl Input {
         let path = path.as_ref();
         let fail = |e| Error::io(path, e);
         let file = File::open(path).map_err(fail)?;
-        if file.metadata().map_err(fail)?.is_dir() {
+        let about = file.metadata().map_err(fail)?;
+        if about.is_dir() {
             return Err(Error::data(
                 Place::file(path.display().to_string()),
                 "is a directory, expected a file",
             ));
         }
-        Input::new(path.display().to_string(), file)
+        let mut input = Input::new(path.display().to_string(), file)?;
+        input.size = about.len();
+        Ok(input)
     }
 
     /// Wraps a stream; gzip and zstd are decompressed. `name` is for messages.
@@ -110,6 +115,7 @@ impl Input {
             first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
             is_utf16: order.is_some(),
+            size: 0,
             name,
         })
     }
@@ -194,6 +200,10 @@ impl Input {
     /// than `limit` bytes.
     pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
+        // A vector that grows as it is filled may be copied, which takes the memory twice. What
+        // cannot be had is an error when it is needed.
+        let expected = usize::try_from(self.size.min(limit)).unwrap_or(0);
+        let _unless_too_much = bytes.try_reserve_exact(expected + 1);
         let mut stream = self.reader.by_ref().take(limit.saturating_add(1));
         let read = stream.read_to_end(&mut bytes);
         read.map_err(|e| Error::io(&self.name, e))?;

@@ -87,7 +87,7 @@ pub use marker_csv::MotivePoints;
 pub use marker_take::{CarriedColumns, CarriedRows, MarkerTake, Quantity};
 pub use mesh::{Mesh, MeshFormat, MeshSet};
 pub use model::Model;
-pub use model_array::{Matrix, QuantizedMatrix};
+pub use model_array::{Matrix, PackedMatrix};
 pub use motion_file::MotionFile;
 pub use motion_format::MotionFormat;
 pub use new_take::NewTake;

@@ -18,7 +18,7 @@ use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 
-pub(crate) use super::model_array::{Matrix, QuantizedMatrix};
+pub(crate) use super::model_array::{Matrix, PackedMatrix};
 
 /// The format this version writes; it reads all up to it.
 pub(crate) const FORMAT: u32 = 1;
@@ -209,7 +209,7 @@ impl Model {
     }
 
     /// Adds an array, in place of what has its name.
-    pub fn insert(&mut self, name: &str, array: Array2<f32>) {
+    pub fn insert(&mut self, name: &str, array: impl Into<Matrix>) {
         self.arrays.insert(name.into(), array.into());
     }
 
@@ -218,8 +218,8 @@ impl Model {
     /// The step is the smallest that holds the largest value. Every value must be finite.
     #[doc(hidden)]
     pub fn insert_quantized(&mut self, name: &str, array: &Array2<f32>) {
-        let packed = QuantizedMatrix::of(array);
-        self.arrays.insert(name.into(), Matrix::Quantized(packed));
+        let packed = PackedMatrix::quantized(array);
+        self.arrays.insert(name.into(), Matrix::Packed(packed));
     }
 
     /// Takes an array out.
@@ -241,10 +241,7 @@ impl Model {
             .compression_method(zip::CompressionMethod::Stored)
             .last_modified_time(zip::DateTime::default())
             .large_file(false);
-        let step = |(name, array): (&String, &Matrix)| match array {
-            Matrix::Quantized(packed) => Some((name.clone(), packed.step)),
-            Matrix::Floats(_) => None,
-        };
+        let step = |(name, array): (&String, &Matrix)| Some((name.clone(), array.step()?));
         let mut meta = self.meta.clone();
         meta.steps = self.arrays.iter().filter_map(step).collect();
         let json = serde_json::to_vec(&meta).map_err(|e| fail(e.to_string()))?;
@@ -257,21 +254,7 @@ impl Model {
         bytes.extend_from_slice(&json);
         entry("meta", &bytes)?;
         for (name, array) in &self.arrays {
-            let shape = [array.nrows(), array.ncols()];
-            let bytes = match array {
-                Matrix::Quantized(packed) => {
-                    [&npy::header_of("<i2", &shape)[..], packed.bytes()].concat()
-                }
-                Matrix::Floats(array) => {
-                    let mut bytes = npy::header_of("<f4", &shape);
-                    bytes.reserve(4 * array.len());
-                    for v in array {
-                        bytes.extend_from_slice(&v.to_le_bytes());
-                    }
-                    bytes
-                }
-            };
-            entry(name, &bytes)?;
+            entry(name, &array.to_npy())?;
         }
         Ok(zip.finish().map_err(|e| fail(e.to_string()))?.into_inner())
     }
@@ -338,7 +321,7 @@ impl Model {
         }
         for (key, step) in std::mem::take(&mut meta.steps) {
             match arrays.get_mut(&key) {
-                Some(Matrix::Quantized(packed)) => packed.step = step,
+                Some(Matrix::Packed(packed)) => packed.step = step,
                 Some(Matrix::Floats(array)) => array.mapv_inplace(|v: f32| v * step),
                 None => {}
             }

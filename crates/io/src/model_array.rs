@@ -5,69 +5,96 @@ use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, CowArray, Ix2};
 
-/// A matrix, (rows, columns), as f32 or as 16-bit integers with a step.
-#[derive(Debug, Clone, PartialEq)]
+/// A matrix, (rows, columns), as f32 in memory or as the file keeps it.
+#[derive(Debug, Clone)]
 pub enum Matrix {
     /// Single precision.
     Floats(Array2<f32>),
-    /// 16-bit whole multiples of a step.
-    Quantized(QuantizedMatrix),
+    /// The numbers of the file.
+    Packed(PackedMatrix),
 }
 
-/// A matrix of 16-bit integers, which are multiplied by a step. A clone shares the integers with
-/// the file that they were read from; only the rows that are asked for are converted.
-#[derive(Debug, Clone, PartialEq)]
-pub struct QuantizedMatrix {
-    /// The integers as `<i2`, row by row.
+/// Whether all numbers are equal, however they are kept.
+impl PartialEq for Matrix {
+    fn eq(&self, other: &Matrix) -> bool {
+        self.floats() == other.floats()
+    }
+}
+
+/// The type of a file's numbers, and its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum NumberType {
+    /// `<i2`.
+    Short = 2,
+    /// `<f4`.
+    Single = 4,
+}
+
+/// A matrix of 16-bit integers or floats, which are multiplied by a step. A clone shares the
+/// numbers with the file that they were read from; only the rows that are asked for are converted.
+#[derive(Debug, Clone)]
+pub struct PackedMatrix {
+    /// The numbers, row by row.
     numbers: Bytes,
+    number_type: NumberType,
     shape: (usize, usize),
-    /// The factor of all integers.
+    /// The factor of all numbers.
     pub(super) step: f32,
 }
 
-impl QuantizedMatrix {
-    /// A matrix of `<i2` integers, row by row; `None` where there are none, or not as many as the
-    /// shape says.
-    pub(crate) fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
-        let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
-        (size > 0 && numbers.len() == size).then_some(QuantizedMatrix {
+impl PackedMatrix {
+    /// A matrix of numbers, row by row; `None` where there are none, or not as many as the shape
+    /// says.
+    pub(crate) fn new(
+        numbers: Bytes,
+        number_type: NumberType,
+        shape: (usize, usize),
+    ) -> Option<PackedMatrix> {
+        let size = shape
+            .0
+            .checked_mul(shape.1)?
+            .checked_mul(number_type as usize)?;
+        (size > 0 && numbers.len() == size).then_some(PackedMatrix {
             numbers,
+            number_type,
             shape,
-            step,
+            step: 1.0,
         })
     }
 
     /// Rounds `array` to multiples of the smallest step that can hold the largest value. Every
     /// value must be finite.
-    pub(crate) fn of(array: &Array2<f32>) -> QuantizedMatrix {
+    pub(crate) fn quantized(array: &Array2<f32>) -> PackedMatrix {
         let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
         let numbers = array.iter().map(|v| (v / step).round() as i16);
-        QuantizedMatrix {
+        PackedMatrix {
             numbers: numbers.flat_map(i16::to_le_bytes).collect(),
+            number_type: NumberType::Short,
             shape: array.dim(),
             step,
         }
     }
 
-    /// The integers as `<i2`, row by row.
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.numbers
-    }
-
-    fn pairs(&self, row: usize) -> &[[u8; 2]] {
-        let width = self.shape.1;
-        &self.numbers.as_chunks::<2>().0[row * width..(row + 1) * width]
-    }
-
-    fn parse_number(&self, pair: [u8; 2]) -> f32 {
-        f32::from(i16::from_le_bytes(pair)) * self.step
+    /// Appends the numbers of a row.
+    fn extend_with(&self, row: usize, out: &mut Vec<f32>) {
+        let (from, to) = (row * self.shape.1, (row + 1) * self.shape.1);
+        match self.number_type {
+            NumberType::Short => {
+                let numbers = self.numbers.as_chunks::<2>().0[from..to].iter();
+                out.extend(numbers.map(|b| f32::from(i16::from_le_bytes(*b)) * self.step));
+            }
+            NumberType::Single => {
+                let numbers = self.numbers.as_chunks::<4>().0[from..to].iter();
+                out.extend(numbers.map(|b| f32::from_le_bytes(*b) * self.step));
+            }
+        }
     }
 }
 
 impl Matrix {
-    /// The array of an NPY file in memory, of one dimension (one column) or two: `<f4`, `<f8`, or
-    /// `<i2`, whose integers are shared with `file`.
+    /// The array of an NPY file in memory, of one dimension (one column) or two: `<f8`, or `<f4` or
+    /// `<i2`, whose numbers are shared with `file`.
     ///
     /// # Errors
     /// [`Error::Data`]: other numbers, more dimensions, or not as many bytes as the shape needs.
@@ -75,8 +102,13 @@ impl Matrix {
         let fail = |what: String| Error::data(place.clone(), what);
         let mut rest = &file[..];
         let header = npy::read_header(&mut rest, place)?;
-        let short = header.descr == "<i2";
-        let wide = !short && header.wide().map_err(|e| e.at(place.clone()))?;
+        let (number_type, bytes) = if header.descr == "<i2" {
+            (Some(NumberType::Short), 2)
+        } else if header.wide().map_err(|e| e.at(place.clone()))? {
+            (None, 8)
+        } else {
+            (Some(NumberType::Single), 4)
+        };
         let (rows, columns) = match header.shape[..] {
             [n] => (n, 1),
             [n, d] => (n, d),
@@ -87,13 +119,7 @@ impl Matrix {
                 )));
             }
         };
-        let size = rows.saturating_mul(columns).saturating_mul(if short {
-            2
-        } else if wide {
-            8
-        } else {
-            4
-        });
+        let size = rows.saturating_mul(columns).saturating_mul(bytes);
         if size != rest.len() as u64 {
             return Err(fail(format!(
                 "has {} bytes, but its shape needs {size}",
@@ -102,15 +128,19 @@ impl Matrix {
         }
         let (rows, columns) = (rows as usize, columns as usize);
         // An empty matrix may claim any number of rows: arrays of floats refuse too many.
-        if short && !header.fortran && size > 0 {
-            let packed = QuantizedMatrix::new(file.slice_ref(rest), (rows, columns), 1.0);
-            return (packed.map(Matrix::Quantized)).ok_or_else(|| fail("is too large".into()));
+        if let Some(number_type) = number_type
+            && !header.fortran
+            && size > 0
+        {
+            let packed = PackedMatrix::new(file.slice_ref(rest), number_type, (rows, columns));
+            return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
         }
-        let values: Vec<f32> = if short {
-            let pairs = rest.as_chunks::<2>().0.iter();
-            pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
-        } else {
-            npy::singles(rest, wide)
+        let values: Vec<f32> = match number_type {
+            Some(NumberType::Short) => {
+                let pairs = rest.as_chunks::<2>().0.iter();
+                pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
+            }
+            other => npy::singles(rest, other.is_none()),
         };
         let array = if header.fortran {
             Array2::from_shape_vec((columns, rows), values)
@@ -121,11 +151,40 @@ impl Matrix {
         (array.map(Matrix::Floats)).map_err(|e| fail(e.to_string()))
     }
 
+    /// The NPY file of the numbers.
+    pub(crate) fn to_npy(&self) -> Vec<u8> {
+        let shape = [self.nrows(), self.ncols()];
+        match self {
+            Matrix::Packed(packed) => {
+                let descr = match packed.number_type {
+                    NumberType::Short => "<i2",
+                    NumberType::Single => "<f4",
+                };
+                [&npy::header_of(descr, &shape)[..], &packed.numbers].concat()
+            }
+            Matrix::Floats(array) => {
+                let mut bytes = npy::header_of("<f4", &shape);
+                bytes.extend(array.iter().flat_map(|v| v.to_le_bytes()));
+                bytes
+            }
+        }
+    }
+
+    /// The factor of the numbers in the file; `None` where they are the values.
+    pub(crate) fn step(&self) -> Option<f32> {
+        match self {
+            Matrix::Packed(p) if p.number_type == NumberType::Short || p.step != 1.0 => {
+                Some(p.step)
+            }
+            _ => None,
+        }
+    }
+
     /// (rows, columns).
     pub(crate) fn dim(&self) -> (usize, usize) {
         match self {
             Matrix::Floats(array) => array.dim(),
-            Matrix::Quantized(packed) => packed.shape,
+            Matrix::Packed(packed) => packed.shape,
         }
     }
 
@@ -139,30 +198,30 @@ impl Matrix {
         self.dim().1
     }
 
-    /// Appends the numbers of `rows` to `out`, row by row.
-    pub(crate) fn extend_with(&self, rows: std::ops::Range<usize>, out: &mut Vec<f32>) {
-        for row in rows {
-            match self {
-                Matrix::Floats(array) => out.extend(array.row(row)),
-                Matrix::Quantized(packed) => {
-                    out.extend(packed.pairs(row).iter().map(|b| packed.parse_number(*b)));
-                }
-            }
+    /// Appends the numbers of a row to `out`.
+    pub fn extend_with(&self, row: usize, out: &mut Vec<f32>) {
+        match self {
+            Matrix::Floats(array) => out.extend(array.row(row)),
+            Matrix::Packed(packed) => packed.extend_with(row, out),
         }
     }
 
-    /// The matrix as f32, (rows, columns): borrowed, or converted from integers.
+    /// Some rows as f32, (rows, columns).
+    pub fn rows(&self, rows: impl IntoIterator<Item = usize>) -> Array2<f32> {
+        let (mut all, mut count) = (Vec::new(), 0);
+        for row in rows {
+            self.extend_with(row, &mut all);
+            count += 1;
+        }
+        // As many as there are: cannot fail.
+        Array2::from_shape_vec((count, self.ncols()), all).unwrap_or_default()
+    }
+
+    /// The matrix as f32, (rows, columns): borrowed, or converted from what the file keeps.
     pub fn floats(&self) -> CowArray<'_, f32, Ix2> {
         match self {
             Matrix::Floats(array) => array.view().into(),
-            Matrix::Quantized(packed) => {
-                let (rows, columns) = packed.shape;
-                let mut all = Vec::with_capacity(rows * columns);
-                self.extend_with(0..rows, &mut all);
-                // As many as there are: cannot fail.
-                let all = Array2::from_shape_vec((rows, columns), all);
-                all.unwrap_or_default().into()
-            }
+            Matrix::Packed(packed) => self.rows(0..packed.shape.0).into(),
         }
     }
 }
@@ -181,22 +240,24 @@ mod tests {
     #[test]
     fn packed_numbers_read_as_floats_do() {
         let array = array![[1.0f32, -2.5, 0.0], [32767.0, 3.3, -32767.0]];
-        let packed = Matrix::Quantized(QuantizedMatrix::of(&array));
+        let packed = Matrix::Packed(PackedMatrix::quantized(&array));
         let rounded = packed.floats().into_owned();
         assert_eq!(rounded, array![[1.0, -3.0, 0.0], [32767.0, 3.0, -32767.0]]);
         let floats = Matrix::from(rounded.clone());
         for matrix in [&packed, &floats] {
             assert_eq!(matrix.dim(), (2, 3));
             let mut rows = Vec::new();
-            matrix.extend_with(1..2, &mut rows);
+            matrix.extend_with(1, &mut rows);
             assert_eq!(rows, rounded.row(1).to_vec());
         }
     }
 
     #[test]
     fn too_few_numbers_are_refused() {
-        assert!(QuantizedMatrix::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
-        assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
-        assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 0), 1.0).is_none());
+        assert!(
+            PackedMatrix::new(Bytes::from_static(&[0; 11]), NumberType::Short, (2, 3)).is_none()
+        );
+        assert!(PackedMatrix::new(Bytes::new(), NumberType::Short, (usize::MAX, 3)).is_none());
+        assert!(PackedMatrix::new(Bytes::new(), NumberType::Short, (usize::MAX, 0)).is_none());
     }
 }

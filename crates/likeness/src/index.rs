@@ -5,12 +5,14 @@
 //! windows are put together where they are needed, and motions need none.
 
 use super::body_frame::BodyFramePoses;
+use super::nearest::PoseDatabase;
 use super::pairs::FrameRef;
 use super::pose_metric::{PoseMetric, window_frames};
-use crate::io::Model;
+use crate::io::{Matrix, Model};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
+use ndarray::{Array2, Axis, concatenate, s};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// The kind of a model file that holds an index.
@@ -85,7 +87,39 @@ pub struct PoseIndex {
     /// The takes.
     pub takes: Vec<IndexedTake>,
     /// A row for each frame, take after take (frames, dimensions); NaN where joints are missing.
-    vectors: Array2<f32>,
+    vectors: Matrix,
+}
+
+/// Every so-many-th frame of each take, counted through.
+#[derive(Debug, Clone)]
+pub struct FrameRows {
+    every: usize,
+    /// The rows before each take, and all.
+    before: Vec<usize>,
+}
+
+impl FrameRows {
+    fn new(takes: &[IndexedTake], every: usize) -> FrameRows {
+        let mut before = vec![0];
+        for take in takes {
+            before.push(before[before.len() - 1] + take.frames.div_ceil(every));
+        }
+        FrameRows { every, before }
+    }
+
+    /// The number of rows.
+    pub fn count(&self) -> usize {
+        self.before[self.before.len() - 1]
+    }
+
+    /// The frame of a row, of which there are so many.
+    pub fn frame(&self, row: usize) -> FrameRef {
+        let take = self.before.partition_point(|before| *before <= row) - 1;
+        FrameRef {
+            take,
+            frame: self.every * (row - self.before[take]),
+        }
+    }
 }
 
 impl PoseIndex {
@@ -115,55 +149,34 @@ impl PoseIndex {
             metric: metric.clone(),
             takes: takes.iter().map(|(take, _)| take.clone()).collect(),
             // All have the metric's dimensions.
-            vectors: concatenate(Axis(0), &views).unwrap_or_default(),
+            vectors: concatenate(Axis(0), &views).unwrap_or_default().into(),
         }
     }
 
     /// The vectors of a take's frames (frames, dimensions) for the comparison of motions, frame
     /// by frame.
-    pub(crate) fn motion(&self, take: usize) -> ArrayView2<'_, f32> {
+    pub(crate) fn motion(&self, take: usize) -> Array2<f32> {
         let start: usize = self.takes[..take].iter().map(|t| t.frames).sum();
-        let end = start + self.takes[take].frames;
-        self.vectors.slice(s![start..end, ..])
+        self.vectors.rows(start..start + self.takes[take].frames)
     }
 
-    /// Every `every`-th frame of each take: which they are, and their vectors (frames,
-    /// dimensions), whose distances by the metric's norm are those of the poses.
-    pub fn poses(&self, every: usize) -> (Vec<FrameRef>, Array2<f32>) {
+    /// Every `every`-th frame of each take: which they are, and a database of them.
+    pub fn database(&self, every: usize) -> (FrameRows, PoseDatabase<'_>) {
+        let rows = FrameRows::new(&self.takes, every);
         let is_one = self.metric.of_one_frame().is_some();
-        let (mut frames, mut parts) = (Vec::new(), Vec::new());
-        for (k, take) in self.takes.iter().enumerate() {
-            let chosen: Vec<usize> = (0..take.frames).step_by(every).collect();
-            let rows = self.motion(k);
-            parts.push(if is_one {
-                self.windows(take, rows, &chosen)
-            } else {
-                rows.select(Axis(0), &chosen)
-            });
-            frames.extend(chosen.into_iter().map(|frame| FrameRef { take: k, frame }));
-        }
-        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
-        (frames, concatenate(Axis(0), &views).unwrap_or_default())
-    }
-
-    /// The rows of the frames of windows, side by side.
-    fn windows(
-        &self,
-        take: &IndexedTake,
-        rows: ArrayView2<'_, f32>,
-        frames: &[usize],
-    ) -> Array2<f32> {
-        let width = rows.ncols();
-        let mut out = Array2::zeros((frames.len(), 3 * width));
-        for (mut row, t) in out.rows_mut().into_iter().zip(frames) {
-            let run = take.run_of(*t);
-            let window = window_frames(&run, take.rate, *t, self.metric.window);
-            for (k, at) in window.into_iter().enumerate() {
-                let mut to = row.slice_mut(s![k * width..(k + 1) * width]);
-                to.assign(&rows.row(at));
-            }
-        }
-        out
+        let window = if is_one { self.metric.window } else { 0.0 };
+        let starts = FrameRows::new(&self.takes, 1).before;
+        let own = rows.clone();
+        let window = move |row: usize| {
+            let at = own.frame(row);
+            let take = &self.takes[at.take];
+            let frames = window_frames(&take.run_of(at.frame), take.rate, at.frame, window);
+            frames.into_iter().map(|f| starts[at.take] + f).collect()
+        };
+        let vectors = Cow::Borrowed(&self.vectors);
+        let norm = self.metric.norm;
+        let database = PoseDatabase::of_windows(vectors, norm, rows.count(), window);
+        (rows, database)
     }
 
     /// The index as a model, without a history.
@@ -188,8 +201,8 @@ impl PoseIndex {
         let takes = model.meta.details.get("takes").cloned().unwrap_or_default();
         let takes: Vec<IndexedTake> =
             serde_json::from_value(takes).map_err(|_| fail("is a damaged index".into()))?;
-        let vectors = model.array("vectors", source)?.into_owned();
-        if vectors.iter().any(|v| v.is_infinite()) {
+        let vectors = model.matrix("vectors", source)?.clone();
+        if has_infinite(&vectors) {
             let what = "has infinite values: make it anew of its table, with the option `database`";
             return Err(fail(what.into()));
         }
@@ -232,6 +245,15 @@ impl PoseIndex {
     }
 }
 
+fn has_infinite(vectors: &Matrix) -> bool {
+    let mut row = Vec::new();
+    (0..vectors.nrows()).any(|k| {
+        row.clear();
+        vectors.extend_with(k, &mut row);
+        row.iter().any(|v| v.is_infinite())
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -249,10 +271,11 @@ mod tests {
     #[test]
     fn windows_put_together_are_what_the_metric_gives() {
         let (index, take) = index(40);
-        let (frames, vectors) = index.poses(3);
+        let (rows, database) = index.database(3);
         let own = index.metric.embed(&take);
-        for (at, row) in frames.iter().zip(vectors.rows()) {
-            assert_eq!(row, own.row(at.frame));
+        assert_eq!(rows.count(), 14);
+        for (k, row) in database.vectors().rows().into_iter().enumerate() {
+            assert_eq!(row, own.row(rows.frame(k).frame));
         }
         assert_eq!(index.takes[0].time(15), Some(0.5));
     }

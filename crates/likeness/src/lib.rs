@@ -67,6 +67,7 @@ pub use clip::Clip;
 pub use events::{Event, EventSearch, Examples};
 pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
+pub use index::FrameRows;
 pub use index::{IndexedTake, PoseIndex};
 pub use joint_map::JointMap;
 pub use nearest::PoseDatabase;

@@ -1,30 +1,36 @@
 //! The nearest poses of a database, exactly.
 //!
-//! Squared distances |q|² + |x|² - 2 qᵀx come from products of blocks of queries and poses, about
-//! the mean of the poses. Products are rounded, so each distance is known between two bounds; what
-//! may be among the k nearest by its lower bound is kept, and is compared by its differences at the
-//! end. City-block distances are summed directly.
+//! A pose is a vector, or those of the frames of a window side by side. A distance is at least the
+//! part of the middle frame. Its square, |q|² + |x|² - 2 qᵀx, comes from products of blocks of
+//! queries and frames about their mean, less what rounding may be; a pose for which that is above
+//! the distances found so far is none of the nearest. Others are compared by their differences,
+//! and all are by city-block distances.
 
 use super::pose_metric::Norm;
+use crate::io::Matrix;
 use crate::numeric::parallel;
-use ndarray::{Array1, Array2, ArrayView2, s};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, s};
+use std::borrow::Cow;
+use std::collections::BinaryHeap;
+use std::ops::Range;
 
 /// Queries and poses of one block.
-const QUERIES: usize = 32;
-const POSES: usize = 2048;
+const QUERIES: usize = 128;
+const POSES: usize = 1024;
 /// Half the distance of 1 to the next f32.
 const UNIT: f32 = f32::EPSILON / 2.0;
+/// Frames whose mean stands for that of all.
+const MEAN_OF: usize = 1000;
 
 /// Poses as vectors, to be searched.
-#[derive(Debug, Clone)]
-pub struct PoseDatabase {
-    /// (poses, dimensions).
-    vectors: Array2<f32>,
-    /// The vectors about their mean.
-    centered: Array2<f32>,
+pub struct PoseDatabase<'a> {
+    /// A row for each frame (frames, dimensions of a frame).
+    frames: Cow<'a, Matrix>,
+    /// The number of poses.
+    poses: usize,
+    /// The frames of a pose, an odd number.
+    window: Box<dyn Fn(usize) -> Vec<usize> + Sync + 'a>,
     mean: Array1<f32>,
-    /// Their squared lengths.
-    squares: Array1<f32>,
     norm: Norm,
 }
 
@@ -37,18 +43,54 @@ pub struct Neighbor {
     pub distance: f32,
 }
 
-impl PoseDatabase {
+impl Eq for Neighbor {}
+
+impl PartialOrd for Neighbor {
+    fn partial_cmp(&self, other: &Neighbor) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// Nearer ones first; of equal ones the first row.
+impl Ord for Neighbor {
+    fn cmp(&self, other: &Neighbor) -> std::cmp::Ordering {
+        (self.distance.total_cmp(&other.distance)).then(self.row.cmp(&other.row))
+    }
+}
+
+impl<'a> PoseDatabase<'a> {
     /// A database of vectors (poses, dimensions). Rows with NaN are never found.
-    pub fn new(vectors: Array2<f32>, norm: Norm) -> PoseDatabase {
-        let mean = mean(&vectors);
-        let centered = &vectors - &mean;
+    pub fn new(vectors: Array2<f32>, norm: Norm) -> PoseDatabase<'static> {
+        let poses = vectors.nrows();
+        PoseDatabase::of_windows(Cow::Owned(vectors.into()), norm, poses, |row| vec![row])
+    }
+
+    /// A database of `poses` poses, which are the vectors of the frames that `window` tells side
+    /// by side, of each an equal, odd number.
+    pub(crate) fn of_windows(
+        frames: Cow<'a, Matrix>,
+        norm: Norm,
+        poses: usize,
+        window: impl Fn(usize) -> Vec<usize> + Sync + 'a,
+    ) -> PoseDatabase<'a> {
         PoseDatabase {
-            squares: centered.rows().into_iter().map(|v| v.dot(&v)).collect(),
-            vectors,
-            centered,
-            mean,
+            mean: mean(&frames),
+            frames,
+            poses,
+            window: Box::new(window),
             norm,
         }
+    }
+
+    /// The vectors of all poses (poses, dimensions).
+    pub fn vectors(&self) -> Array2<f32> {
+        let mut all = Vec::new();
+        for pose in 0..self.poses {
+            self.extend_with(pose, &mut all);
+        }
+        let width = all.len() / self.poses.max(1);
+        // As many as there are: cannot fail.
+        Array2::from_shape_vec((self.poses, width), all).unwrap_or_default()
     }
 
     /// The `k` nearest poses of each query (queries, dimensions), nearest first, of equal ones the
@@ -71,159 +113,142 @@ impl PoseDatabase {
         k: usize,
         allowed: impl Fn(usize, usize) -> bool + Sync,
     ) -> Vec<Vec<Neighbor>> {
-        // A lone query is shared by its poses, many by their queries.
+        // Few queries are shared by their poses, many by themselves.
         if queries.nrows() < QUERIES / 2 {
+            let parts = parallel::map_chunks(self.poses, 16 * POSES, |poses| {
+                self.scan(queries, 0..queries.nrows(), poses, k, &allowed)
+            });
             return (0..queries.nrows())
-                .map(|q| self.nearest_of_one(queries, q, k, &allowed))
+                .map(|q| {
+                    let parts = parts.iter().flat_map(|part| &part[q]);
+                    let mut all: Vec<Neighbor> = parts.copied().collect();
+                    all.sort_unstable();
+                    all.truncate(k);
+                    all
+                })
                 .collect();
         }
         let parts = parallel::map_chunks(queries.nrows(), QUERIES, |range| {
-            let mut best: Vec<Best> = range.clone().map(|_| Best::new(k)).collect();
-            for start in (0..self.vectors.nrows()).step_by(POSES) {
-                self.scan(queries, range.clone(), start, &allowed, &mut best);
-            }
-            let found = range.zip(best);
-            found
-                .map(|(q, best)| self.exact(queries, q, best.kept, k))
-                .collect::<Vec<_>>()
+            self.scan(queries, range, 0..self.poses, k, &allowed)
         });
         parts.concat()
     }
 
-    fn nearest_of_one(
-        &self,
-        queries: ArrayView2<'_, f32>,
-        q: usize,
-        k: usize,
-        allowed: &(impl Fn(usize, usize) -> bool + Sync),
-    ) -> Vec<Neighbor> {
-        let parts = parallel::map_chunks(self.vectors.nrows(), 8 * POSES, |rows| {
-            let mut best = vec![Best::new(k)];
-            for start in rows.clone().step_by(POSES) {
-                self.scan(queries, q..q + 1, start, allowed, &mut best);
-            }
-            best.remove(0).kept
-        });
-        self.exact(queries, q, parts.concat(), k)
-    }
-
-    /// Offers the block of poses from `start` to the queries of a range.
+    /// The nearest of some poses to some queries, nearest first.
     fn scan(
         &self,
         queries: ArrayView2<'_, f32>,
-        range: std::ops::Range<usize>,
-        start: usize,
+        range: Range<usize>,
+        poses: Range<usize>,
+        k: usize,
         allowed: &(impl Fn(usize, usize) -> bool + Sync),
-        best: &mut [Best],
-    ) {
-        let end = (start + POSES).min(self.vectors.nrows());
-        match self.norm {
-            Norm::City => {
-                let block = self.vectors.slice(s![start..end, ..]);
-                for (q, best) in range.zip(best) {
-                    for (x, row) in block.rows().into_iter().enumerate() {
-                        let distance = self.norm.distance(queries.row(q), row);
-                        best.offer([distance; 2], start + x, |row| allowed(q, row));
+    ) -> Vec<Vec<Neighbor>> {
+        let mut best: Vec<Best> = range.clone().map(|_| Best::new(k)).collect();
+        let middles = self.middles(queries.slice(s![range.clone(), ..]));
+        let mut vector = Vec::new();
+        for start in poses.clone().step_by(POSES) {
+            let block = start..(start + POSES).min(poses.end);
+            let least = self.least_squares(&middles, block.clone());
+            for ((q, best), least) in range.clone().zip(&mut best).zip(least.rows()) {
+                let query = queries.row(q);
+                for (row, least) in block.clone().zip(least) {
+                    // NaN goes on, and is no distance.
+                    if *least > best.bound_squared || !allowed(q, row) {
+                        continue;
                     }
-                }
-            }
-            Norm::Euclidean => {
-                let own = &queries.slice(s![range.clone(), ..]) - &self.mean;
-                let products = own.dot(&self.centered.slice(s![start..end, ..]).t());
-                let squares = self.squares.slice(s![start..end]);
-                // The error of a sum of d products is at most that share of the lengths (Higham,
-                // Accuracy and Stability of Numerical Algorithms, 3.1); |q|² is the
-                // same for all, and left out.
-                let share = (self.vectors.ncols() + 4) as f32 * UNIT;
-                for (((q, best), own), products) in
-                    range.zip(best).zip(own.rows()).zip(products.rows())
-                {
-                    let slack = share * own.dot(&own);
-                    for (x, (product, square)) in products.iter().zip(squares).enumerate() {
-                        let key = square - 2.0 * product;
-                        let error = 2.0 * share * square + slack;
-                        best.offer([key - error, key + error], start + x, |row| allowed(q, row));
-                    }
+                    vector.clear();
+                    self.extend_with(row, &mut vector);
+                    let distance = self.norm.distance(query, ArrayView1::from(&vector));
+                    best.offer(Neighbor { row, distance });
                 }
             }
         }
+        best.into_iter().map(Best::sorted).collect()
     }
 
-    /// The `k` nearest of some rows, by their differences.
-    fn exact(
-        &self,
-        queries: ArrayView2<'_, f32>,
-        q: usize,
-        rows: Vec<Kept>,
-        k: usize,
-    ) -> Vec<Neighbor> {
-        let distance = |row| self.norm.distance(queries.row(q), self.vectors.row(row));
-        let mut found: Vec<Neighbor> = (rows.into_iter())
-            .map(|kept| Neighbor {
-                row: kept.row,
-                distance: distance(kept.row),
-            })
-            .collect();
-        found.sort_by(|a, b| (a.distance.total_cmp(&b.distance)).then(a.row.cmp(&b.row)));
-        found.truncate(k);
-        found
+    /// The middle frames of queries, about the mean.
+    fn middles(&self, queries: ArrayView2<'_, f32>) -> Array2<f32> {
+        let width = self.mean.len();
+        let before = queries.ncols().saturating_sub(width) / 2;
+        &queries.slice(s![.., before..before + width]) - &self.mean
+    }
+
+    /// What the squared distances of queries and poses are at least (queries, poses).
+    fn least_squares(&self, middles: &Array2<f32>, poses: Range<usize>) -> Array2<f32> {
+        if self.norm == Norm::City {
+            return Array2::zeros((middles.nrows(), poses.len()));
+        }
+        let middle = |pose| {
+            let window = (self.window)(pose);
+            window[window.len() / 2]
+        };
+        let frames = self.frames.rows(poses.map(middle)) - &self.mean;
+        // The error of a sum of d products is at most that share of the lengths (Higham, Accuracy
+        // and Stability of Numerical Algorithms, 3.1).
+        let share = 2.0 * (self.mean.len() + 8) as f32 * UNIT;
+        let square = |v: ArrayView1<'_, f32>| (1.0 - share) * v.dot(&v);
+        let squares: Array1<f32> = frames.rows().into_iter().map(square).collect();
+        let mut out = middles.dot(&frames.t());
+        for (mut out, own) in out.rows_mut().into_iter().zip(middles.rows()) {
+            let own = square(own);
+            out.zip_mut_with(&squares, |out, square| *out = own + square - 2.0 * *out);
+        }
+        out
+    }
+
+    /// Appends the vector of a pose.
+    fn extend_with(&self, pose: usize, out: &mut Vec<f32>) {
+        for frame in (self.window)(pose) {
+            self.frames.extend_with(frame, out);
+        }
     }
 }
 
-/// A pose that may be among the nearest, and the bounds of its key.
-#[derive(Debug, Clone, Copy)]
-struct Kept {
-    lower: f32,
-    upper: f32,
-    row: usize,
-}
-
-/// What may be among the `most` smallest keys so far, not in order.
+/// The nearest of those that were offered so far.
 struct Best {
     most: usize,
-    /// No key above it can be among them.
-    bound: f32,
-    /// The length at which what is kept is thinned out.
-    full: usize,
-    kept: Vec<Kept>,
+    /// No pose whose squared distance is above it can be among them.
+    bound_squared: f32,
+    kept: BinaryHeap<Neighbor>,
 }
 
 impl Best {
     fn new(most: usize) -> Best {
         Best {
             most,
-            bound: f32::INFINITY,
-            full: 2 * most + 16,
-            kept: Vec::new(),
+            bound_squared: if most == 0 { -1.0 } else { f32::INFINITY },
+            kept: BinaryHeap::new(),
         }
     }
 
-    fn offer(&mut self, [lower, upper]: [f32; 2], row: usize, allowed: impl Fn(usize) -> bool) {
-        // NaN is never below the bound.
-        if lower <= self.bound && allowed(row) {
-            self.kept.push(Kept { lower, upper, row });
-            if self.kept.len() >= self.full {
-                self.thin();
-            }
+    fn offer(&mut self, pose: Neighbor) {
+        if pose.distance.is_nan() {
+            return;
+        }
+        self.kept.push(pose);
+        if self.kept.len() > self.most {
+            self.kept.pop();
+        }
+        if self.kept.len() == self.most
+            && let Some(last) = self.kept.peek()
+        {
+            // The distance's own rounding.
+            self.bound_squared = 1.001 * last.distance * last.distance;
         }
     }
 
-    fn thin(&mut self) {
-        let by_upper = |a: &Kept, b: &Kept| a.upper.total_cmp(&b.upper);
-        let (_, last, _) = self.kept.select_nth_unstable_by(self.most - 1, by_upper);
-        let bound = last.upper;
-        self.kept.retain(|kept| kept.lower <= bound);
-        self.bound = bound;
-        // Where many poses are equally near, all are kept; thinning must not become the work.
-        self.full = 2 * self.kept.len().max(self.most) + 16;
+    fn sorted(self) -> Vec<Neighbor> {
+        self.kept.into_sorted_vec()
     }
 }
 
-/// The mean of the rows that are finite.
-fn mean(vectors: &Array2<f32>) -> Array1<f32> {
-    let mut sum = Array1::<f64>::zeros(vectors.ncols());
+/// The mean of rows that are finite, some for all.
+fn mean(frames: &Matrix) -> Array1<f32> {
+    let step = frames.nrows().div_ceil(MEAN_OF).max(1);
+    let rows = frames.rows((0..frames.nrows()).step_by(step));
+    let mut sum = Array1::<f64>::zeros(frames.ncols());
     let mut count = 0.0;
-    for row in vectors.rows() {
+    for row in rows.rows() {
         if row.iter().all(|v| v.is_finite()) {
             sum.zip_mut_with(&row, |s, v| *s += f64::from(*v));
             count += 1.0;

@@ -8,7 +8,7 @@ use posing::io::csv::push_cell;
 use posing::io::text::{push_f32, push_f64};
 use posing::metric::joint_map::SIXTEEN_JOINTS;
 use posing::metric::nearest::Neighbor;
-use posing::metric::{FrameRef, PoseIndex};
+use posing::metric::{FrameRef, FrameRows, PoseIndex};
 use std::collections::HashMap;
 
 /// Queries and poses found that are drawn, at most.
@@ -18,8 +18,8 @@ const PICTURED: usize = 10;
 /// Poses found, with what is needed to write, judge and draw them.
 pub(super) struct Matches<'a> {
     pub sides: [Described<'a>; 2],
-    pub query_rows: &'a [FrameRef],
-    pub rows: &'a [FrameRef],
+    pub query_rows: &'a FrameRows,
+    pub rows: &'a FrameRows,
     pub found: &'a [Vec<Neighbor>],
     pub classes: Option<HashMap<String, TakeClass>>,
 }
@@ -36,11 +36,11 @@ impl Matches<'_> {
         let mut out = Vec::new();
         let [(_, queries), (_, database)] = self.sides;
         for (rank, neighbor) in self.found[query].iter().enumerate() {
-            push_frame(&mut out, queries, self.query_rows[query]);
+            push_frame(&mut out, queries, self.query_rows.frame(query));
             out.push(b',');
             out.extend((rank + 1).to_string().bytes());
             out.push(b',');
-            let found = self.rows[neighbor.row];
+            let found = self.rows.frame(neighbor.row);
             push_frame(&mut out, database, found);
             out.push(b',');
             push_f32(&mut out, neighbor.distance);
@@ -65,8 +65,8 @@ impl Matches<'_> {
     fn is_right(&self, query: usize, neighbor: &Neighbor) -> Option<bool> {
         let classes = self.classes.as_ref()?;
         let [(_, queries), (_, database)] = self.sides;
-        let wanted = classes.get(&queries.takes[self.query_rows[query].take].name)?;
-        let found = classes.get(&database.takes[self.rows[neighbor.row].take].name)?;
+        let wanted = classes.get(&queries.takes[self.query_rows.frame(query).take].name)?;
+        let found = classes.get(&database.takes[self.rows.frame(neighbor.row).take].name)?;
         Some(wanted.class == found.class)
     }
 
@@ -79,7 +79,7 @@ impl Matches<'_> {
                 .take(scope)
                 .filter_map(|n| self.is_right(query, n));
             for is_right in judged {
-                let take = &mut takes[self.query_rows[query].take];
+                let take = &mut takes[self.query_rows.frame(query).take];
                 take.0 += f64::from(u8::from(is_right));
                 take.1 += 1.0;
             }
@@ -102,9 +102,10 @@ impl Matches<'_> {
         };
         let step = self.found.len().div_ceil(PICTURED_QUERIES).max(1);
         let rows = (0..self.found.len()).step_by(step).map(|query| {
-            let own = pose(queries, self.query_rows[query], None);
+            let own = pose(queries, self.query_rows.frame(query), None);
             let found = self.found[query].iter().take(PICTURED);
-            let found = found.map(|n| pose(database, self.rows[n.row], self.is_right(query, n)));
+            let found =
+                found.map(|n| pose(database, self.rows.frame(n.row), self.is_right(query, n)));
             [own].into_iter().chain(found).collect()
         });
         strip(&rows.collect::<Vec<_>>(), SIXTEEN_JOINTS)

@@ -12,7 +12,7 @@ use posing::cli::take_classes;
 use posing::cli::{input, messages, streams};
 use posing::io::csv::push_cell;
 use posing::io::text::{excerpt, push_f32, push_f64};
-use posing::metric::{EventSearch, Examples, PoseDatabase, PoseIndex, PoseMetric};
+use posing::metric::{EventSearch, Examples, PoseIndex, PoseMetric};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
@@ -292,17 +292,14 @@ type Described<'a> = (Option<&'a MetricTakes>, &'a PoseIndex);
 fn find_poses(args: &Args, most: usize, sides: [Described<'_>; 2]) -> Result<()> {
     let every = args.every as usize;
     let [(_, queries), (_, database)] = sides;
-    let (query_rows, query_vectors) = queries.poses(every);
-    let (rows, vectors) = database.poses(every);
+    let (query_rows, query_poses) = queries.database(every);
+    let (rows, poses) = database.database(every);
     let is_other = |q: usize, row: usize| {
-        let names = (queries, query_rows[q].take, database, rows[row].take);
+        let takes = [query_rows.frame(q).take, rows.frame(row).take];
+        let names = (queries, takes[0], database, takes[1]);
         !args.other_takes || names.0.takes[names.1].name != names.2.takes[names.3].name
     };
-    let found = PoseDatabase::new(vectors, database.metric.norm).nearest(
-        query_vectors.view(),
-        most,
-        is_other,
-    );
+    let found = poses.nearest(query_poses.vectors().view(), most, is_other);
     let empty = found.iter().filter(|f| f.is_empty()).count();
     if empty > 0 {
         messages::info(&format!(
@@ -321,7 +318,7 @@ fn find_poses(args: &Args, most: usize, sides: [Described<'_>; 2]) -> Result<()>
     };
     let mut out = streams::open_output(args.output.as_deref(), false)?;
     out.write(matches.head())?;
-    for query in 0..query_rows.len() {
+    for query in 0..query_rows.count() {
         out.write(&matches.lines(query))?;
     }
     out.finish()?;
