@@ -16,6 +16,8 @@ pub mod levenberg_marquardt;
 #[doc(hidden)]
 pub mod linalg;
 #[doc(hidden)]
+pub mod mixing;
+#[doc(hidden)]
 pub mod nnls;
 pub mod parallel;
 #[doc(hidden)]

@@ -14,7 +14,7 @@
 use super::estimates::{Estimates, GapFrames, Targets};
 use super::regression::{Learned, spread};
 use super::tuning::weights::*;
-use crate::numeric::linalg::cholesky_solve;
+use crate::numeric::mixing::best_weights;
 use ndarray::{Array1, Array2, Axis, s};
 use std::ops::Range;
 
@@ -282,7 +282,7 @@ impl Simulated {
             errors[a].dot(&errors[b]) / n
         });
         let simulated = self.estimates.len() as f64;
-        let best = best_weights(&gram, plain);
+        let best = best_weights(&gram, plain, SHRINKAGE);
         let weights = (best * simulated + plain * hold) / (simulated + hold);
         let mut error = Array1::<f64>::zeros(errors[0].len());
         weights
@@ -304,45 +304,6 @@ impl Simulated {
         let factor = (logs / (count + USUAL_COUNT)).exp();
         (weights, factor, error.dot(&error) / n)
     }
-}
-
-/// argmin wᵀ G w + .1 g |w − w₀|² over weights that are not negative and add up to 1: the best of
-/// the solutions on each set of estimates, which are few.
-pub(crate) fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
-    let k = plain.len();
-    let mut diagonal: Vec<f64> = gram.diag().to_vec();
-    diagonal.sort_by(f64::total_cmp);
-    let hold = SHRINKAGE * diagonal[k / 2];
-    let mut a = gram.clone();
-    a.diag_mut().mapv_inplace(|v| v + hold + 1e-12);
-    let linear = plain * hold;
-    let objective = |w: &Array1<f64>| w.dot(&a.dot(w)) - 2.0 * linear.dot(w);
-    let mut best = (objective(plain), plain.clone());
-    for set in 1u32..1 << k {
-        let members: Vec<usize> = (0..k).filter(|i| set >> i & 1 == 1).collect();
-        let pick = |v: &Array1<f64>| v.select(Axis(0), &members);
-        let sub = Array2::from_shape_fn((members.len(), members.len()), |(i, j)| {
-            a[[members[i], members[j]]]
-        });
-        // A w = c + λ 1 with Σ w = 1.
-        let ones = Array1::ones(members.len());
-        let (Some(u), Some(v)) = (
-            cholesky_solve(sub.clone(), pick(&linear)),
-            cholesky_solve(sub, ones),
-        ) else {
-            continue;
-        };
-        let found = &u + &(&v * ((1.0 - u.sum()) / v.sum()));
-        if found.iter().all(|w| *w >= 0.0) {
-            let mut w = Array1::zeros(k);
-            members.iter().zip(&found).for_each(|(m, f)| w[*m] = *f);
-            let value = objective(&w);
-            if value < best.0 {
-                best = (value, w);
-            }
-        }
-    }
-    best.1
 }
 
 #[cfg(test)]

@@ -13,10 +13,10 @@
 //! to 1 over the gap, and σ² is the point's in the simulated gaps. `rigid_distances` then holds the
 //! bones' lengths.
 
-use super::tuning::{path::MISS, path::REACH, whole_body::*};
-use super::weights::best_weights;
+use super::tuning::{path::MISS, path::REACH, weights::SHRINKAGE, whole_body::*};
 use super::{FilledGap, Gap};
-use crate::numeric::{hermite::hermite, pchip::pchip};
+
+use crate::numeric::{hermite::hermite, mixing::best_weights, pchip::pchip};
 use crate::pose::FillMethod;
 use crate::take::Take;
 use ndarray::{Array1, Array2, ArrayView2, CowArray, Ix2, array, s};
@@ -113,7 +113,7 @@ impl Bridges {
         let weights = if errors.is_empty() {
             plain
         } else {
-            (best_weights(&gram, &plain) * n + plain) / (n + 1.0)
+            (best_weights(&gram, &plain, SHRINKAGE) * n + plain) / (n + 1.0)
         };
         let variance = |all: Vec<Errors>| {
             let squares = all.iter().map(|e| weights.dot(&e.values).powi(2).sum());

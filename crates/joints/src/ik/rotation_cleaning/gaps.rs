@@ -1,24 +1,26 @@
-//! Missing rotations and positions: three paths over a gap, weighed on gaps that are simulated
+//! Missing rotations and positions: four paths over a gap, weighed on gaps that are simulated
 //! elsewhere in the take.
 //!
 //! ```text
-//! result = s exp(w_h log(s'h) + w_g log(s'g)),   w ≥ 0, w_h + w_g ≤ 1
+//! result = s exp(w_h log(s'h) + w_g log(s'g) + w_l log(s'l)),   w ≥ 0, Σ w ≤ 1
 //!     s  the straight way between the frames beside the gap (slerp)
 //!     h  a cubic with the velocities there (Hermite)
 //!     g  ridge regression on the rotations of the other joints, learned in the take; what it
 //!        misses at both ends is carried off linearly
+//!     l  the same, learned near the gap: a frame weighs the less the farther it is in time
 //! ```
 //!
 //! The weights are those of least squares over up to n gaps of the same track and length, or where
-//! none has room of half of it, and so on, times n / (n + 1); g is learned anew without each.
-//! Nothing to compare with: the straight way.
+//! none has room of half of it, and so on, times n / (n + 1); g and l are learned anew without
+//! each. Nothing to compare with: the straight way.
 
 use super::movement::{Movable, gaps, straight};
 use super::tuning::*;
 use crate::numeric::hermite::hermite;
 use crate::numeric::linalg::Cholesky;
+use crate::numeric::mixing::best_weights;
 use glam::{DQuat, DVec3};
-use ndarray::{Array2, ArrayView1};
+use ndarray::{Array1, Array2, ArrayView1};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -134,7 +136,7 @@ struct Regression {
 }
 
 impl Regression {
-    fn new(sums: &Sums, columns: &[usize]) -> Option<Regression> {
+    fn new(sums: &Sums, columns: &[usize], ridge: f64) -> Option<Regression> {
         let n = sums.count;
         if n < 2.0 || columns.is_empty() {
             return None;
@@ -145,7 +147,7 @@ impl Regression {
         let mut a = Array2::from_shape_fn(shape, |(i, j)| {
             sums.xx[[columns[i], columns[j]]] - n * at[i] * at[j]
         });
-        a.diag_mut().mapv_inplace(|v| v + n * RIDGE);
+        a.diag_mut().mapv_inplace(|v| v + n * ridge);
         let b = Array2::from_shape_fn((columns.len(), 3), |(i, c)| {
             sums.xy[[columns[i], c]] - n * at[i] * mean[c]
         });
@@ -180,10 +182,10 @@ pub(super) struct Gappy<'a, M> {
 }
 
 /// How the paths over gaps of one kind are weighed.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Weights {
-    hermite: f64,
-    regression: f64,
+    /// Of the straight way and of each other path.
+    of: Array1<f64>,
     error: f64,
 }
 
@@ -195,12 +197,15 @@ struct Kind {
     columns: Vec<usize>,
 }
 
-/// The three paths over a gap: the straight one, and the steps from it to the others.
+/// The paths over a gap: the straight one, and the steps from it to each other.
 struct Paths<M> {
     straight: Vec<M>,
-    hermite: Vec<DVec3>,
-    regression: Vec<DVec3>,
+    /// (other paths) of (frames).
+    steps: [Vec<DVec3>; OTHERS],
 }
+
+/// Paths besides the straight one.
+const OTHERS: usize = 3;
 
 impl<M: Movable> Gappy<'_, M> {
     /// The values over the gaps that are no longer than `longest` frames.
@@ -215,7 +220,7 @@ impl<M: Movable> Gappy<'_, M> {
         };
         let mut learned = None;
         let mut known: HashMap<Kind, (Weights, Option<Regression>)> = HashMap::new();
-        let mut regressed = 0;
+        let (mut regressed, mut locals) = (0, 0);
         let mut fill = |gap: Range<usize>| {
             let mut kind = self.kind(&gap);
             if !known.contains_key(&kind) && !kind.columns.is_empty() {
@@ -231,15 +236,21 @@ impl<M: Movable> Gappy<'_, M> {
                 } else {
                     Some(&*learned.get_or_insert_with(|| self.sums(mean)))
                 };
-                let regression = sums.and_then(|sums| Regression::new(sums, &kind.columns));
+                let regression = sums.and_then(|sums| Regression::new(sums, &kind.columns, RIDGE));
                 (self.weigh(kind, sums, mean), regression)
             });
-            let paths = self.paths(&gap, has_sides, regression.as_ref(), mean);
+            let local = (regression.as_ref())
+                .and_then(|global| self.local(&gap, &global.columns, mean))
+                .filter(|_| {
+                    locals += 1;
+                    locals <= MOST_LOCAL
+                });
+            let paths = self.paths(&gap, has_sides, [regression.as_ref(), local.as_ref()], mean);
             let filled = FilledGap {
                 frames: gap,
                 error: weights.error,
             };
-            (filled, paths.mixed(*weights))
+            (filled, paths.mixed(weights))
         };
         all.into_iter().map(&mut fill).collect()
     }
@@ -275,8 +286,7 @@ impl<M: Movable> Gappy<'_, M> {
     /// Weighs the paths over gaps of a kind.
     fn weigh(&self, kind: &Kind, sums: Option<&Sums>, mean: M) -> Weights {
         let simulated = self.simulated(kind);
-        // The normal equations of the steps from the straight way.
-        let (mut hh, mut hg, mut gg, mut hc, mut gc, mut cc) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut gram = Array2::zeros((1 + OTHERS, 1 + OTHERS));
         for gap in &simulated {
             let regression = sums.and_then(|sums| {
                 let mut sums = sums.clone();
@@ -285,28 +295,33 @@ impl<M: Movable> Gappy<'_, M> {
                     sums.add_predictors(-1.0, x);
                     sums.add_target(-1.0, x, self.values[t].off_mean(mean));
                 }
-                Regression::new(&sums, &kind.columns)
+                Regression::new(&sums, &kind.columns, RIDGE)
             });
-            let paths = self.paths(gap, kind.has_sides, regression.as_ref(), mean);
+            let local = (regression.as_ref()).and_then(|r| self.local(gap, &r.columns, mean));
+            let paths = self.paths(
+                gap,
+                kind.has_sides,
+                [regression.as_ref(), local.as_ref()],
+                mean,
+            );
             for (k, t) in gap.clone().enumerate() {
-                let (h, g) = (paths.hermite[k], paths.regression[k]);
-                let c = paths.straight[k].step_to(self.values[t]);
-                (hh, hg, gg) = (hh + h.dot(h), hg + h.dot(g), gg + g.dot(g));
-                (hc, gc, cc) = (hc + h.dot(c), gc + g.dot(c), cc + c.dot(c));
+                let truth = paths.straight[k].step_to(self.values[t]);
+                let error = |path: usize| match path {
+                    0 => -truth,
+                    _ => paths.steps[path - 1][k] - truth,
+                };
+                gram.indexed_iter_mut()
+                    .for_each(|((i, j), sum)| *sum += error(i).dot(error(j)));
             }
         }
-        let cost = |[h, g]: [f64; 2]| {
-            cc - 2.0 * (h * hc + g * gc) + h * h * hh + 2.0 * h * g * hg + g * g * gg
-        };
-        let [h, g] = least([hh, hg, gg], [hc, gc], cost);
+        let plain = Array1::from_shape_fn(1 + OTHERS, |path| f64::from(u8::from(path == 0)));
         let n = simulated.len() as f64;
-        let share = n / (n + 1.0);
+        let of = (best_weights(&gram, &plain, 0.0) * n + plain) / (n + 1.0);
         let is_alike = simulated.iter().all(|gap| gap.len() == kind.length);
         let frames = n * kind.length as f64;
-        let error = (cost([share * h, share * g]).max(0.0) / frames).sqrt();
+        let error = (of.dot(&gram.dot(&of)).max(0.0) / frames).sqrt();
         Weights {
-            hermite: share * h,
-            regression: share * g,
+            of,
             error: if is_alike { error } else { f64::NAN },
         }
     }
@@ -341,7 +356,7 @@ impl<M: Movable> Gappy<'_, M> {
         &self,
         gap: &Range<usize>,
         has: [bool; 2],
-        regression: Option<&Regression>,
+        [global, local]: [Option<&Regression>; 2],
         mean: M,
     ) -> Paths<M> {
         let before = gap.start.checked_sub(1).filter(|_| has[0]);
@@ -353,34 +368,76 @@ impl<M: Movable> Gappy<'_, M> {
                 held.map_or(Vec::new(), |v| vec![v; gap.len()])
             }
         };
-        let hermite = match (before, after) {
-            (Some(_), Some(_)) => self.hermite(gap, &straight),
-            _ => vec![DVec3::ZERO; gap.len()],
+        let between = before.is_some() && after.is_some();
+        let still = || vec![DVec3::ZERO; gap.len()];
+        let to = |ways: Vec<M>| {
+            let steps = straight.iter().zip(ways).map(|(s, way)| s.step_to(way));
+            steps.collect::<Vec<DVec3>>()
         };
-        let regression = match regression {
-            Some(regression) => {
-                let at = |t: usize| mean.stepped(regression.predict(self.predictors.values.row(t)));
-                let missed = |t: usize| at(t).step_to(self.values[t]);
-                let (first, last) = (before.map(missed), after.map(missed));
-                let [first, last] = [first.or(last), last.or(first)].map(Option::unwrap_or_default);
-                let step = |(k, s): (usize, &M)| {
-                    let share = (k + 1) as f64 / (gap.len() + 1) as f64;
-                    s.step_to(at(gap.start + k).stepped(first.lerp(last, share)))
-                };
-                straight.iter().enumerate().map(step).collect()
-            }
-            None => vec![DVec3::ZERO; gap.len()],
+        let hermite = if between {
+            let middle = straight[gap.len() / 2];
+            let steps = self.cubic(gap, |t| middle.step_to(self.values[t]));
+            to(steps.into_iter().map(|step| middle.stepped(step)).collect())
+        } else {
+            still()
         };
-        Paths {
-            straight,
-            hermite,
-            regression,
-        }
+        let carried = |regression: &Regression| {
+            let at = |t: usize| mean.stepped(regression.predict(self.predictors.values.row(t)));
+            let missed = |t: usize| at(t).step_to(self.values[t]);
+            let (first, last) = (before.map(missed), after.map(missed));
+            let [first, last] = [first.or(last), last.or(first)].map(Option::unwrap_or_default);
+            let step = |k: usize| {
+                let share = (k + 1) as f64 / (gap.len() + 1) as f64;
+                at(gap.start + k).stepped(first.lerp(last, share))
+            };
+            to((0..gap.len()).map(step).collect())
+        };
+        let global = global.map_or_else(still, carried);
+        let local = local.map_or_else(|| global.clone(), carried);
+        let steps = [hermite, global, local];
+        Paths { straight, steps }
     }
 
-    /// The steps from the straight way to the cubic.
-    fn hermite(&self, gap: &Range<usize>, straight: &[M]) -> Vec<DVec3> {
-        let middle = straight[gap.len() / 2];
+    /// The regression that is learned near a gap.
+    fn local(&self, gap: &Range<usize>, columns: &[usize], mean: M) -> Option<Regression> {
+        let seconds = gap.len() as f64 * self.step;
+        let near = (LOCAL_SHARE * seconds).max(LOCAL);
+        let reach = (LOCAL_REACH * near / self.step) as usize;
+        let mut frames: Vec<(usize, f64)> = Vec::new();
+        for t in gap.start.saturating_sub(reach)..(gap.end + reach).min(self.seen.len()) {
+            let away = gap
+                .start
+                .saturating_sub(t)
+                .max((t + 1).saturating_sub(gap.end));
+            if away > 0 && self.seen[t] {
+                frames.push((t, (-(away as f64) * self.step / near).exp()));
+            }
+        }
+        let x = Array2::from_shape_fn((frames.len(), columns.len()), |(i, c)| {
+            self.predictors.values[[frames[i].0, columns[c]]]
+        });
+        let mut weighted = x.clone();
+        let mut sums = Sums::none(columns.len());
+        for (mut row, (t, weight)) in weighted.rows_mut().into_iter().zip(&frames) {
+            row *= *weight;
+            sums.add_target(1.0, row.view(), self.values[*t].off_mean(mean));
+            sums.count += weight;
+        }
+        sums.x = weighted.sum_axis(ndarray::Axis(0)).to_vec();
+        sums.xx = x.t().dot(&weighted);
+        sums.y = (frames.iter())
+            .map(|(t, w)| *w * self.values[*t].off_mean(mean))
+            .sum();
+        let all: Vec<usize> = (0..columns.len()).collect();
+        let local = Regression::new(&sums, &all, RIDGE * seconds.clamp(LEAST_RIDGE, 1.0).powi(2))?;
+        Some(Regression {
+            columns: columns.to_vec(),
+            ..local
+        })
+    }
+
+    /// The cubic over a gap through steps that are known where the track is seen.
+    fn cubic(&self, gap: &Range<usize>, step_at: impl Fn(usize) -> DVec3) -> Vec<DVec3> {
         let is_seen = |t: &usize| self.seen[*t];
         let first = (gap.start.saturating_sub(SIDE)..gap.start)
             .rev()
@@ -389,68 +446,28 @@ impl<M: Movable> Gappy<'_, M> {
         let last = (gap.end..(gap.end + SIDE).min(self.seen.len()))
             .take_while(is_seen)
             .count();
-        let known: Vec<usize> = (gap.start - first..gap.start)
-            .chain(gap.end..gap.end + last)
-            .collect();
-        let steps: Vec<DVec3> = known
-            .iter()
-            .map(|&t| middle.step_to(self.values[t]))
-            .collect();
+        let known = || (gap.start - first..gap.start).chain(gap.end..gap.end + last);
+        let steps: Vec<DVec3> = known().map(step_at).collect();
         let time = |t: usize| t as f64 * self.step;
-        let x: Vec<f64> = known.iter().map(|&t| time(t)).collect();
+        let x: Vec<f64> = known().map(time).collect();
         let at: Vec<f64> = gap.clone().map(time).collect();
         let paths = [0, 1, 2].map(|c| {
             let y: Vec<f64> = steps.iter().map(|s| s[c]).collect();
             hermite(&x, &y, first, &at, self.step)
         });
-        let step = |(k, s): (usize, &M)| {
-            s.step_to(middle.stepped(DVec3::from_array([0, 1, 2].map(|c| paths[c][k]))))
-        };
-        straight.iter().enumerate().map(step).collect()
+        let step = |k: usize| DVec3::from_array([0, 1, 2].map(|c| paths[c][k]));
+        (0..gap.len()).map(step).collect()
     }
 }
 
 impl<M: Movable> Paths<M> {
-    fn mixed(&self, weights: Weights) -> Vec<M> {
-        let steps = self.hermite.iter().zip(&self.regression);
-        let step = |((h, g), s): ((&DVec3, &DVec3), &M)| {
-            s.stepped(weights.hermite * *h + weights.regression * *g)
+    fn mixed(&self, weights: &Weights) -> Vec<M> {
+        let step = |(k, s): (usize, &M)| {
+            let steps = self.steps.iter().zip(weights.of.iter().skip(1));
+            s.stepped(steps.map(|(steps, w)| *w * steps[k]).sum())
         };
-        steps.zip(&self.straight).map(step).collect()
+        self.straight.iter().enumerate().map(step).collect()
     }
-}
-
-/// The weights (h, g) with h, g ≥ 0 and h + g ≤ 1 of least cost, by their normal equations.
-fn least([hh, hg, gg]: [f64; 3], [hc, gc]: [f64; 2], cost: impl Fn([f64; 2]) -> f64) -> [f64; 2] {
-    let ratio = |a: f64, b: f64| {
-        if b > 1e-12 {
-            (a / b).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-    };
-    let determinant = hh * gg - hg * hg;
-    let inside = if determinant > 1e-9 * hh * gg {
-        [
-            (hc * gg - gc * hg) / determinant,
-            (gc * hh - hc * hg) / determinant,
-        ]
-    } else {
-        [0.0; 2]
-    };
-    let is_allowed = |w: &[f64; 2]| w.iter().all(|v| *v >= 0.0) && w[0] + w[1] <= 1.0;
-    // On the edges: h alone, g alone, h + g = 1.
-    let on_line = ratio(hc - gc - hg + gg, hh - 2.0 * hg + gg);
-    let edges = [
-        [0.0; 2],
-        [ratio(hc, hh), 0.0],
-        [0.0, ratio(gc, gg)],
-        [on_line, 1.0 - on_line],
-        inside,
-    ];
-    let allowed = edges.into_iter().filter(is_allowed);
-    let best = allowed.min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
-    best.unwrap_or([0.0; 2])
 }
 
 #[cfg(test)]
@@ -523,30 +540,5 @@ mod tests {
     fn with_nothing_to_compare_with_the_straight_way_is_taken() {
         let (error, slerp, said) = errors(5..25, true, 30);
         assert!(error == slerp && said.is_nan());
-    }
-
-    #[test]
-    fn weights_are_those_of_least_cost_that_are_allowed() {
-        let sums = [
-            [2.0, 0.5, 1.0],
-            [4.0, 0.0, 1.0],
-            [1.0, 1.0, 1.0],
-            [0.0, 0.0, 0.0],
-        ];
-        for [hh, hg, gg] in sums {
-            for [hc, gc] in [[0.5, 0.3], [3.0, 2.0], [-1.0, 0.4], [-1.0, -1.0]] {
-                let cost = |[h, g]: [f64; 2]| {
-                    -2.0 * (h * hc + g * gc) + h * h * hh + 2.0 * h * g * hg + g * g * gg
-                };
-                let best = cost(least([hh, hg, gg], [hc, gc], cost));
-                for i in 0..=20 {
-                    for j in 0..=20 - i {
-                        let other = [i, j].map(|v| f64::from(v) / 20.0);
-                        let is_zero = hh == 0.0;
-                        assert!(is_zero || best <= cost(other) + 1e-9, "{other:?}");
-                    }
-                }
-            }
-        }
     }
 }
