@@ -130,6 +130,7 @@
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms |
 //! | [`prior`] | pose models behind one trait, a registry by name |
 //! | [`label`] | which track is which point: swaps, pieces without a label |
+//! | [`inbetween`] | whole bodies over gaps, from motion that is known |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances |
 //! | [`ik`] | joint angles of a skeleton from its joints, clean rotations, other rigs |
 //! | [`solve`] | joints and their angles under markers |
@@ -154,7 +155,8 @@
 //! | posing-draw | draw | core, io |
 //! | posing-models | cluster, prior, sparse | core, io |
 //! | posing-label | label | core, io |
-//! | posing-restore | restore | core, io, label, models |
+//! | posing-inbetween | inbetween | core, io |
+//! | posing-restore | restore | core, inbetween, io, label, models |
 //! | posing-joints | ik, solve | core, draw, gait, io, label, models |
 //! | posing-clean | audit, clean, gait | core, draw, gait, io, joints, label, models, restore |
 //! | posing-gait | gait | core, draw, io |
@@ -236,6 +238,12 @@ pub mod gait {
     pub use posing_clean::TrialFile;
     #[doc(inline)]
     pub use posing_gait::*;
+}
+
+/// In-betweens: whole bodies over gaps, from motion that is known.
+pub mod inbetween {
+    #[doc(inline)]
+    pub use posing_inbetween::*;
 }
 
 /// Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.

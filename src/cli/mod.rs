@@ -22,6 +22,7 @@ pub mod marker_set;
 mod memory_limit;
 pub mod messages;
 pub mod metric_takes;
+pub mod motion_library;
 pub mod name_maps;
 pub mod number_table;
 pub mod one_take_args;

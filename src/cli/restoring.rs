@@ -6,10 +6,12 @@ use super::choice::choice;
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::json_report::JsonArgs;
 use super::messages;
+use super::motion_library::report_body_gaps;
 use super::name_maps::name_map;
 use super::progress::Progress;
 use super::streams::{create_table, write_bytes, write_table};
 use super::summary::{StatusColumns, report};
+use crate::inbetween::MotionLibrary;
 use crate::io::text::excerpt;
 use crate::io::{Cells, Columns, Model, PosesBuilder, Row, Table, TableFormat, deviations};
 use crate::label::unlabeled::left_alone;
@@ -73,8 +75,8 @@ pub struct RestoringArgs {
     pub input: InputArgs,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd
     /// (standard deviation, in the unit of the output) and NAME.method (how it was filled:
-    /// regression, pchip, model, contact) for each point; unlike for each frame (novelty of its
-    /// pose in nats; 0: like the training poses)
+    /// regression, pchip, model, contact, motion) for each point; unlike for each frame (novelty of
+    /// its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
     #[command(flatten)]
@@ -121,7 +123,14 @@ pub struct RestoringArgs {
 #[derive(Debug, Clone)]
 pub enum Task {
     /// Missing points are estimated, and a list of the gaps is written to a file.
-    Complete(Complete, Option<PathBuf>),
+    Complete {
+        /// How.
+        options: Complete,
+        /// The file of the list.
+        report: Option<PathBuf>,
+        /// Motion that may fill gaps of a whole body.
+        motion: Option<MotionLibrary>,
+    },
     /// Noise and outliers are removed.
     Denoise(Denoise),
 }
@@ -129,19 +138,19 @@ pub enum Task {
 impl Task {
     fn name(&self) -> &'static str {
         match self {
-            Task::Complete(..) => "complete",
+            Task::Complete { .. } => "complete",
             Task::Denoise(_) => "denoise",
         }
     }
 
     /// Whether a table of 2-D points is accepted.
     fn planar(&self) -> bool {
-        matches!(self, Task::Complete(..))
+        matches!(self, Task::Complete { .. })
     }
 
     fn max_gap(&self) -> Option<f64> {
         match self {
-            Task::Complete(options, _) => options.max_gap,
+            Task::Complete { options, .. } => options.max_gap,
             Task::Denoise(_) => None,
         }
     }
@@ -149,7 +158,7 @@ impl Task {
     /// The file of the list of gaps.
     fn report(&self) -> Option<&Path> {
         match self {
-            Task::Complete(_, report) => report.as_deref(),
+            Task::Complete { report, .. } => report.as_deref(),
             Task::Denoise(_) => None,
         }
     }
@@ -157,7 +166,7 @@ impl Task {
     /// Checks the options against the points of the table.
     fn check(&self, points: &[String]) -> Result<()> {
         match self {
-            Task::Complete(options, _) => options.check(points),
+            Task::Complete { options, .. } => options.check(points),
             Task::Denoise(_) => Ok(()),
         }
     }
@@ -180,7 +189,7 @@ impl Task {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         match self {
-            Task::Complete(options, _) => restorer.complete_with(table, options, progress),
+            Task::Complete { options, .. } => restorer.complete_with(table, options, progress),
             Task::Denoise(options) => restorer.denoise_with(table, options, progress),
         }
     }
@@ -209,7 +218,7 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
         (false, _) => take_by_take(args, task)?,
     };
     let left = match task {
-        Task::Complete(..) => "keep empty cells: too little is known there",
+        Task::Complete { .. } => "keep empty cells: too little is known there",
         Task::Denoise(_) => "are left unchanged by the model: too little is seen there",
     };
     let counts = restored.counts();
@@ -231,7 +240,14 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     args.out.format().check_added(&told.added)?;
     let model = args.model.open()?;
     let naming = args.naming(&table.poses, model.as_ref())?;
-    let restorer = args.restorer(model.as_ref(), &table, &naming)?;
+    let mut restorer = args.restorer(model.as_ref(), &table, &naming)?;
+    if let Task::Complete {
+        motion: Some(library),
+        ..
+    } = task
+    {
+        restorer = restorer.with_motion(library);
+    }
     if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
@@ -261,6 +277,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     let report = RestorationReport::of(&restored);
+    report_body_gaps(restored.body_gaps());
     task.tell_what_is_lost(&told, report.counts());
     write_table(&args.out, units, &table, restored.xyz(), &told.added, |t| {
         told.cells(&restored, t)

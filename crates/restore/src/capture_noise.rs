@@ -289,6 +289,7 @@ mod tests {
                 runs: std::slice::from_ref(&(0..400)),
                 rate: 120.0,
                 sd: None,
+                motion: Default::default(),
             };
             let found = of_bones(&take, &bones, LOCAL_SECONDS).unwrap().noise;
             assert!(
@@ -315,6 +316,7 @@ mod tests {
                 runs: std::slice::from_ref(&(0..400)),
                 rate: 120.0,
                 sd: None,
+                motion: Default::default(),
             };
             CaptureNoise::measure(None, &take, None)
         };

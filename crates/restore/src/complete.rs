@@ -105,7 +105,7 @@ impl Method for Complete {
         let noise = typical_noise(captured.view(), take.runs).max(sd.unwrap_or(0.0));
         out.is_unknown = (adapted.as_ref()).is_some_and(|a| !a.knows(captured.view(), noise));
         let seen = take.with_xyz(captured.view());
-        let mut filled = fill_gaps(
+        let (mut filled, bodies) = fill_gaps(
             adapted.as_ref(),
             !out.is_unknown,
             &seen,
@@ -113,6 +113,7 @@ impl Method for Complete {
             self.max_gap,
             done,
         );
+        out.bodies = bodies;
         hold_feet(&seen, &gaps, &mut filled);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(&mut out, take.xyz, gap, filled.as_ref(), false);

@@ -224,7 +224,9 @@ impl Denoise {
             ..take.with_xyz(seen.view())
         };
         let is_known = !out.is_unknown;
-        let mut filled = fill_gaps(adapted, is_known, &seen, &gaps, self.max_gap, &|_| ());
+        let (mut filled, bodies) =
+            fill_gaps(adapted, is_known, &seen, &gaps, self.max_gap, &|_| ());
+        out.bodies = bodies;
         hold_feet(&seen, &gaps, &mut filled);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put_filled(out, captured, gap, filled.as_ref(), !is_filled(gap));

@@ -1,6 +1,7 @@
 //! The report of `complete`: what became of a table, with every gap, as text or for JSON.
 
-use super::{Restoration, RestorationCounts, RestoredGap};
+use super::{BodyGap, Restoration, RestorationCounts, RestoredGap};
+use crate::pose::FillMethod;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,6 +23,28 @@ pub struct GapLine {
     sd: Option<f64>,
     /// cm.
     longest_step: Option<f64>,
+    /// Where the motion in it is from.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    motion: Option<MotionLine>,
+}
+
+/// Where the motion in a gap of a whole body is from.
+#[derive(Debug, Clone, Serialize)]
+#[doc(hidden)]
+pub struct MotionLine {
+    /// The error expected, as a share of that of the cubic that meets both ends.
+    expected: f64,
+    /// How much of the motion is used, from 0 to 1.
+    weight: f64,
+    nearest: Vec<NearestMotion>,
+}
+
+/// A take with motion alike; none: the take itself.
+#[derive(Debug, Clone, Serialize)]
+#[doc(hidden)]
+pub struct NearestMotion {
+    take: Option<String>,
+    seconds: f64,
 }
 
 /// What became of a table.
@@ -105,7 +128,28 @@ fn line(
         method: gap.method.map_or("none", |m| m.name()),
         sd: rounded(gap.sd),
         longest_step: rounded(gap.longest_step),
+        motion: motion_line(restored, gap),
     }
+}
+
+fn motion_line(restored: &Restoration<'_>, gap: &RestoredGap) -> Option<MotionLine> {
+    if !matches!(gap.method, Some(FillMethod::Motion | FillMethod::Contact)) {
+        return None;
+    }
+    let holds = |body: &&BodyGap| {
+        body.frames.start <= gap.frames.start && gap.frames.end <= body.frames.end
+    };
+    let source = restored.body_gaps().iter().find(holds)?.source.as_ref()?;
+    let rounded = |v: f64| (v * 1e3).round() / 1e3;
+    let near = |(take, seconds): &(Option<String>, f64)| NearestMotion {
+        take: take.clone(),
+        seconds: rounded(*seconds),
+    };
+    Some(MotionLine {
+        expected: rounded(source.expected),
+        weight: rounded(source.weight),
+        nearest: source.nearest.iter().map(near).collect(),
+    })
 }
 
 /// The gaps of a point of a take, summed up.

@@ -45,6 +45,7 @@
 //! ```
 
 use posing_core::{Error, Place, Result, numeric, pose};
+use posing_inbetween as inbetween;
 use posing_io as io;
 use posing_label as label;
 use posing_models::prior;
@@ -66,6 +67,7 @@ mod gap;
 pub mod gap_report;
 mod kalman_smoother;
 mod knots;
+mod known_motion;
 mod model_estimates;
 mod noise_estimation;
 #[doc(hidden)]
@@ -86,6 +88,7 @@ pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_estimator::{FrameEstimate, FrameEstimator};
 pub use gap::{LocalPoses, local_anchor};
+pub use known_motion::BodyGap;
 pub use noise_estimation::typical_noise;
 pub use pose_model::PoseModel;
 pub use restoration::{Restoration, RestorationCounts, RestoredGap};

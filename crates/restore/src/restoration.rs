@@ -2,6 +2,7 @@
 //! each point.
 
 use super::gap::{Gap, find_gaps};
+use super::known_motion::BodyGap;
 use super::take::{PointState, TakeResult};
 use crate::Result;
 use crate::io::Table;
@@ -142,6 +143,8 @@ pub struct Restoration<'t> {
     source: &'t Table,
     /// All its frames.
     frames: TakeResult,
+    /// The gaps of a whole body, frames counted over the table.
+    bodies: Vec<BodyGap>,
     counts: RestorationCounts,
     /// Positions at 0 0 0: nothing is estimated from them, and they stay.
     zeros: Zeros,
@@ -155,6 +158,7 @@ impl<'t> Restoration<'t> {
         Restoration {
             source,
             frames,
+            bodies: Vec::new(),
             counts: RestorationCounts::default(),
             zeros: Zeros::of(source.poses.xyz.view()),
         }
@@ -210,6 +214,10 @@ impl<'t> Restoration<'t> {
                 .slice_mut(s![first + t, columns])
                 .fill(f64::NAN);
         }
+        (self.bodies).extend(restored.bodies.iter().map(|body| BodyGap {
+            frames: first + body.frames.start..first + body.frames.end,
+            source: body.source.clone(),
+        }));
         let out = &mut self.frames;
         out.novelty[first..first + count].copy_from_slice(&restored.novelty);
         for t in 0..count {
@@ -307,6 +315,11 @@ impl<'t> Restoration<'t> {
     /// itself.
     pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
         self.frames.state(frame, point).method
+    }
+
+    /// The gaps of a whole body that motion may fill, frames counted over the table.
+    pub fn body_gaps(&self) -> &[BodyGap] {
+        &self.bodies
     }
 
     /// The gaps of the labeled points of the table that was restored, in the order of their first

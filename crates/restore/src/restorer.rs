@@ -20,9 +20,11 @@ use super::clean::Clean;
 use super::complete::Complete;
 use super::cuts::split_at_cuts;
 use super::denoise::Denoise;
+use super::known_motion::KnownMotion;
 use super::pose_model::PoseModel;
 use super::restoration::Restoration;
 use super::take::{Method, PointMapping, Take, TakeResult};
+use crate::inbetween::MotionLibrary;
 use crate::io::Model;
 use crate::io::Table;
 use crate::label::people::{Person, people};
@@ -42,6 +44,7 @@ use std::sync::OnceLock;
 pub struct Restorer<'m> {
     /// `None`: by the takes themselves.
     model: Option<&'m Model>,
+    motion: Option<&'m MotionLibrary>,
     options: OpenOptions,
     name: String,
     world: bool,
@@ -67,6 +70,7 @@ impl<'m> Restorer<'m> {
     fn with(model: Option<&'m Model>) -> Restorer<'m> {
         Restorer {
             model,
+            motion: None,
             options: OpenOptions::default(),
             name: "the model".to_string(),
             world: true,
@@ -102,6 +106,13 @@ impl<'m> Restorer<'m> {
     #[must_use]
     pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
         self.naming = Some(naming);
+        self
+    }
+
+    /// Fills gaps of a whole body from a library too; without it, from the take itself.
+    #[must_use]
+    pub fn with_motion(mut self, library: &'m MotionLibrary) -> Restorer<'m> {
+        self.motion = Some(library);
         self
     }
 
@@ -266,6 +277,7 @@ impl<'m> Restorer<'m> {
             let restorer = PersonRestorer {
                 table,
                 method,
+                motion: self.motion.map_or(KnownMotion::Own, KnownMotion::Library),
                 rate,
                 hidden,
                 progress: &count,
@@ -281,6 +293,7 @@ impl<'m> Restorer<'m> {
 struct PersonRestorer<'a> {
     table: &'a Table,
     method: &'a dyn Method,
+    motion: KnownMotion<'a>,
     rate: Option<f64>,
     hidden: &'a [usize],
     progress: &'a (dyn Fn(usize) + Sync),
@@ -319,6 +332,7 @@ impl PersonRestorer<'_> {
                 runs: &runs,
                 rate,
                 sd: (labeled.sd.as_ref()).map(|sd| sd.slice(s![frames.clone(), ..])),
+                motion: self.motion,
             };
             let whole = poses.xyz.slice(s![frames.clone(), ..]);
             let (restored, cuts) = self.restore_take(mapping, &take, whole);
@@ -360,6 +374,7 @@ impl PersonRestorer<'_> {
             runs: &runs,
             rate,
             sd: sd.as_ref().map(|sd| sd.view()),
+            motion: take.motion,
         };
         let restored = self.method.restore_take(mapping, &kept, self.progress);
         (self.progress)(take.xyz.nrows() - xyz.nrows());

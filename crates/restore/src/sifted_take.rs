@@ -3,6 +3,7 @@
 use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::gap::{fill_gaps, find_gaps};
+use super::known_motion::KnownMotion;
 use super::outliers::{Outliers, find_outliers};
 use super::take::{PointMapping, Take, without};
 use super::tuning::sifted_take::EXPECTED;
@@ -65,10 +66,13 @@ impl SiftedTake {
             return None;
         }
         let (xyz, noise) = (take.xyz, &self.smoothed.noise.sd);
-        let rest = take.with_xyz(self.smoothed.mean.view());
+        let rest = Take {
+            motion: KnownMotion::Nothing,
+            ..take.with_xyz(self.smoothed.mean.view())
+        };
         let mut gaps = find_gaps(rest.xyz, rest.runs);
         gaps.retain(|gap| gap.is_any_of(&found.points));
-        let filled = fill_gaps(adapted, true, &rest, &gaps, None, &|_| ());
+        let (filled, _) = fill_gaps(adapted, true, &rest, &gaps, None, &|_| ());
         let mut left = found.points.clone();
         let mut is_any = false;
         for (gap, filled) in gaps.iter().zip(&filled) {

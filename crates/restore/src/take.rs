@@ -1,5 +1,6 @@
 //! A take of a table, the points of it that a model knows, and what becomes of its frames.
 
+use super::known_motion::{BodyGap, KnownMotion};
 use super::pose_model::PoseModel;
 use crate::numeric::parallel;
 use crate::numeric::statistics::median;
@@ -33,6 +34,8 @@ pub(crate) struct Take<'a> {
     /// Standard deviation of a coordinate of each point (frames, J), cm; NaN where unknown. `None`:
     /// what is seen is exact.
     pub sd: Option<ArrayView2<'a, f64>>,
+    /// What may fill gaps of a whole body.
+    pub motion: KnownMotion<'a>,
 }
 
 impl<'a> Take<'a> {
@@ -286,6 +289,8 @@ pub(crate) struct TakeResult {
     pub is_unknown: bool,
     /// Frames with too little seen to restore them.
     pub too_little: usize,
+    /// The gaps of a whole body.
+    pub bodies: Vec<BodyGap>,
     /// How often two points bore each other's names, and were put back.
     pub exchanged: usize,
     /// Frames and points whose value was another's, which has it now, and that stay missing.

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{SeedArgs, Space, TableArgs};
 use posing::cli::choice::{choice, value_name};
+use posing::cli::motion_library::MotionArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::progress::Progress;
 use posing::cli::training::{MultiscaleArgs, ready};
@@ -18,6 +19,8 @@ use posing::prior::{Kind, TrainOptions};
 /// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on
 /// held-out poses; then the model is trained on all poses. Train on several takes: a single one
 /// cannot be held out. Frames with missing points are skipped and counted.
+///
+/// With --motion nothing is trained: the takes are kept as a library of motion.
 #[derive(Parser)]
 #[command(
     name = "prior-train",
@@ -25,6 +28,7 @@ use posing::prior::{Kind, TrainOptions};
     after_help = "Examples:\
         \n  posing prior-train -o model.npz poses.csv\
         \n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\
+        \n  posing prior-train --motion -o motion.npz takes/*.bvh\
         \n  posing denoise -m model.npz noisy.csv -o clean.csv"
 )]
 pub struct Args {
@@ -39,6 +43,8 @@ pub struct Args {
     space: Space,
     #[command(flatten)]
     size: MultiscaleArgs,
+    #[command(flatten)]
+    motion: MotionArgs,
     /// Credit line of the training data, stored in the model
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
@@ -67,6 +73,11 @@ fn kinds() -> clap::builder::PossibleValuesParser {
 }
 
 pub fn work(args: &Args) -> Result<()> {
+    if args.motion.motion {
+        let mut model = args.motion.model(&args.tables.files)?;
+        model.meta.credit.clone_from(&args.credit);
+        return streams::write_bytes(Some(&args.output), &model.to_bytes()?, true);
+    }
     let world = args.space == Space::World;
     let tables = args.tables.input();
     let poses = ready(&tables, tables.files.clone(), world, None)?;

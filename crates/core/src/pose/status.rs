@@ -35,6 +35,8 @@ pub enum FillMethod {
     Model,
     /// Held where a foot stands.
     Contact,
+    /// By motion that is known, where a whole body is missing.
+    Motion,
 }
 
 names!(FillMethod {
@@ -42,4 +44,5 @@ names!(FillMethod {
     Interpolation = "pchip",
     Model = "model",
     Contact = "contact",
+    Motion = "motion",
 });

@@ -486,6 +486,7 @@ mod tests {
             runs: std::slice::from_ref(&run),
             rate: 100.0,
             sd: None,
+            motion: Default::default(),
         };
         hold(&take, &gaps, &mut filled);
         (truth, filled.into_iter().flatten().collect())

@@ -65,7 +65,10 @@ impl<'a, 't> GapFiller<'a, 't> {
             *filled = path::interpolate_rest(self.take.xyz, gap, self.take.rate);
         }
         for ((gap, filled), bridged) in gaps.iter().zip(&mut filled).zip(bridged) {
-            *filled = filled.take().or(bridged.clone());
+            let is_moved = bridged
+                .as_ref()
+                .is_some_and(|b| b.method == FillMethod::Motion);
+            *filled = filled.take().filter(|_| !is_moved).or(bridged.clone());
             if let Some(filled) = filled {
                 self.known.put(gap, &filled.xyz);
             }
@@ -451,6 +454,7 @@ mod tests {
             runs: std::slice::from_ref(&run),
             rate: 120.0,
             sd: None,
+            motion: Default::default(),
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
@@ -508,6 +512,7 @@ mod tests {
             runs: std::slice::from_ref(&run),
             rate: 100.0,
             sd: None,
+            motion: Default::default(),
         };
         let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         let (filled, _) =

@@ -5,7 +5,8 @@
 //!
 //! 0. A point that rests on either side of a short gap, as a planted foot does, rests in it
 //!    (`path`).
-//!    Gaps of a whole body are bridged point by point (`whole_body`).
+//!    Gaps of a whole body are filled from motion that is known (`body_motion`), else bridged
+//!    point by point (`whole_body`).
 //! 1. Gaps of about the same frames are one group (`filler`). The points that are seen all through
 //!    it are its `predictors`; they also give the frame of reference (`local_poses`).
 //! 2. `regression` learns the missing points from the predictors: from the take's own frames, from
@@ -22,6 +23,7 @@
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's
 //! training poses share, and by its feet. The constants of all steps stand in `tuning`.
 
+mod body_motion;
 mod conditional;
 mod contacts;
 mod ends;
@@ -40,6 +42,7 @@ mod weights;
 mod whole_body;
 
 use super::adapted_prior::AdaptedPrior;
+use super::known_motion::BodyGap;
 use super::take::{PointState, Take, TakeResult};
 use crate::numeric::statistics::mean_of_finite;
 use crate::pose::{FillMethod, Status, ranges};
@@ -144,8 +147,8 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
 
 /// Fills the gaps of a take: by the frames around them, else by the model. Where the take is unlike
 /// what the model knows (not `is_known`) its poses have the weight that they earn in simulated
-/// gaps, and no frame is filled by it alone. Gaps in which no body can be placed are bridged up to
-/// `longest` seconds; `None`: one.
+/// gaps, and no frame is filled by it alone. Gaps in which no body can be placed are filled up to
+/// `longest` seconds; `None`: one. Those of a whole body are listed.
 pub(crate) fn fill_gaps(
     adapted: Option<&AdaptedPrior<'_>>,
     is_known: bool,
@@ -153,10 +156,14 @@ pub(crate) fn fill_gaps(
     gaps: &[Gap],
     longest: Option<f64>,
     done: &(dyn Fn(usize) + Sync),
-) -> Vec<Option<FilledGap>> {
+) -> (Vec<Option<FilledGap>>, Vec<BodyGap>) {
     let poses = adapted.and_then(AdaptedPrior::training_poses);
     let others = poses.as_ref().map(|p| p.view());
+    let (moved, bodies) = body_motion::fill(take, gaps, longest);
     let bridged = whole_body::bridge(take, gaps, longest);
+    let bridged: Vec<_> = (moved.into_iter().zip(bridged))
+        .map(|(moved, bridged)| moved.or(bridged))
+        .collect();
     let filler = GapFiller::new(take, gaps, others, !is_known);
     let (mut filled, implausible) = filler.fill(&bridged, done);
     if let Some(adapted) = adapted.filter(|_| is_known) {
@@ -172,7 +179,7 @@ pub(crate) fn fill_gaps(
             variances.for_each(|v| *v += NOISE_SHARE * noise);
         }
     }
-    filled
+    (filled, bodies)
 }
 
 /// The variance of a coordinate of a gap's point where it is seen: at the gap's ends, else the mean

@@ -116,6 +116,7 @@ mod tests {
             runs: std::slice::from_ref(&(0..100)),
             rate: 120.0,
             sd: None,
+            motion: Default::default(),
         };
         let limits = MotionLimits::measure(&take, std::slice::from_ref(&gap));
         let allows = |path: Array2<f64>| {

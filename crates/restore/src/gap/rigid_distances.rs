@@ -14,7 +14,7 @@ use super::tuning::rigid_distances::*;
 use super::{FilledGap, Gap};
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
-use crate::pose::point_at;
+use crate::pose::{FillMethod, point_at};
 use crate::take::Take;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
@@ -47,7 +47,13 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
                         variance.push(MEASURED);
                     } else {
                         frame[first + axis] = filled.xyz[[row, axis]];
-                        variance.push(filled.variance[row]);
+                        // Motion comes with the take's bones.
+                        let is_moved = filled.method == FillMethod::Motion;
+                        variance.push(if is_moved {
+                            MEASURED
+                        } else {
+                            filled.variance[row]
+                        });
                     }
                 }
             }
@@ -60,7 +66,10 @@ pub(crate) fn hold(take: &Take<'_>, gaps: &[Gap], filled: &mut [Option<FilledGap
     for ((t, here), (frame, variance)) in frames.iter().zip(held.into_iter().flatten()) {
         for (k, variance) in here.iter().zip(variance.chunks_exact(3)) {
             let gap = &gaps[*k];
-            if let Some(filled) = &mut filled[*k] {
+            let open = filled[*k]
+                .as_mut()
+                .filter(|f| f.method != FillMethod::Motion);
+            if let Some(filled) = open {
                 let row = t - gap.frames.start;
                 filled.variance[row] = variance.iter().sum::<f64>() / 3.0;
                 let held = ArrayView1::from(&frame[3 * gap.point..3 * gap.point + 3]);

@@ -275,6 +275,7 @@ mod tests {
             runs: std::slice::from_ref(&run),
             rate: 100.0,
             sd: None,
+            motion: Default::default(),
         };
         let gaps = find_gaps(xyz.view(), take.runs);
         let bridged = bridge(&take, &gaps, longest);

@@ -35,6 +35,7 @@ pub fn spikes_of_take(
         runs,
         rate,
         sd: None,
+        motion: Default::default(),
     };
     spikes_by_time(&take, None)
 }
@@ -343,6 +344,7 @@ mod tests {
             runs,
             rate: RATE,
             sd: None,
+            motion: Default::default(),
         };
         let spikes = spikes(&take, &[noise; 2]);
         let each = spikes.into_iter().enumerate();

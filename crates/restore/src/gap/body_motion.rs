@@ -1,0 +1,75 @@
+//! Gaps of a whole body filled from motion that is known: of a library, and of the take itself.
+
+use super::tuning::whole_body::LONGEST;
+use super::whole_body::bare_frames;
+use super::{FilledGap, Gap};
+use crate::inbetween::{MotionFiller, Verdict};
+use crate::known_motion::{BodyGap, KnownMotion};
+use crate::pose::{FillMethod, ranges};
+use crate::take::Take;
+use ndarray::s;
+use std::ops::Range;
+
+/// Fills those gaps of a take that are a whole body's, and lists these; the others are `None`.
+pub(crate) fn fill(
+    take: &Take<'_>,
+    gaps: &[Gap],
+    longest: Option<f64>,
+) -> (Vec<Option<FilledGap>>, Vec<BodyGap>) {
+    let mut out = vec![None; gaps.len()];
+    let library = match take.motion {
+        KnownMotion::Nothing => return (out, Vec::new()),
+        KnownMotion::Own => None,
+        KnownMotion::Library(library) => Some(library),
+    };
+    let bare = bare_frames(take.xyz);
+    if !bare.contains(&true) {
+        return (out, Vec::new());
+    }
+    let filler = MotionFiller::new(take.names, take.xyz, take.runs, take.rate, library);
+    let Some(mut filler) = filler else {
+        return (out, Vec::new());
+    };
+    let points = filler.points().to_vec();
+    let is_missing = |p: usize, t: usize| (3 * p..3 * p + 3).any(|i| take.xyz[[t, i]].is_nan());
+    let is_open = |t: &usize| points.iter().any(|p| is_missing(*p, *t));
+    let most = longest.unwrap_or(LONGEST) * take.rate * (1.0 + 1e-9);
+    let of_run = |run: &Range<usize>| ranges(run.clone().filter(is_open));
+    let mut bodies: Vec<BodyGap> = (take.runs.iter().flat_map(of_run))
+        .filter(|frames| {
+            let empty = frames.clone().filter(|t| bare[*t]).count();
+            2 * empty >= frames.len() && frames.len() as f64 <= most
+        })
+        .map(|frames| BodyGap {
+            frames,
+            source: None,
+        })
+        .collect();
+    for body in &mut bodies {
+        let Verdict::Filled(fill) = filler.fill(&body.frames) else {
+            continue;
+        };
+        for (k, gap) in gaps.iter().enumerate() {
+            let Some(b) = points.iter().position(|p| *p == gap.point) else {
+                continue;
+            };
+            let is_inside =
+                body.frames.start <= gap.frames.start && gap.frames.end <= body.frames.end;
+            if is_inside {
+                let first = gap.frames.start - body.frames.start;
+                let rows = first..first + gap.frames.len();
+                out[k] = Some(FilledGap {
+                    xyz: fill
+                        .xyz
+                        .slice(s![rows.clone(), 3 * b..3 * b + 3])
+                        .to_owned(),
+                    variance: fill.variance.slice(s![rows, b]).to_vec(),
+                    method: FillMethod::Motion,
+                    contacts: Vec::new(),
+                });
+            }
+        }
+        body.source = Some(fill.source);
+    }
+    (out, bodies)
+}
