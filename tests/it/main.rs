@@ -28,6 +28,7 @@ mod gait;
 mod gpd;
 mod hostile;
 mod in_memory;
+mod inbetween;
 mod json;
 mod kinematics;
 mod label;

@@ -193,7 +193,6 @@ fn simulate(
         windows.gap_start(window.index),
     );
     let is_one = windows.is_of_one();
-    let beside = windows.beside_frames();
     let is_out = |other: &Window| {
         if other.is_own != window.is_own {
             return false;
@@ -201,8 +200,7 @@ fn simulate(
         let others = windows.origin(other.index);
         if window.is_own {
             let gap = windows.gap_start(other.index);
-            let length = windows.steps - 1 + beside;
-            gap < start + length && start < gap + length
+            gap.abs_diff(start) < windows.apart()
         } else if is_one {
             others.take == clip.take
         } else {

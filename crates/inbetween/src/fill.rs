@@ -4,15 +4,16 @@
 //! first after it. The blended residual, times its weight, is added to the cubic that bridges the
 //! gap, by a spline that has no slope at the ends; bones keep the take's lengths.
 
-use super::body_tree::{BodyTree, Frames, turn};
-use super::evidence::{Evidence, Residuals, evidence};
-use super::library::{MotionLibrary, RATE};
-use super::regression::{Blend, Known, blend};
+use super::RATE;
+use super::body_tree::{BodyTree, Frames};
+use super::library::MotionLibrary;
+use super::prediction::{MotionSource, predict, variance_at, with_bones};
+use super::regression::Known;
 use super::sampling::{clamped_spline, sampled};
 use super::windows::{BESIDE, Basis, Beside, Clip, Ends, Origin, Windows, cubic};
 use crate::pose::{PointNaming, joints::cmu_names, ranges};
 use glam::DVec3;
-use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
+use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,13 +21,10 @@ use std::sync::Arc;
 /// Windows cut from a library every so many frames, and from the take itself.
 const STRIDE: usize = 4;
 const OWN_STRIDE: usize = 2;
-/// With fewer windows nothing is said.
+/// With fewer windows of its own no basis is found.
 const FEWEST: usize = 60;
 /// Frames of a stretch of the take that is of use.
 const USEFUL: usize = 20;
-/// Takes that are named as the nearest, at most.
-const NAMED: usize = 3;
-
 /// The body of a take, and what is known of its motion.
 pub struct MotionFiller<'a> {
     library: Option<&'a MotionLibrary>,
@@ -35,6 +33,7 @@ pub struct MotionFiller<'a> {
     frames: Frames,
     /// Stretches of consecutive frames that show the whole body.
     whole: Vec<Range<usize>>,
+    runs: Vec<Range<usize>>,
     rate: f64,
     lengths: Vec<f64>,
     clips: Arc<[Clip]>,
@@ -64,23 +63,12 @@ pub struct MotionFill {
     pub source: MotionSource,
 }
 
-/// Where the motion in a gap is from.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MotionSource {
-    /// The error expected, as a share of that of the cubic that meets both ends.
-    pub expected: f64,
-    /// How much of the motion is used, from 0 to 1: the rest is the cubic.
-    pub weight: f64,
-    /// The takes of the nearest windows, and the seconds in them; `None`: the take itself.
-    pub nearest: Vec<(Option<String>, f64)>,
-}
-
 /// The take around a gap, laid on its grid.
 struct Grid {
     /// Steps from the frame before the gap to the one after it.
     steps: usize,
-    /// The stretches beside the gap, and the others, with where they begin, in steps.
-    parts: Vec<(Frames, usize)>,
+    /// The stretches beside the gap, and the others, with where they are.
+    parts: Vec<(Frames, Origin)>,
 }
 
 impl<'a> MotionFiller<'a> {
@@ -113,6 +101,7 @@ impl<'a> MotionFiller<'a> {
             columns,
             frames,
             whole,
+            runs: runs.to_vec(),
             rate,
             lengths,
             cut: BTreeMap::new(),
@@ -122,6 +111,20 @@ impl<'a> MotionFiller<'a> {
     /// The table's points that are the body's (B).
     pub fn points(&self) -> &[usize] {
         &self.columns
+    }
+
+    /// The gaps of no more than `longest` seconds in which the body is not whole, of whose frames
+    /// at least half are `bare`: too little is seen to place a body.
+    pub fn gaps(&self, bare: &[bool], longest: f64) -> Vec<Range<usize>> {
+        let most = longest * self.rate * (1.0 + 1e-9);
+        let is_open = |t: &usize| self.frames.row(*t).iter().any(|v| !v.is_finite());
+        let of_run = |run: &Range<usize>| ranges(run.clone().filter(is_open));
+        let mut all: Vec<Range<usize>> = self.runs.iter().flat_map(of_run).collect();
+        all.retain(|gap| {
+            let empty = gap.clone().filter(|t| bare[*t]).count();
+            2 * empty >= gap.len() && gap.len() as f64 <= most
+        });
+        all
     }
 
     /// Fills the gap between two frames that show the whole body; `gap` are those between.
@@ -156,21 +159,27 @@ impl<'a> MotionFiller<'a> {
         if left < BESIDE || right < BESIDE {
             return None;
         }
-        let part = |range: &Range<usize>, at: Vec<f64>| {
-            sampled(&self.frames.slice(s![range.clone(), ..]).to_owned(), &at)
+        let part = |range: &Range<usize>, at: Vec<f64>, start: usize| {
+            let origin = Origin {
+                start,
+                seconds: (range.start as f64 + at[0]) / self.rate,
+                ..Origin::default()
+            };
+            let frames = self.frames.slice(s![range.clone(), ..]).to_owned();
+            (sampled(&frames, &at), origin)
         };
         let last = (before.len() - 1) as f64;
         let back = (0..left).rev().map(|k| last - k as f64 * step).collect();
         let on = |count: usize| (0..count).map(|k| k as f64 * step).collect::<Vec<f64>>();
         let mut parts = vec![
-            (part(before, back), 0),
-            (part(after, on(right)), left + steps - 1),
+            part(before, back, 0),
+            part(after, on(right), left + steps - 1),
         ];
         for other in &self.whole {
             if other != before && other != after && other.len() >= USEFUL {
                 // Far from both: it overlaps neither.
                 let start = 1_000_000 + (other.start as f64 / step) as usize;
-                parts.push((part(other, on(room(other.len()))), start));
+                parts.push(part(other, on(room(other.len())), start));
             }
         }
         Some(Grid { steps, parts })
@@ -180,13 +189,9 @@ impl<'a> MotionFiller<'a> {
     fn own_windows(&self, grid: &Grid, basis: Option<&Basis>) -> Option<Windows> {
         let mut clips = Vec::new();
         let mut count = 0;
-        for (frames, start) in &grid.parts {
+        for (frames, origin) in &grid.parts {
             count += (frames.nrows() + 2).saturating_sub(2 * BESIDE + grid.steps);
-            let origin = Origin {
-                start: *start,
-                ..Origin::default()
-            };
-            clips.extend(Clip::both(&self.tree, frames.clone(), origin));
+            clips.extend(Clip::both(&self.tree, frames.clone(), *origin));
         }
         if basis.is_none() && count < FEWEST {
             return None;
@@ -197,131 +202,62 @@ impl<'a> MotionFiller<'a> {
 
     /// What is known of a gap; `None`: too little.
     fn judge(&self, gap: &Range<usize>, grid: &Grid, known: &Known<'_>) -> Option<Verdict> {
-        let some = known.others.or(known.own)?;
-        let count = |w: Option<&Windows>| w.map_or(0, |w| w.at.len());
-        if count(known.others) + count(known.own) < FEWEST {
-            return None;
-        }
         // What is beside the gap as a clip, in which nothing is in the gap.
         let (left, right) = (&grid.parts[0].0, &grid.parts[1].0);
         let inside = Frames::from_elem((grid.steps - 1, self.tree.points()), DVec3::ZERO);
-        let around = concatenate(
-            Axis(0),
-            &[
-                left.slice(s![left.nrows() - BESIDE.., ..]),
-                inside.view(),
-                right.slice(s![..BESIDE, ..]),
-            ],
-        )
-        .ok()?;
+        let around = [
+            left.slice(s![left.nrows() - BESIDE.., ..]),
+            inside.view(),
+            right.slice(s![..BESIDE, ..]),
+        ];
+        let around = concatenate(Axis(0), &around).ok()?;
         let clip = Clip::new(&self.tree, around, Origin::default());
         let ends = Ends {
             before: BESIDE - 1,
             after: BESIDE - 1 + grid.steps,
         };
-        let features = some.features_of(&self.tree, &clip, ends);
-        let near = known.distances(features.view());
-        let found = blend(known, features.view(), near.clone())?;
-        let mut residuals = Residuals::default();
-        let residual = residuals.blended(&self.tree, known, &found);
-        let gap_and_residual = (&found, &residual);
-        let evidence = evidence(&self.tree, known, &mut residuals, gap_and_residual, &near)?;
-        if evidence.weight == 0.0 {
-            return Some(Verdict::Unlike(evidence.expected));
+        let found = predict(&self.tree, known, (&clip, ends), self.library)?;
+        if found.source.weight == 0.0 {
+            return Some(Verdict::Unlike(found.source.expected));
         }
-        let xyz = self.path(
-            gap,
-            grid,
-            &(residual * evidence.weight),
-            ends.heading(&clip),
-        );
+        let frames = gap.len() + 1;
+        let u: Vec<f64> = (1..frames).map(|k| k as f64 / frames as f64).collect();
+        let path = self.path(gap, &found.residual, &u);
+        let variance = u
+            .iter()
+            .flat_map(|u| variance_at(&found.evidence, grid.steps, *u));
+        let variance = variance.collect();
         Some(Verdict::Filled(MotionFill {
-            variance: variance(&evidence, gap.len(), grid.steps),
-            xyz,
-            source: MotionSource {
-                expected: evidence.expected,
-                weight: evidence.weight,
-                nearest: self.nearest(&found, known),
-            },
+            xyz: Array2::from_shape_fn((gap.len(), 3 * path.ncols()), |(k, i)| {
+                path[[k, i / 3]][i % 3]
+            }),
+            variance: Array2::from_shape_vec((gap.len(), path.ncols()), variance).ok()?,
+            source: found.source,
         }))
     }
 
-    /// The path over the gap (frames, 3 B), cm.
-    fn path(
-        &self,
-        gap: &Range<usize>,
-        grid: &Grid,
-        residual: &Array1<f64>,
-        heading: f64,
-    ) -> Array2<f64> {
-        let tree = &self.tree;
-        let ahead = turn(heading);
-        let points = tree.points();
+    /// The path over a gap at the take's rate: the cubic, and what is added to it on the grid.
+    fn path(&self, gap: &Range<usize>, residual: &Frames, u: &[f64]) -> Frames {
         let (first, last) = (gap.start - 1, gap.end);
-        let frames = gap.len() + 1;
-        let u: Vec<f64> = (1..frames).map(|k| k as f64 / frames as f64).collect();
+        let frames = (gap.len() + 1) as f64;
         // Velocities over 1/30 s.
         let reach = ((self.rate / RATE).round() as usize).max(1);
-        let [before, after] = [first.saturating_sub(reach), last + reach];
-        let mut path = Frames::from_elem((gap.len(), points), DVec3::ZERO);
-        for p in 0..points {
+        let mut path = Frames::from_elem((gap.len(), self.tree.points()), DVec3::ZERO);
+        for (p, mut path) in path.columns_mut().into_iter().enumerate() {
             let at = |t: usize| self.frames[[t, p]];
-            let off = |k: usize, p: usize| {
-                let i = 3 * (k * points + p);
-                ahead * DVec3::new(residual[i], residual[i + 1], residual[i + 2])
-            };
-            let about_root = f64::from(u8::from(p != tree.root));
-            let about = |k: usize| off(k, p) + about_root * off(k, tree.root);
             let mut values = vec![DVec3::ZERO];
-            values.extend((0..grid.steps - 1).map(about));
+            values.extend(residual.column(p));
             values.push(DVec3::ZERO);
-            let added = clamped_spline(&values, &u);
-            let velocities =
-                [at(first) - at(before), at(after) - at(last)].map(|v| v / reach as f64);
-            for (k, (u, added)) in u.iter().zip(added).enumerate() {
-                let bridge = cubic(*u, frames as f64, [at(first), at(last)], velocities);
-                path[[k, p]] = bridge + added;
+            let added = clamped_spline(&values, u);
+            let way = |from: usize, to: usize| (at(to) - at(from)) / reach as f64;
+            let velocities = [way(first - reach, first), way(last, last + reach)];
+            for ((at_u, u), added) in path.iter_mut().zip(u).zip(added) {
+                *at_u = cubic(*u, frames, [at(first), at(last)], velocities) + added;
             }
         }
-        let rigid = |frames: &Frames| tree.with_lengths(frames, 1.0, &self.lengths);
         let ends = self.frames.select(Axis(0), &[first, last]);
-        let off = &ends - &rigid(&ends);
-        let path = rigid(&path);
-        Array2::from_shape_fn((gap.len(), 3 * points), |(k, i)| {
-            // What making bones rigid moved at the ends fades.
-            let (a, b) = ((1.0 - u[k]).powi(2), u[k] * u[k]);
-            (path[[k, i / 3]] + a * off[[0, i / 3]] + b * off[[1, i / 3]])[i % 3]
-        })
+        with_bones(&self.tree, &self.lengths, &path, &ends, u)
     }
-
-    /// The takes of the nearest windows.
-    fn nearest(&self, blend: &Blend, known: &Known<'_>) -> Vec<(Option<String>, f64)> {
-        let mut out: Vec<(Option<String>, f64)> = Vec::new();
-        for window in &blend.windows {
-            let Some(windows) = known.of(*window) else {
-                continue;
-            };
-            let library = self.library.filter(|_| !window.is_own);
-            let take = windows.origin(window.index).take;
-            let name = library.map(|l| l.takes[take].name.clone());
-            let seconds = windows.gap_start(window.index) as f64 / RATE;
-            if out.len() < NAMED && !out.iter().any(|(known, _)| *known == name) {
-                out.push((name, seconds));
-            }
-        }
-        out
-    }
-}
-
-/// The variance of a coordinate (frames, points): the gap's, shared over time.
-fn variance(evidence: &Evidence, frames: usize, steps: usize) -> Array2<f64> {
-    let profile = |u: f64| (4.0 * u * (1.0 - u)).powf(1.5);
-    let on_grid = (1..steps).map(|k| profile(k as f64 / steps as f64));
-    let mean = on_grid.sum::<f64>() / (steps - 1) as f64;
-    Array2::from_shape_fn((frames, evidence.variance.len()), |(t, p)| {
-        let u = (t + 1) as f64 / (frames + 1) as f64;
-        evidence.variance[p] * profile(u) / mean
-    })
 }
 
 #[cfg(test)]

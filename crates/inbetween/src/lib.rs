@@ -7,6 +7,7 @@
 //! length from it and from the take itself (`windows`), carried to the take's bones (`body_tree`),
 //! and adds to the cubic that bridges the gap what the nearest windows have over theirs
 //! (`regression`), where gaps that are simulated in them say that it helps (`evidence`).
+//! [`through_keys`] does so between key poses.
 //!
 //! ```
 //! use posing_core::pose::Poses;
@@ -24,10 +25,17 @@ use posing_io as io;
 mod body_tree;
 mod evidence;
 mod fill;
+mod key_poses;
 mod library;
+mod prediction;
 mod regression;
 mod sampling;
 mod windows;
 
-pub use fill::{MotionFill, MotionFiller, MotionSource, Verdict};
-pub use library::{KIND, LibraryClip, LibraryTake, MotionLibrary, RATE};
+pub use fill::{MotionFill, MotionFiller, Verdict};
+pub use key_poses::{KeySpan, KeyedMotion, through_keys};
+pub use library::{KIND, LibraryClip, LibraryTake, MotionLibrary};
+pub use prediction::MotionSource;
+
+/// Frames a second of a library, and of the windows that are compared.
+pub const RATE: f64 = 30.0;

@@ -1,5 +1,6 @@
 //! A library of motion: takes at 30 frames a second, by person, in a model file of kind `motion`.
 
+use super::RATE;
 use super::body_tree::{BodyTree, Frames};
 use super::sampling::sampled;
 use super::windows::{Clip, Origin};
@@ -13,9 +14,6 @@ use serde::{Deserialize, Serialize};
 
 /// The kind of a model file that holds a library.
 pub const KIND: &str = "motion";
-
-/// Frames a second of a library.
-pub const RATE: f64 = 30.0;
 
 /// Bones of one person's takes differ by no more than this share.
 const ONE_PERSON: f64 = 0.005;
@@ -185,6 +183,7 @@ impl MotionLibrary {
                 take: clip.take,
                 person: take.person,
                 start: (clip.start * RATE).round() as usize,
+                seconds: clip.start,
             };
             out.extend(Clip::both(tree, frames, origin));
         }

@@ -5,6 +5,7 @@
 //! frame of reference of a window has its heading in the middle; residuals are those of the root,
 //! and of every other point relative to the root.
 
+use super::RATE;
 use super::body_tree::{BodyTree, Frames, turn, wrapped};
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
@@ -28,20 +29,20 @@ const ROOT_VELOCITY: f64 = 20.0;
 const TURN_RATE: f64 = 200.0;
 
 /// What is known beside a gap.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Beside {
     /// Motion: [`BESIDE`] frames.
     Motion,
-    /// The poses at both ends alone.
-    #[cfg_attr(not(test), expect(dead_code, reason = "key poses"))]
-    Poses,
+    /// Key poses: the frame at each end, and one so many frames before and after them; 0: none.
+    Keys([usize; 2]),
 }
 
 impl Beside {
-    fn frames(self) -> usize {
+    /// Frames of a window before its gap, and after it.
+    fn frames(self) -> [usize; 2] {
         match self {
-            Beside::Motion => BESIDE,
-            Beside::Poses => 1,
+            Beside::Motion => [BESIDE; 2],
+            Beside::Keys(beyond) => beyond.map(|n| n + 1),
         }
     }
 }
@@ -51,8 +52,9 @@ impl Beside {
 pub(crate) struct Origin {
     pub take: usize,
     pub person: usize,
-    /// The frame of the take with which it begins.
+    /// The frame of the take with which it begins, and the seconds there.
     pub start: usize,
+    pub seconds: f64,
 }
 
 /// Motion without a break, at 30 frames a second.
@@ -127,20 +129,30 @@ impl Ends {
         }
         let root = |t: usize| clip.frames[[t, tree.root]];
         push(ROOT, turn(-self.heading(clip)) * (root(b) - root(a)));
-        if beside == Beside::Motion {
-            for p in others() {
-                push(VELOCITY, local(a, p) - local(a - 1, p));
-                push(VELOCITY, local(b + 1, p) - local(b, p));
-                push(1.0, local(a, p) - local(a - 3, p));
-                push(1.0, local(b + 3, p) - local(b, p));
-                push(WAY, local(a, p) - local(a - 9, p));
-                push(WAY, local(b + 9, p) - local(b, p));
+        match beside {
+            Beside::Motion => {
+                for p in others() {
+                    push(VELOCITY, local(a, p) - local(a - 1, p));
+                    push(VELOCITY, local(b + 1, p) - local(b, p));
+                    push(1.0, local(a, p) - local(a - 3, p));
+                    push(1.0, local(b + 3, p) - local(b, p));
+                    push(WAY, local(a, p) - local(a - 9, p));
+                    push(WAY, local(b + 9, p) - local(b, p));
+                }
+                let ahead = |t: usize| turn(-clip.heading[t]);
+                push(ROOT_VELOCITY, ahead(a) * (root(a) - root(a - 1)));
+                push(ROOT_VELOCITY, ahead(b) * (root(b + 1) - root(b)));
+                for (t, from) in [(a, a - 2), (b + 2, b)] {
+                    out.push(TURN_RATE / 2.0 * wrapped(clip.heading[t] - clip.heading[from]));
+                }
             }
-            let ahead = |t: usize| turn(-clip.heading[t]);
-            push(ROOT_VELOCITY, ahead(a) * (root(a) - root(a - 1)));
-            push(ROOT_VELOCITY, ahead(b) * (root(b + 1) - root(b)));
-            for (t, from) in [(a, a - 2), (b + 2, b)] {
-                out.push(TURN_RATE / 2.0 * wrapped(clip.heading[t] - clip.heading[from]));
+            Beside::Keys([before, after]) => {
+                for (from, to) in [(a - before, a), (b, b + after)] {
+                    if from < to {
+                        others().for_each(|p| push(WAY, local(to, p) - local(from, p)));
+                        push(WAY, turn(-self.heading(clip)) * (root(to) - root(from)));
+                    }
+                }
             }
         }
         let angle = self.turn(clip);
@@ -149,24 +161,34 @@ impl Ends {
         out
     }
 
-    /// The cubic that bridges the gap with the velocities at its ends, else the straight line
-    /// (steps, points).
-    fn bridge(self, clip: &Clip, beside: Beside) -> Frames {
+    /// The velocities at both ends of the bridge of a point, cm a step.
+    pub(crate) fn velocities(self, clip: &Clip, beside: Beside, p: usize) -> [DVec3; 2] {
         let Ends {
             before: a,
             after: b,
         } = self;
-        let steps = b - a;
-        let f = &clip.frames;
-        Array2::from_shape_fn((steps - 1, f.ncols()), |(k, p)| {
-            let u = (k + 1) as f64 / steps as f64;
-            let way = f[[b, p]] - f[[a, p]];
-            let [v, w] = match beside {
-                Beside::Motion => [f[[a, p]] - f[[a - 1, p]], f[[b + 1, p]] - f[[b, p]]],
-                Beside::Poses => [way / steps as f64; 2],
-            };
-            cubic(u, steps as f64, [f[[a, p]], f[[b, p]]], [v, w])
-        })
+        let at = |t: usize| clip.frames[[t, p]];
+        let way = |from: usize, to: usize| (at(to) - at(from)) / (to - from) as f64;
+        match beside {
+            Beside::Motion => [way(a - 1, a), way(b, b + 1)],
+            // A key's tangent is along its neighbors (Catmull and Rom).
+            Beside::Keys([before, after]) => [way(a - before, b), way(a, b + after)],
+        }
+    }
+
+    /// The cubic that bridges the gap with the velocities at its ends (steps, points).
+    fn bridge(self, clip: &Clip, beside: Beside) -> Frames {
+        let steps = self.after - self.before;
+        let mut out = Frames::from_elem((steps - 1, clip.frames.ncols()), DVec3::ZERO);
+        for (p, mut path) in out.columns_mut().into_iter().enumerate() {
+            let ends = [self.before, self.after].map(|t| clip.frames[[t, p]]);
+            let velocities = self.velocities(clip, beside, p);
+            for (k, at) in path.iter_mut().enumerate() {
+                let u = (k + 1) as f64 / steps as f64;
+                *at = cubic(u, steps as f64, ends, velocities);
+            }
+        }
+        out
     }
 
     /// What the motion in the gap is over the bridge (steps x points x 3), in the window's
@@ -244,7 +266,7 @@ impl Windows {
         beside: Beside,
         basis: Option<&Basis>,
     ) -> Option<Windows> {
-        let length = 2 * beside.frames() + steps - 1;
+        let length = beside.frames().iter().sum::<usize>() + steps - 1;
         let starts = |(c, clip): (usize, &Clip)| {
             let count = (clip.len() + 1).saturating_sub(length);
             (0..count).step_by(stride).map(move |s| (c, s))
@@ -300,15 +322,23 @@ impl Windows {
         (&self.clips[clip], ends_of(start, self.steps, self.beside))
     }
 
-    /// Frames of a window on each side of its gap.
-    pub(crate) fn beside_frames(&self) -> usize {
-        self.beside.frames()
+    /// How far apart the gaps of two windows start at least if none has a frame of the other's
+    /// gap.
+    pub(crate) fn apart(&self) -> usize {
+        let [before, after] = self.beside.frames();
+        self.steps - 1 + before.max(after)
     }
 
     /// The first frame of the gap of a window, in its take.
     pub(crate) fn gap_start(&self, window: usize) -> usize {
         let (clip, ends) = self.place(window);
         clip.origin.start + ends.before + 1
+    }
+
+    /// The seconds of its take at which the gap of a window starts.
+    pub(crate) fn seconds(&self, window: usize) -> f64 {
+        let (clip, ends) = self.place(window);
+        clip.origin.seconds + (ends.before + 1) as f64 / RATE
     }
 
     pub(crate) fn origin(&self, window: usize) -> Origin {
@@ -334,7 +364,7 @@ impl Windows {
 }
 
 fn ends_of(start: usize, steps: usize, beside: Beside) -> Ends {
-    let before = start + beside.frames() - 1;
+    let before = start + beside.frames()[0] - 1;
     Ends {
         before,
         after: before + steps,
@@ -352,7 +382,7 @@ mod tests {
         let turned = frames.mapv(|v| turn(1.1) * v + DVec3::new(50.0, 0.0, -20.0));
         let clips = [frames, turned].map(|f| Clip::new(&tree, f, Origin::default()));
         let clips: Arc<[Clip]> = clips.into();
-        for beside in [Beside::Motion, Beside::Poses] {
+        for beside in [Beside::Motion, Beside::Keys([0, 0]), Beside::Keys([4, 7])] {
             let cut = Windows::cut(&tree, clips.clone(), [9, 4], beside, None).unwrap();
             let half = cut.at.len() / 2;
             for k in 0..half {

@@ -45,7 +45,9 @@
 //! ```
 
 use posing_core::{Error, Place, Result, numeric, pose};
-use posing_inbetween as inbetween;
+/// What fills gaps of a whole body.
+#[doc(hidden)]
+pub use posing_inbetween as inbetween;
 use posing_io as io;
 use posing_label as label;
 use posing_models::prior;

@@ -188,6 +188,28 @@ impl<'t> Restoration<'t> {
         out
     }
 
+    /// This result, in which motion filled gaps of a whole body; `sd` is the standard deviation of
+    /// a coordinate (frames, points), cm, NaN where nothing is said.
+    #[doc(hidden)]
+    pub fn with_motion(mut self, bodies: Vec<BodyGap>, sd: ArrayView2<'_, f64>) -> Restoration<'t> {
+        let points = self.frames.points();
+        for body in bodies.iter().filter(|body| body.source.is_some()) {
+            for (t, p) in body
+                .frames
+                .clone()
+                .flat_map(|t| (0..points).map(move |p| (t, p)))
+            {
+                let state = &mut self.frames.states[t * points + p];
+                if state.status == Status::Inferred {
+                    state.method = Some(FillMethod::Motion);
+                    state.sd = sd[[t, p]];
+                }
+            }
+        }
+        self.bodies = bodies;
+        self
+    }
+
     /// Counts the frames once, also where each of some people was restored by itself.
     pub(super) fn count_people(&mut self, people: usize) {
         self.counts.frames = self.source.poses.frames();

@@ -11,12 +11,14 @@ use posing::cli::input::open_model_or_builtin;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::label_args::{ExchangeArgs, LikeArgs};
 use posing::cli::marker_set::marker_set;
+use posing::cli::motion_library::open_library;
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::{OutputPath, command_files};
 use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::{Outcome, messages};
 use posing::ik::rotation_cleaning::RotationCleaning;
+use posing::inbetween::MotionLibrary;
 use posing::io::Model;
 use posing::label::LabelSettings;
 use posing::pose::units::parse_length;
@@ -146,6 +148,10 @@ pub struct Args {
     /// Model file (default: the built-in model)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Method")]
     model: Option<PathBuf>,
+    /// Library of motion, by prior-train --motion: gaps of a whole body are filled from its takes
+    /// too, where simulated gaps say that this helps
+    #[arg(long, value_name = "MOTION.npz", help_heading = "Method")]
+    prior: Option<PathBuf>,
     /// Use no model: learn from each take's own frames alone
     #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
     take_alone: bool,
@@ -285,6 +291,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
     Ok(CleanSettings {
         read,
         model,
+        motion: args.prior.as_deref().map(motion).transpose()?,
         map: map.transpose()?,
         method: Clean {
             noise_limit: limit(|limit| limit.positions).unwrap_or(Clean::default().noise_limit),
@@ -328,6 +335,13 @@ fn skeletons(set: &str) -> Result<SkeletonSettings> {
         set: set.map(|set| set.into_owned()),
         joints: JointSet::Cmu,
     })
+}
+
+/// A library of motion, and the digest of its bytes.
+fn motion(path: &Path) -> Result<(MotionLibrary, String)> {
+    let library = open_library(path)?;
+    let digest = hex(&Sha256::digest(library.to_model().to_bytes()?));
+    Ok((library, digest))
 }
 
 /// The model, its name in messages and the digest of its bytes.

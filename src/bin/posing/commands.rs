@@ -53,6 +53,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
             entry!("audit", audit),
             entry!("clean", clean),
             entry!("complete", complete),
+            entry!("between", between),
             entry!("denoise", denoise, true),
             entry!("label", label),
             entry!("edit", edit),

@@ -3,6 +3,7 @@
 
 mod amc2xyz;
 mod audit;
+mod between;
 mod body_animate;
 mod body_fit;
 mod body_scan;

@@ -4,6 +4,7 @@ use clap::{Parser, Subcommand};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::paths::OutputPath;
 use posing::cli::{input, streams};
+use posing::inbetween::MotionLibrary;
 use posing::io::Model;
 use posing::prior::builtin_model;
 use posing::solve::MarkerSet;
@@ -108,6 +109,13 @@ fn summary(model: &Model) -> String {
         "arrays",
         format!("{}, {numbers} numbers: {groups}", arrays.len()),
     ));
+    if let Ok(library) = MotionLibrary::from_model(model, "") {
+        let minutes = library.seconds() / 60.0;
+        let names = short_list(library.takes.iter().map(|t| t.name.as_str()));
+        lines.push(("people", library.people().to_string()));
+        lines.push(("takes", format!("{}: {names}", library.takes.len())));
+        lines.push(("minutes", format!("{minutes:.1}")));
+    }
     lines.extend(meta.sparsity.map(|k| ("sparsity", k.to_string())));
     let rms = |rms| format!("{rms:.4} cm per coordinate over the training poses");
     lines.extend(meta.training_rms.map(|e| ("rms", rms(e))));

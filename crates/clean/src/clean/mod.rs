@@ -1,5 +1,6 @@
 //! Whole takes of any format, cleaned: files and folders in, the same out, a record beside each.
 
+mod body_motion;
 mod earlier_list;
 mod earlier_result;
 mod finding_groups;

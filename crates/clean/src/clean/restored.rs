@@ -1,5 +1,6 @@
 //! A file that is restored: its points, or its rotations where it keeps them.
 
+use super::body_motion::body_motion;
 use super::held::held_of;
 use super::prepared::Prepared;
 use super::rotations::CleanedFile;
@@ -72,10 +73,16 @@ impl Prepared<'_> {
             held: held_of(file),
         };
         let rate = file.rate().unwrap_or(1.0);
+        let body = body_motion(file, settings.library(), settings.method.max_gap)?;
+        let motion = body.as_ref().map_or(motion, |body| body.motion.view());
         let cleaned = clean_rotations(&file.channels(), motion, rate, &how);
         let xyz = file.positions_of(cleaned.motion.view())?;
         let rotations = CleanedFile::new(file, cleaned, settings.method.max_sd);
-        Ok((Restoration::followed(&file.table, xyz), Some(rotations)))
+        let mut points = Restoration::followed(&file.table, xyz);
+        if let Some(body) = body {
+            points = points.with_motion(body.bodies, body.sd.view());
+        }
+        Ok((points, Some(rotations)))
     }
 
     fn clean_points(&self, naming: &PointNaming) -> Result<Restoration<'_>> {
@@ -91,13 +98,16 @@ impl Prepared<'_> {
             ..settings.method
         };
         // The model, where it knows any of the points.
-        let restorer = match &settings.model {
+        let mut restorer = match &settings.model {
             Some((model, name, _)) if names.iter().any(|n| model.meta.points.contains(n)) => {
                 let restorer = Restorer::new(model).named(name);
                 restorer.with_naming(naming.clone())
             }
             _ => Restorer::without_model(),
         };
+        if let Some(library) = settings.library() {
+            restorer = restorer.with_motion(library);
+        }
         restorer.clean(table, &method)
     }
 

@@ -11,6 +11,7 @@ use crate::io::{Model, MotionFormat};
 use crate::label::LabelSettings;
 use crate::pose::{LengthUnit, NameMap, Segment, UpAxis};
 use crate::restore::Clean;
+use crate::restore::inbetween::MotionLibrary;
 use serde_json::json;
 
 /// How files are cleaned.
@@ -19,6 +20,9 @@ pub struct CleanSettings {
     pub read: ReadRules,
     /// The model, its name in messages, and the digest of its bytes; `None`: each take by itself.
     pub model: Option<(Model, String, String)>,
+    /// Motion that may fill gaps of a whole body, and the digest of its bytes; `None`: each take's
+    /// own.
+    pub motion: Option<(MotionLibrary, String)>,
     /// The map of names that was asked for.
     pub map: Option<NameMap>,
     /// How takes are restored.
@@ -51,6 +55,11 @@ pub struct CleanSettings {
 }
 
 impl CleanSettings {
+    /// Motion that may fill gaps of a whole body.
+    pub(super) fn library(&self) -> Option<&MotionLibrary> {
+        self.motion.as_ref().map(|(library, _)| library)
+    }
+
     /// What is known of the settings in a record: all that changes results.
     ///
     /// # Errors
@@ -85,6 +94,9 @@ impl CleanSettings {
         }
         if !self.smooth {
             out["smooth"] = json!(false);
+        }
+        if let Some((_, digest)) = &self.motion {
+            out["motion"] = json!(digest);
         }
         if let Some(settings) = self.labels.as_ref().filter(|_| !is_of_rotations(format)) {
             out["labels"] = json!({

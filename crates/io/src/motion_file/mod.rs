@@ -249,8 +249,8 @@ impl MotionFile {
         }
     }
 
-    /// The BVH file that it is.
-    pub(crate) fn bvh(&self) -> Option<&Bvh> {
+    /// The BVH file that it is; `None` of other formats.
+    pub fn bvh(&self) -> Option<&Bvh> {
         match &self.original {
             Original::Bvh(_, bvh) => Some(bvh),
             _ => None,

@@ -5,17 +5,18 @@
 //! something open (the twist of a bone, a hand without children), that are nearest to the
 //! [rotations filled](super::rotation_cleaning) without the table.
 
+use super::least_turns::turn_to;
 use super::rotation_cleaning::{RotationCleaning, clean_rotations};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use super::tuning::missing_channels::*;
 use crate::io::Bvh;
-use crate::io::bvh::{BvhPoints, BvhSkeleton};
+use crate::io::bvh::{BvhPoints, BvhSkeleton, Joint};
 use crate::numeric::parallel;
 use crate::pose::kinematics::Posture;
 use crate::pose::{JointChannels, Poses, point_at};
 use crate::{Error, Result};
 use glam::DMat3;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView1};
 
 /// The motion of `bvh` (frames, channels; radians and centimeters) with its missing values, from
 /// `poses`, the positions of its joints (as many frames, cm, y up; NaN is missing; a value stays
@@ -60,7 +61,21 @@ pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<A
         ..RotationCleaning::default()
     };
     let rate = bvh.rate().unwrap_or(1.0);
-    let paths = clean_rotations(&channels, bvh.motion.view(), rate, &fill).motion;
+    let mut paths = clean_rotations(&channels, bvh.motion.view(), rate, &fill).motion;
+    for t in 0..paths.nrows() {
+        let missing = bvh.motion.row(t).iter().filter(|v| v.is_nan()).count();
+        if 2 * missing > bvh.motion.ncols() {
+            // The path of a whole body that is missing may be far from its pose.
+            let place = |j: &Joint| Some(point_at(poses.xyz.view(), t, column(&j.name)?));
+            let at = bvh.joints.iter().map(|j| {
+                let place = place(j).filter(|at| at.is_finite());
+                place.map(|at| turn.transpose() * at)
+            });
+            let mut frame = paths.row(t).to_vec();
+            turn_to(bvh, &channels, &at.collect::<Vec<_>>(), &mut frame);
+            paths.row_mut(t).assign(&ArrayView1::from(&frame));
+        }
+    }
     let is_seen = |c: usize| bvh.motion.column(c).iter().any(|v| v.is_finite());
     let solving = Solving {
         bvh,

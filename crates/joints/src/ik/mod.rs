@@ -6,6 +6,7 @@ pub(crate) mod fit_quality;
 pub(crate) mod frame_solver;
 #[doc(hidden)]
 pub mod initial_pose;
+mod least_turns;
 mod missing_channels;
 mod named_skeleton;
 pub mod retarget;

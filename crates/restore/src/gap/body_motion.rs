@@ -5,10 +5,9 @@ use super::whole_body::bare_frames;
 use super::{FilledGap, Gap};
 use crate::inbetween::{MotionFiller, Verdict};
 use crate::known_motion::{BodyGap, KnownMotion};
-use crate::pose::{FillMethod, ranges};
+use crate::pose::FillMethod;
 use crate::take::Take;
 use ndarray::s;
-use std::ops::Range;
 
 /// Fills those gaps of a take that are a whole body's, and lists these; the others are `None`.
 pub(crate) fn fill(
@@ -31,15 +30,8 @@ pub(crate) fn fill(
         return (out, Vec::new());
     };
     let points = filler.points().to_vec();
-    let is_missing = |p: usize, t: usize| (3 * p..3 * p + 3).any(|i| take.xyz[[t, i]].is_nan());
-    let is_open = |t: &usize| points.iter().any(|p| is_missing(*p, *t));
-    let most = longest.unwrap_or(LONGEST) * take.rate * (1.0 + 1e-9);
-    let of_run = |run: &Range<usize>| ranges(run.clone().filter(is_open));
-    let mut bodies: Vec<BodyGap> = (take.runs.iter().flat_map(of_run))
-        .filter(|frames| {
-            let empty = frames.clone().filter(|t| bare[*t]).count();
-            2 * empty >= frames.len() && frames.len() as f64 <= most
-        })
+    let mut bodies: Vec<BodyGap> = (filler.gaps(&bare, longest.unwrap_or(LONGEST)))
+        .into_iter()
         .map(|frames| BodyGap {
             frames,
             source: None,
