@@ -235,7 +235,7 @@ class Restored(Take):
         Standard deviation of a coordinate, in the unit of ``xyz``; NaN where the
         position is unknown.
     method : str array, shape (frames, points)
-        How it was estimated: regression, pchip, model or contact; empty where it
+        How it was estimated: regression, pchip, model, contact or motion; empty where it
         was not.
     unlike : float64 array, shape (frames,)
         Novelty of the pose, in nats; 0 is like the training poses, NaN not known.

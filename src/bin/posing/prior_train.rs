@@ -28,7 +28,7 @@ use posing::prior::{Kind, TrainOptions};
     after_help = "Examples:\
         \n  posing prior-train -o model.npz poses.csv\
         \n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\
-        \n  posing prior-train --motion -o motion.npz takes/*.bvh\
+        \n  posing prior-train --motion -o motion.npz motions/*.bvh\
         \n  posing denoise -m model.npz noisy.csv -o clean.csv"
 )]
 pub struct Args {

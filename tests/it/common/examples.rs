@@ -109,6 +109,8 @@ posing xyz2bvh -o walk.bvh truth.csv
 cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh; cp walk.bvh hero.bvh; cp walk.bvh rig.bvh
 sed '1 s/\\.\\([xyz]\\)/_\\1/g' truth.csv > a.csv
 mkdir motions; cp walk.bvh motions/
+posing prior-train -q --motion -o motion.npz motions/*.bvh
+awk 'NR == 1 || NR % 40 == 2' truth.csv > keys.csv; posing xyz2bvh -q -o keys.bvh keys.csv
 mkdir -p cmu/07 cmu/09; cp 07.asf 07_01.amc cmu/07; cp 09.asf 09_06.amc cmu/09
 posing rotations-train -q -o rotations.npz cmu/*/
 sed -E '1 s/\\<l(hipjoint|femur|tibia|foot|clavicle|humerus|radius)/left_\\1/g
