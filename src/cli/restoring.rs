@@ -11,7 +11,7 @@ use super::name_maps::name_map;
 use super::progress::Progress;
 use super::streams::{create_table, write_bytes, write_table};
 use super::summary::{StatusColumns, report};
-use crate::inbetween::MotionLibrary;
+use crate::inbetween::{MotionLibrary, NO_BODY, knows_body};
 use crate::io::text::excerpt;
 use crate::io::{Cells, Columns, Model, PosesBuilder, Row, Table, TableFormat, deviations};
 use crate::label::unlabeled::left_alone;
@@ -247,6 +247,9 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     } = task
     {
         restorer = restorer.with_motion(library);
+        if !knows_body(&table.poses.points, table.poses.xyz.view()) {
+            messages::info(NO_BODY);
+        }
     }
     if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {

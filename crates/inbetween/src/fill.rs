@@ -25,6 +25,18 @@ const OWN_STRIDE: usize = 2;
 const FEWEST: usize = 60;
 /// Frames of a stretch of the take that is of use.
 const USEFUL: usize = 20;
+/// What to say where [`knows_body`] is false.
+#[doc(hidden)]
+pub const NO_BODY: &str = "the points are no body that is known by name, with root and hips: the \
+                           library of motion is not used";
+
+/// Whether motion may fill gaps of a body of these points (xyz: frames, 3 J): those of a skeleton
+/// whose names are known, not markers.
+pub fn knows_body(points: &[String], xyz: ArrayView2<'_, f64>) -> bool {
+    let naming = PointNaming::of(points, xyz, &cmu_names());
+    BodyTree::of(&naming.model_names(points)).is_some()
+}
+
 /// The body of a take, and what is known of its motion.
 pub struct MotionFiller<'a> {
     library: Option<&'a MotionLibrary>,

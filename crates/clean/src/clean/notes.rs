@@ -10,6 +10,7 @@ use crate::io::{MotionFile, MotionFormat};
 use crate::label::unlabeled::left_alone;
 use crate::pose::{PointNaming, point_at};
 use crate::restore::Restoration;
+use crate::restore::inbetween::{NO_BODY, knows_body};
 
 impl Written<'_> {
     /// The notes on a file whose result is a copy, or not.
@@ -78,6 +79,16 @@ fn of_file(file: &MotionFile) -> Vec<String> {
 fn of_points(restored: &Restored<'_>) -> Vec<String> {
     let points = &restored.points;
     let mut out = Vec::new();
+    let file = &restored.take.file;
+    let rate = file.rate().unwrap_or(1.0);
+    let seconds = |t: usize| t as f64 / rate;
+    let bodies = points.body_gaps().iter();
+    out.extend(bodies.map(|b| b.note([b.frames.start, b.frames.end].map(seconds))));
+    let poses = file.poses();
+    let is_library = restored.take.run.settings.library().is_some();
+    if is_library && !knows_body(&poses.points, poses.xyz.view()) {
+        out.push(NO_BODY.into());
+    }
     if let PointNaming::Map(map) = &restored.naming {
         out.push(format!("the points have the names of the map {}", map.name));
     }

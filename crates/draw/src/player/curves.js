@@ -9,7 +9,7 @@ const SEEN = 0, MOVED = 1, FILLED = 2;
 const LOOKS = [
   ["middle", [], "measured"], ["changed", [], "changed"], ["inferred", [7, 3], "inferred"],
   ["inferred", [7, 3], "filled by regression"], ["f5", [2, 3], "filled by PCHIP"], ["left", [9, 3, 2, 3], "filled by the model"],
-  ["right", [12, 2], "held where a foot stands"],
+  ["right", [12, 2], "held where a foot stands"], ["f3", [14, 3], "filled from motion"],
 ];
 const ROOM = 8;
 /** Of very many figures only so many stand behind the curves. */
@@ -231,7 +231,7 @@ function makeSigns() {
     node.append(look, text);
     signs.push(node);
   };
-  const lines = ["solid", "solid", "dashed", "dashed", "dotted", "dashed"];
+  const lines = ["solid", "solid", "dashed", "dashed", "dotted", "dashed", "dashed", "dashed"];
   const used = kind => kind < FILLED ? has[kind] || kind === SEEN && !has[1] : has[INFERRED] && (method ? method.includes(kind - FILLED) : kind === FILLED);
   LOOKS.forEach(([color, , text], kind) => {
     // Without a method a point is merely inferred; measured points have none either.

@@ -1,7 +1,7 @@
 
 // The body of `player(root, scene)`, of poses: how points were filled, how sure that is, and where the gaps are.
 
-const METHODS = ["", "regression", "pchip", "model", "contact"];
+const METHODS = ["", "regression", "pchip", "model", "contact", "motion"];
 const INFERRED = 2;
 /** Steps of a standard deviation in a centimeter. */
 const SD_STEPS = 1000;
