@@ -62,9 +62,13 @@ pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<A
     };
     let rate = bvh.rate().unwrap_or(1.0);
     let mut paths = clean_rotations(&channels, bvh.motion.view(), rate, &fill).motion;
-    for t in 0..paths.nrows() {
+    let is_bare = |t: usize| {
         let missing = bvh.motion.row(t).iter().filter(|v| v.is_nan()).count();
-        if 2 * missing > bvh.motion.ncols() {
+        2 * missing > bvh.motion.ncols()
+    };
+    let is_bare: Vec<bool> = (0..paths.nrows()).map(is_bare).collect();
+    for t in 0..paths.nrows() {
+        if is_bare[t] {
             // The path of a whole body that is missing may be far from its pose.
             let place = |j: &Joint| Some(point_at(poses.xyz.view(), t, column(&j.name)?));
             let at = bvh.joints.iter().map(|j| {
@@ -85,6 +89,7 @@ pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<A
         is_seen: (0..bvh.motion.ncols()).map(is_seen).collect(),
         children: children(bvh, poses, &known),
         paths,
+        is_bare,
     };
     let frames = parallel::map_chunks(bvh.motion.nrows(), CHUNK, |range| {
         let mut solver = IkSolver::new(&rig.skeleton, &bones, IkSettings::default());
@@ -105,6 +110,8 @@ struct Solving<'a> {
     known: &'a [(usize, usize)],
     /// The motion filled without the positions.
     paths: Array2<f64>,
+    /// Whether most of each frame is missing.
+    is_bare: Vec<bool>,
     /// Whether each channel has a value in the take.
     is_seen: Vec<bool>,
     /// By channel, the known joints that it moves first: the children of its joint.
@@ -170,11 +177,18 @@ impl Solving<'_> {
     }
 
     /// Whether nothing says what a channel was: it has no value in the take, or the points that it
-    /// moves are missing.
+    /// moves are missing; where most of a frame is missing, all points.
     fn is_open(&self, t: usize, channel: usize) -> bool {
         let is_unknown =
             |&j: &usize| !point_at(self.poses.xyz.view(), t, self.known[j].0).is_finite();
-        !self.is_seen[channel] || self.children[channel].iter().any(is_unknown)
+        if !self.is_seen[channel] {
+            return true;
+        }
+        // Of a body that is placed, the path tells what points leave open.
+        if self.is_bare[t] {
+            return (0..self.known.len()).all(|j| is_unknown(&j));
+        }
+        self.children[channel].iter().any(is_unknown)
     }
 
     /// Where the joints are in a frame, and the weight of each coordinate; those that the table
