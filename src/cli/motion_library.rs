@@ -1,13 +1,15 @@
 //! Libraries of motion: `prior-train --motion` makes one, `--prior` names one.
 
+use super::choice::choice;
 use super::name_maps::name_map;
 use super::{input, messages};
 use crate::inbetween::MotionLibrary;
 use crate::io::motion_file::{MotionFile, ReadOptions};
 use crate::io::{self, Model};
-use crate::pose::{PointNaming, joints};
+use crate::pose::{LengthUnit, PointNaming, UpAxis, joints};
 use crate::prior::provenance::{digest, entry};
 use crate::restore::BodyGap;
+use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
@@ -15,14 +17,26 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Motion")]
 pub struct MotionArgs {
-    /// Keep the motion of the takes, at 30 frames a second, instead of training: BVH, AMC, C3D and
-    /// tables of any rate. complete --prior fills gaps of a whole body from it. Takes with the same
-    /// bones are one person's
-    #[arg(long, conflicts_with_all = ["kind", "cells", "leaves"])]
+    /// Keep the motion of the takes, at 30 frames a second, instead of training: files of BVH, AMC,
+    /// C3D and tables of any rate. complete --prior (tables), clean --prior (any file) and between
+    /// use it. Takes whose bone lengths match count as one person's
+    #[arg(long, conflicts_with_all = ["kind", "cells", "leaves", "space", "seed"])]
     pub motion: bool,
     /// Frames per second of takes that do not say it
     #[arg(long, value_name = "F", requires = "motion", value_parser = super::args::parse_rate)]
     fps: Option<f64>,
+    /// Unit of length of takes that do not say it [default: cm]
+    #[arg(long, value_name = "UNIT", requires = "motion", value_parser = choice::<LengthUnit>())]
+    units: Option<LengthUnit>,
+    /// Axis that points up in takes that do not say it [default: y]
+    #[arg(
+        long,
+        value_name = "AXIS",
+        requires = "motion",
+        allow_hyphen_values = true,
+        value_parser = choice::<UpAxis>()
+    )]
+    up: Option<UpAxis>,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's]
     #[arg(long, value_name = "SUBJECT.asf", requires = "motion")]
     asf: Option<PathBuf>,
@@ -48,6 +62,8 @@ impl MotionArgs {
         let naming = map.map(PointNaming::Map);
         let options = ReadOptions {
             fps: self.fps,
+            units: self.units,
+            up: self.up,
             asf: self.asf.clone(),
             ..ReadOptions::default()
         };
@@ -56,31 +72,35 @@ impl MotionArgs {
         }
         let mut library = MotionLibrary::default();
         let mut digests = Vec::new();
-        let mut left_out = 0;
         for path in files {
             let file = MotionFile::open(path, &options)?;
             let poses = file.poses();
             let rates: Vec<Option<f64>> = poses.rates().iter().map(|r| r.or(self.fps)).collect();
             let name = io::input::take_name(path);
+            let own = PointNaming::of(&poses.points, poses.xyz.view(), &known);
+            let names = naming.as_ref().unwrap_or(&own).model_names(&poses.points);
+            let remedy = "give the unit with --units (m, mm, in)";
+            check_body_size(poses, &names, &path.display().to_string(), remedy)?;
             let place = |e: Error| e.at(Place::file(path.display().to_string()));
-            left_out += library
-                .add(poses, &rates, naming.as_ref(), &name)
-                .map_err(place)?;
+            let left_out = library.add(poses, &rates, naming.as_ref(), &name);
+            let left_out = left_out.map_err(place)?;
+            if left_out > 0 {
+                messages::info(&format!(
+                    "{}: {} left out: no rate of 10 frames a second or more (--fps sets one), or \
+                     no .7 seconds that show the whole body",
+                    path.display(),
+                    counted(left_out, "take", "takes")
+                ));
+            }
             digests.push(digest(&poses.points, poses.xyz.mapv(|v| v as f32).view()));
-        }
-        if left_out > 0 {
-            messages::info(&format!(
-                "{left_out} takes left out: no frame rate (--fps sets it), or no stretch of .7 \
-                 seconds that shows the whole body"
-            ));
         }
         if library.clips.is_empty() {
             return Err(Error::usage("no take is left: there is no motion to keep"));
         }
         messages::info(&format!(
-            "{} takes of {} people, {:.1} minutes",
-            library.takes.len(),
-            library.people(),
+            "{} of {}, {:.1} minutes",
+            counted(library.takes.len(), "take", "takes"),
+            counted(library.people(), "person", "people"),
             library.seconds() / 60.0
         ));
         let mut model = library.to_model();
@@ -91,6 +111,10 @@ impl MotionArgs {
             .push(entry("prior-train", &flags, digests));
         Ok(model)
     }
+}
+
+fn counted(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 /// Opens a library of motion.
@@ -104,21 +128,18 @@ pub fn open_library(path: &Path) -> Result<MotionLibrary> {
 /// Says how many gaps of a whole body were filled from motion.
 pub fn report_body_gaps(gaps: &[BodyGap]) {
     let filled = gaps.iter().filter(|gap| gap.source.is_some()).count();
-    let left = gaps.len() - filled;
-    let noun = |n: usize| if n == 1 { "gap" } else { "gaps" };
-    match (filled, left) {
-        (0, 0) => {}
-        (0, _) => messages::info(&format!(
-            "{left} whole-body {} filled without motion: nothing alike is known",
-            noun(left)
-        )),
-        (_, 0) => messages::info(&format!(
-            "{filled} whole-body {} filled from motion",
-            noun(filled)
-        )),
-        _ => messages::info(&format!(
-            "{filled} whole-body {} filled from motion, {left} not: nothing alike is known",
-            noun(filled)
-        )),
+    let unlike = gaps.iter().filter(|gap| gap.is_unlike).count();
+    let counts = [
+        (filled, "filled from motion"),
+        (unlike, "not: no similar motion was found"),
+        (
+            gaps.len() - filled - unlike,
+            "not: too little motion is known beside it, or at all",
+        ),
+    ];
+    let counts = counts.iter().filter(|(n, _)| *n > 0);
+    let what: Vec<String> = counts.map(|(n, what)| format!("{n} {what}")).collect();
+    if !what.is_empty() {
+        messages::info(&format!("whole-body gaps: {}", what.join("; ")));
     }
 }

@@ -247,7 +247,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
     } = task
     {
         restorer = restorer.with_motion(library);
-        if !knows_body(&table.poses.points, table.poses.xyz.view()) {
+        if !knows_body(&naming.model_names(&table.poses.points)) {
             messages::info(NO_BODY);
         }
     }
@@ -256,6 +256,13 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationReport> 
             Some(_) => "the table's times give no frame rate",
             None => "the table has no time",
         };
+        if let Task::Complete {
+            motion: Some(_), ..
+        } = task
+        {
+            let what = format!("--prior needs a frame rate, but {lack}; give it with --fps");
+            return Err(Error::usage(what));
+        }
         if task.max_gap().is_some() {
             let what = format!("--max-gap needs a frame rate, but {lack}; give it with --fps");
             return Err(Error::usage(what));

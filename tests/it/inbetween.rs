@@ -12,15 +12,20 @@ fn walks() -> [String; 2] {
     })
 }
 
-/// A library of a walk, played at other speeds too: what is known of a gap is tried on other takes.
+/// A library of a walk of others, at other speeds; what is known of a gap is tried on other people.
 fn library(folder: &Path, walk: &str) -> String {
     let mut files = Vec::new();
     let column = walk.split(',').position(|c| c.trim() == "time").unwrap();
-    for (name, pace) in [("a", 1.0), ("b", 1.04), ("c", 0.97), ("d", 1.1)] {
+    for (name, pace) in [("a", 1.01), ("b", 1.04), ("c", 0.97), ("d", 1.1)] {
         let slow = |line: &str| {
             let mut cells: Vec<String> = line.split(',').map(String::from).collect();
             if let Ok(time) = cells[column].parse::<f64>() {
                 cells[column] = format!("{:.6}", pace * time);
+                // Others, who are smaller or larger.
+                for cell in &mut cells[column + 1..] {
+                    let value: f64 = cell.parse().unwrap();
+                    *cell = format!("{:.6}", value * pace);
+                }
             }
             cells.join(",") + "\n"
         };

@@ -21,20 +21,21 @@ use std::sync::Arc;
 /// Windows cut from a library every so many frames, and from the take itself.
 const STRIDE: usize = 4;
 const OWN_STRIDE: usize = 2;
+/// Lengths of gaps for which a library's windows are kept.
+const KEPT: usize = 8;
 /// With fewer windows of its own no basis is found.
 const FEWEST: usize = 60;
 /// Frames of a stretch of the take that is of use.
 const USEFUL: usize = 20;
 /// What to say where [`knows_body`] is false.
 #[doc(hidden)]
-pub const NO_BODY: &str = "the points are no body that is known by name, with root and hips: the \
+pub const NO_BODY: &str = "the point names are not those of a known body, with root and hips: the \
                            library of motion is not used";
 
-/// Whether motion may fill gaps of a body of these points (xyz: frames, 3 J): those of a skeleton
-/// whose names are known, not markers.
-pub fn knows_body(points: &[String], xyz: ArrayView2<'_, f64>) -> bool {
-    let naming = PointNaming::of(points, xyz, &cmu_names());
-    BodyTree::of(&naming.model_names(points)).is_some()
+/// Whether motion may fill gaps of a body of points with these names, which are CMU's: those of a
+/// skeleton, not of markers.
+pub fn knows_body(names: &[String]) -> bool {
+    BodyTree::of(names).is_some()
 }
 
 /// The body of a take, and what is known of its motion.
@@ -106,7 +107,7 @@ impl<'a> MotionFiller<'a> {
         let lengths = tree.lengths(&frames);
         Some(MotionFiller {
             clips: library
-                .map_or(Vec::new(), |l| l.clips_for(&tree, &lengths))
+                .map_or(Vec::new(), |l| l.clips_for(&tree, &frames, &lengths))
                 .into(),
             library,
             tree,
@@ -126,7 +127,7 @@ impl<'a> MotionFiller<'a> {
     }
 
     /// The gaps of no more than `longest` seconds in which the body is not whole, of whose frames
-    /// at least half are `bare`: too little is seen to place a body.
+    /// at least four fifths are `bare`: too little is seen to place a body.
     pub fn gaps(&self, bare: &[bool], longest: f64) -> Vec<Range<usize>> {
         let most = longest * self.rate * (1.0 + 1e-9);
         let is_open = |t: &usize| self.frames.row(*t).iter().any(|v| !v.is_finite());
@@ -134,7 +135,7 @@ impl<'a> MotionFiller<'a> {
         let mut all: Vec<Range<usize>> = self.runs.iter().flat_map(of_run).collect();
         all.retain(|gap| {
             let empty = gap.clone().filter(|t| bare[*t]).count();
-            2 * empty >= gap.len() && gap.len() as f64 <= most
+            5 * empty >= 4 * gap.len() && gap.len() as f64 <= most
         });
         all
     }
@@ -146,8 +147,13 @@ impl<'a> MotionFiller<'a> {
         };
         let steps = grid.steps;
         if !self.cut.contains_key(&steps) {
+            if self.cut.len() >= KEPT {
+                self.cut.clear();
+            }
             let clips = self.clips.clone();
             let windows = Windows::cut(&self.tree, clips, [steps, STRIDE], Beside::Motion, None);
+            // Few windows make no basis for others.
+            let windows = windows.filter(|w| w.at.len() >= FEWEST);
             self.cut.insert(steps, windows);
         }
         let others = self.cut[&steps].as_ref();
@@ -234,7 +240,7 @@ impl<'a> MotionFiller<'a> {
         }
         let frames = gap.len() + 1;
         let u: Vec<f64> = (1..frames).map(|k| k as f64 / frames as f64).collect();
-        let path = self.path(gap, &found.residual, &u);
+        let path = self.path(gap, grid, &found.residual, &u);
         let variance = u
             .iter()
             .flat_map(|u| variance_at(&found.evidence, grid.steps, *u));
@@ -249,11 +255,11 @@ impl<'a> MotionFiller<'a> {
     }
 
     /// The path over a gap at the take's rate: the cubic, and what is added to it on the grid.
-    fn path(&self, gap: &Range<usize>, residual: &Frames, u: &[f64]) -> Frames {
+    fn path(&self, gap: &Range<usize>, grid: &Grid, residual: &Frames, u: &[f64]) -> Frames {
         let (first, last) = (gap.start - 1, gap.end);
-        let frames = (gap.len() + 1) as f64;
-        // Velocities over 1/30 s.
-        let reach = ((self.rate / RATE).round() as usize).max(1);
+        // Velocities over a step, as in windows.
+        let (left, right) = (&grid.parts[0].0, &grid.parts[1].0);
+        let end = left.nrows() - 1;
         let mut path = Frames::from_elem((gap.len(), self.tree.points()), DVec3::ZERO);
         for (p, mut path) in path.columns_mut().into_iter().enumerate() {
             let at = |t: usize| self.frames[[t, p]];
@@ -261,10 +267,13 @@ impl<'a> MotionFiller<'a> {
             values.extend(residual.column(p));
             values.push(DVec3::ZERO);
             let added = clamped_spline(&values, u);
-            let way = |from: usize, to: usize| (at(to) - at(from)) / reach as f64;
-            let velocities = [way(first - reach, first), way(last, last + reach)];
+            let velocities = [
+                left[[end, p]] - left[[end - 1, p]],
+                right[[1, p]] - right[[0, p]],
+            ];
             for ((at_u, u), added) in path.iter_mut().zip(u).zip(added) {
-                *at_u = cubic(*u, frames, [at(first), at(last)], velocities) + added;
+                let ends = [at(first), at(last)];
+                *at_u = cubic(*u, grid.steps as f64, ends, velocities) + added;
             }
         }
         let ends = self.frames.select(Axis(0), &[first, last]);

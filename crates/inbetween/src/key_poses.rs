@@ -1,8 +1,9 @@
 //! Motion between key poses, from a library.
 //!
-//! Each span between two keys is the cubic of Catmull and Rom, whose tangents at a key are along
-//! its neighbors, and what the nearest windows of a library have over theirs, where gaps simulated
-//! in them say that this helps. Both sides of a key share one velocity, the mean of what they say.
+//! Each span between two keys is a cubic, whose velocity at a key is that of the parabola through
+//! it and its neighbors, and what the nearest windows of a library have over theirs, where gaps
+//! simulated in them say that this helps. Both sides of a key share one velocity, the mean of what
+//! they say.
 
 use super::RATE;
 use super::body_tree::{BodyTree, Frames};
@@ -10,7 +11,7 @@ use super::library::MotionLibrary;
 use super::prediction::{MotionSource, Prediction, predict, variance_at, with_bones};
 use super::regression::Known;
 use super::sampling::clamped_spline;
-use super::windows::{Beside, Clip, Ends, Origin, Windows, cubic};
+use super::windows::{Beside, Clip, Ends, Origin, Windows, cubic, tangent};
 use crate::Result;
 use crate::pose::{PointNaming, Poses, joints::cmu_names, point_at};
 use glam::DVec3;
@@ -22,8 +23,11 @@ use std::sync::Arc;
 const LONGEST: f64 = 2.0;
 /// Steps of a span, at least.
 const FEWEST: usize = 3;
-/// Windows are cut every so many frames.
+/// Windows are cut every so many frames, and kept for so many kinds of spans.
 const STRIDE: usize = 4;
+const KEPT: usize = 8;
+/// Frames that are made, at most.
+const MOST_FRAMES: f64 = 1e6;
 /// How far off a frame a key may be, in frames.
 const OFF: f64 = 0.02;
 
@@ -35,7 +39,9 @@ pub struct KeyedMotion {
     /// Standard deviation of a coordinate of each point (frames, J), cm; 0 in keys, NaN where
     /// nothing is said.
     pub sd: Array2<f64>,
-    /// What is between each two keys.
+    /// The rows of the table that are keys, and their frames.
+    pub keys: Vec<(usize, usize)>,
+    /// What is between each two keys that have frames between them.
     pub spans: Vec<KeySpan>,
 }
 
@@ -46,6 +52,8 @@ pub struct KeySpan {
     pub frames: [usize; 2],
     /// Where the motion is from; `None`: it is a spline.
     pub source: Option<MotionSource>,
+    /// Whether motion was looked for: the span is neither brief nor long.
+    pub is_tried: bool,
 }
 
 /// Key poses of a body.
@@ -98,7 +106,9 @@ pub fn through_keys(
     let frames = BodyTree::frames(poses.xyz.select(Axis(0), &keys).view(), &columns);
     let lengths = tree.lengths(&frames);
     let mut body = Keys {
-        clips: library.clips_for(&tree, &lengths).into(),
+        clips: library
+            .clips_for(&tree, &Frames::from_elem((0, 0), DVec3::ZERO), &lengths)
+            .into(),
         library,
         tree,
         frames,
@@ -128,10 +138,13 @@ pub fn through_keys(
                 sd[[row, *p]] = variance.as_ref().map_or(f64::NAN, |v| v[b].sqrt());
             }
         }
-        spans.push(KeySpan {
-            frames: [from, to],
-            source: found.as_ref().map(|f| f.source.clone()),
-        });
+        if to > from + 1 {
+            spans.push(KeySpan {
+                frames: [from, to],
+                source: found.as_ref().map(|f| f.source.clone()),
+                is_tried: body.steps(k, k + 1) >= FEWEST,
+            });
+        }
     }
     let others = (0..poses.points.len()).filter(|p| !columns.contains(p));
     others.for_each(|p| spline(poses, &keys, (&body.times, &at), p, &mut xyz));
@@ -148,6 +161,7 @@ pub fn through_keys(
             take: None,
         },
         sd,
+        keys: keys.into_iter().zip(at).collect(),
         spans,
     })
 }
@@ -157,7 +171,11 @@ fn frames_of(times: &[f64], rate: f64) -> Result<Vec<usize>> {
     let mut out: Vec<usize> = Vec::new();
     for time in times {
         let frame = (time - times[0]) * rate;
-        if !(frame.is_finite() && (frame - frame.round()).abs() <= OFF && frame <= 1e7) {
+        if !(frame.abs() <= MOST_FRAMES) {
+            let what = format!("the key at {time} s would be frame {frame:.0}: too many frames");
+            return Err(what.into());
+        }
+        if (frame - frame.round()).abs() > OFF {
             return Err(format!(
                 "the key at {time} s lies between two frames of {rate} a second; the option `fps` \
                  sets the rate"
@@ -173,7 +191,7 @@ fn frames_of(times: &[f64], rate: f64) -> Result<Vec<usize>> {
     Ok(out)
 }
 
-/// A point that is none of the body's: the cubic of Catmull and Rom through the keys that have it.
+/// A point that is none of the body's: the cubics through the keys that have it.
 fn spline(
     poses: &Poses,
     keys: &[usize],
@@ -186,10 +204,16 @@ fn spline(
     for (n, pair) in known.windows(2).enumerate() {
         let [a, b] = [pair[0], pair[1]];
         let span = times[b] - times[a];
-        let way = |a: usize, b: usize| (place(b) - place(a)) / (times[b] - times[a]) * span;
+        let way = |a: usize, b: usize| {
+            let seconds = times[b] - times[a];
+            ((place(b) - place(a)) / seconds, seconds)
+        };
         let before = known[n.saturating_sub(1)];
         let after = known[(n + 2).min(known.len() - 1)];
-        let velocities = [way(before, b), way(a, after)];
+        let velocities = [(before, a), (b, after)].map(|(from, to)| match to - from {
+            0 => way(a, b).0 * span,
+            _ => tangent([way(from, to), way(a, b)]) * span,
+        });
         for row in at[a] + 1..at[b] {
             let u = (row - at[a]) as f64 / (at[b] - at[a]) as f64;
             let place = cubic(u, 1.0, [place(a), place(b)], velocities);
@@ -218,10 +242,10 @@ impl Keys<'_> {
     /// Steps of a library between two keys; 0 where they are the same or far apart.
     fn steps(&self, from: usize, to: usize) -> usize {
         let seconds = self.times[to] - self.times[from];
-        if seconds > LONGEST {
+        if seconds > LONGEST || seconds <= 0.0 {
             return 0;
         }
-        (seconds * RATE).round() as usize
+        ((seconds * RATE).round() as usize).max(1)
     }
 
     /// The keys before and after a span, where they are near.
@@ -243,6 +267,9 @@ impl Keys<'_> {
         let beside = Beside::Keys([before, after]);
         let (tree, clips) = (&self.tree, &self.clips);
         let cut = || Windows::cut(tree, clips.clone(), [steps, STRIDE], beside, None);
+        if self.cut.len() >= KEPT && !self.cut.contains_key(&(steps, beside)) {
+            self.cut.clear();
+        }
         let others = (self.cut.entry((steps, beside)).or_insert_with(cut)).as_ref();
         let known = Known { others, own: None };
         // The keys as a clip, in which nothing is between them.
@@ -275,10 +302,17 @@ impl Keys<'_> {
             ];
             for p in 0..self.tree.points() {
                 let way = |from: usize, to: usize| {
-                    (self.frames[[to, p]] - self.frames[[from, p]])
-                        / (self.times[to] - self.times[from])
+                    let seconds = self.times[to] - self.times[from];
+                    (
+                        (self.frames[[to, p]] - self.frames[[from, p]]) / seconds,
+                        seconds,
+                    )
                 };
-                let mut own = [way(a, k + 1), way(k, b)];
+                let across = way(k, k + 1);
+                let mut own = [(a, k), (k + 1, b)].map(|(from, to)| match to - from {
+                    0 => across.0,
+                    _ => tangent([way(from, to), across]),
+                });
                 if let Some(found) = found {
                     for (own, slope) in own.iter_mut().zip(found.slopes(p)) {
                         *own += slope * found.steps() as f64 / seconds;

@@ -18,8 +18,15 @@ pub const KIND: &str = "motion";
 /// Bones of one person's takes differ by no more than this share.
 const ONE_PERSON: f64 = 0.005;
 
+/// A take is in the library already if so many of its frames are within so many cm of some there.
+const COMPARED: usize = 9;
+const NEAR: f64 = 2.5;
+
 /// Shorter bones do not tell people apart, cm.
 const SHORT_BONE: f64 = 2.0;
+
+/// Frames a second of a take that shows motion, at least.
+const SLOWEST: f64 = 10.0;
 
 /// A stretch of fewer frames has no window.
 const FEWEST: usize = 21;
@@ -65,10 +72,11 @@ struct ClipMeta {
 
 impl MotionLibrary {
     /// Adds the takes of a table, with the rates of each; `naming` says how points are named, else
-    /// the names tell. Takes without a rate or a body are left out: how many is returned.
+    /// the names tell. Takes of a rate below 10 or without .7 seconds of a whole body are left out:
+    /// how many is returned. One whose name is known gets a number behind it.
     ///
     /// # Errors
-    /// [`Error::Unfit`]: the table has no names of a body, or a take of its name is known.
+    /// [`Error::Unfit`]: the table has no names of a body.
     pub fn add(
         &mut self,
         poses: &Poses,
@@ -92,7 +100,7 @@ impl MotionLibrary {
             let frames = BodyTree::frames(poses.xyz.slice(s![take.clone(), ..]), &columns);
             let is_whole = |t: &usize| frames.row(*t).iter().all(|v| v.is_finite());
             let mut clips = Vec::new();
-            if let Some(rate) = rate.filter(|rate| *rate > 0.0) {
+            if let Some(rate) = rate.filter(|rate| *rate >= SLOWEST) {
                 let own_runs = runs.iter().filter(|r| take.contains(&r.start));
                 for run in own_runs {
                     let run = run.start - take.start..run.end - take.start;
@@ -111,11 +119,11 @@ impl MotionLibrary {
                 left_out += 1;
                 continue;
             }
-            if self.takes.iter().any(|t| t.name == own) {
-                return Err(format!("has take \"{own}\", which the library has already").into());
-            }
+            let others = (2..).map(|n| format!("{own} ({n})"));
+            let mut names = std::iter::once(own.clone()).chain(others);
+            let is_new = |name: &String| self.takes.iter().all(|t| t.name != *name);
             self.takes.push(LibraryTake {
-                name: own,
+                name: names.find(is_new).unwrap_or(own),
                 person: self.person_of(&tree, &clips[0].1),
                 points: tree.names.clone(),
             });
@@ -161,11 +169,43 @@ impl MotionLibrary {
         frames as f64 / RATE
     }
 
-    /// The clips as motion of a body with other bones, and their mirror images; takes that lack
-    /// points of the body are left out.
-    pub(crate) fn clips_for(&self, tree: &BodyTree, lengths: &[f64]) -> Vec<Clip> {
-        let mut out = Vec::new();
+    /// The takes that are a body's own: of the same bones, and where it is in all of some frames.
+    fn copies(&self, tree: &BodyTree, frames: &Frames, lengths: &[f64]) -> Vec<usize> {
+        let is_whole = |t: &usize| frames.row(*t).iter().all(|v| v.is_finite());
+        let whole: Vec<usize> = (0..frames.nrows()).filter(is_whole).collect();
+        let step = whole.len().div_ceil(COMPARED).max(1);
+        let some: Vec<usize> = whole.into_iter().step_by(step).collect();
+        let mut met = vec![vec![false; some.len()]; self.takes.len()];
         for clip in &self.clips {
+            let take = &self.takes[clip.take];
+            if take.points != tree.names {
+                continue;
+            }
+            let own = clip.frames();
+            let is_other = |(a, b): (&f64, &f64)| *a > SHORT_BONE && (a - b).abs() > ONE_PERSON * a;
+            if lengths.iter().zip(&tree.lengths(&own)).any(is_other) {
+                continue;
+            }
+            for (t, met) in some.iter().zip(&mut met[clip.take]) {
+                let near = |row: ndarray::ArrayView1<'_, DVec3>| {
+                    let pairs = row.into_iter().zip(frames.row(*t));
+                    let squares = pairs.map(|(a, b)| a.distance_squared(*b)).sum::<f64>();
+                    squares < NEAR * NEAR * tree.points() as f64
+                };
+                *met |= own.rows().into_iter().any(near);
+            }
+        }
+        let is_copy = |take: &usize| !met[*take].is_empty() && met[*take].iter().all(|m| *m);
+        (0..met.len()).filter(is_copy).collect()
+    }
+
+    /// The clips as motion of a body with other bones, and their mirror images; takes that lack
+    /// points of the body are left out, and so are copies of `own` frames, which would show what
+    /// simulated gaps hide.
+    pub(crate) fn clips_for(&self, tree: &BodyTree, own: &Frames, lengths: &[f64]) -> Vec<Clip> {
+        let copies = self.copies(tree, own, lengths);
+        let mut out = Vec::new();
+        for clip in self.clips.iter().filter(|c| !copies.contains(&c.take)) {
             let take = &self.takes[clip.take];
             let column = |name: &String| take.points.iter().position(|p| p == name);
             let Some(columns) = tree.names.iter().map(column).collect::<Option<Vec<_>>>() else {
@@ -253,8 +293,8 @@ impl MotionLibrary {
             let is_sound = meta.frames >= 2
                 && end <= motion.nrows()
                 && motion.ncols() == 3 * CMU.len()
-                && meta.start.is_finite()
-                && meta.start >= 0.0;
+                && (0.0..=1e7).contains(&meta.start)
+                && take.person < takes.len();
             if !is_sound {
                 return Err(damaged());
             }
@@ -332,7 +372,9 @@ pub(crate) mod tests {
         assert!((library.clips[2].start - 201.0 / 120.0).abs() < 1e-9);
         let again = table("a", 90, 30.0, 1.0, 1.0);
         let mut more = library.clone();
-        assert!(more.add(&again, &again.rates(), None, "t").is_err());
+        more.add(&again, &again.rates(), None, "t").unwrap();
+        assert_eq!(more.takes[3].name, "a (2)");
+        assert_eq!(more.add(&again, &[Some(0.001)], None, "t").unwrap(), 1);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //! and of a locally weighted linear regression, both of which are weighted sums of true residuals.
 //!
 //! ```text
-//! global:  k' (K + .3 I)⁻¹,       k = exp(-d² / 2 η²), η the distance of the 30th of 300
-//! linear:  ridge of .03 tr over the nearest 100, weights exp(-d² / h²), h that of the 50th
+//! global:  k' (K + .3 I)⁻¹,       k = exp(-d² / 2 η²), η the distance of the 31st of 300
+//! linear:  ridge of .03 tr over the nearest 100, weights exp(-d² / h²), h that of the 51st
 //! ```
 
 use super::windows::Windows;

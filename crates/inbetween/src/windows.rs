@@ -171,8 +171,13 @@ impl Ends {
         let way = |from: usize, to: usize| (at(to) - at(from)) / (to - from) as f64;
         match beside {
             Beside::Motion => [way(a - 1, a), way(b, b + 1)],
-            // A key's tangent is along its neighbors (Catmull and Rom).
-            Beside::Keys([before, after]) => [way(a - before, b), way(a, b + after)],
+            Beside::Keys([before, after]) => {
+                let across = (way(a, b), (b - a) as f64);
+                [(a - before, a), (b, b + after)].map(|(from, to)| match to - from {
+                    0 => across.0,
+                    steps => tangent([(way(from, to), steps as f64), across]),
+                })
+            }
         }
     }
 
@@ -208,6 +213,12 @@ impl Ends {
         }
         Array1::from(out)
     }
+}
+
+/// The velocity at a key between two spans, each with its mean velocity and its length: that of the
+/// parabola through the three keys, which for equal spans is the tangent of Catmull and Rom.
+pub(crate) fn tangent([(a, m), (b, n)]: [(DVec3, f64); 2]) -> DVec3 {
+    (a * n + b * m) / (m + n)
 }
 
 /// A cubic from one value to another at `u` of `steps`, with velocities a step.

@@ -21,16 +21,22 @@ impl BodyGap {
     pub fn note(&self, [from, to]: [f64; 2]) -> String {
         let span = format!("{from:.2} to {to:.2} s: the whole body is missing");
         let Some(source) = &self.source else {
-            return format!("{span}; no motion that is known is alike");
+            let why = if self.is_unlike {
+                "no similar motion was found"
+            } else {
+                "too little motion is known beside it"
+            };
+            return format!("{span}; {why}");
         };
         let near = source.nearest.iter().map(|(take, seconds)| {
             let take = take.as_deref().unwrap_or("the take itself");
             format!("{take} at {seconds:.1} s")
         });
         format!(
-            "{span}; filled from motion like that of {}: the error expected is {:.2} of that of a \
-             cubic",
+            "{span}; filled from similar motion ({}), within about {:.1} cm, which is {:.2} of the \
+             error of a smooth path",
             near.collect::<Vec<_>>().join(", "),
+            self.sd * 3.0_f64.sqrt(),
             source.expected
         )
     }
@@ -44,4 +50,20 @@ pub struct BodyGap {
     pub frames: Range<usize>,
     /// What fills it.
     pub source: Option<MotionSource>,
+    /// Standard deviation of a coordinate, cm, where motion fills it: the root mean square.
+    pub sd: f64,
+    /// Whether nothing alike is known; else too little is, beside it or in all.
+    pub is_unlike: bool,
+}
+
+/// A gap before it is filled.
+impl From<Range<usize>> for BodyGap {
+    fn from(frames: Range<usize>) -> BodyGap {
+        BodyGap {
+            frames,
+            source: None,
+            sd: f64::NAN,
+            is_unlike: false,
+        }
+    }
 }

@@ -238,7 +238,7 @@ impl<'t> Restoration<'t> {
         }
         (self.bodies).extend(restored.bodies.iter().map(|body| BodyGap {
             frames: first + body.frames.start..first + body.frames.end,
-            source: body.source.clone(),
+            ..body.clone()
         }));
         let out = &mut self.frames;
         out.novelty[first..first + count].copy_from_slice(&restored.novelty);

@@ -3,6 +3,7 @@
 use clap::Parser;
 use ndarray::Array2;
 use posing::cli::args::{InputArgs, OutputArgs, parse_rate};
+use posing::cli::choice::choice;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::motion_library::open_library;
 use posing::cli::name_maps::name_map;
@@ -13,8 +14,9 @@ use posing::ik::solve_missing_channels;
 use posing::inbetween::{KeyedMotion, through_keys};
 use posing::io::motion_file::ReadOptions;
 use posing::io::{Bvh, MotionFile, Table};
-use posing::pose::units::Units;
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::pose::{PointNaming, joints, one_take};
+use posing::restore::body_size::check_body_size;
 use posing::{Error, Place, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -22,15 +24,16 @@ use std::path::{Path, PathBuf};
 /// Make motion between key poses, from a library
 ///
 /// Keys are the rows of a table at their times, or the frames of a BVH file; rows and frames
-/// without any position are none. Each span of up to two seconds between two keys is filled with
-/// motion like that of the nearest stretches of the library, where gaps simulated there say that
-/// this helps; else by a spline through the keys. A line says how many spans are which; --json
+/// without positions are skipped. Each span of up to two seconds between two keys is filled with
+/// motion like that of the most similar stretches of the library, where gaps simulated there say
+/// that this helps; else by a spline through the keys. A line says how many spans are which; --json
 /// tells the error expected of each, as a share of that of the spline, and the nearest takes.
 ///
-/// Keys stay as they are. What comes of them is no performance: it is not directed, has no style
-/// that the library lacks, and obeys no law of physics; feet that stand in two keys may slide
-/// between. From keys of a BVH file, a result that ends with .bvh has the file's own skeleton and
-/// rotations.
+/// Keys stay as they are. The result is no performance: it is not directed, has no style that the
+/// library lacks, and does not obey physics; feet that stand in two keys may slide between. With
+/// keys from a BVH file, a result that ends with .bvh has the file's own skeleton and rotations.
+/// For a gap in a motion, complete --prior and clean --prior are better: they use the velocities
+/// beside it, too.
 #[derive(Parser)]
 #[command(
     name = "between",
@@ -52,8 +55,17 @@ pub struct Args {
     /// names themselves, else the shipped map that fits best]
     #[arg(long, value_name = "NAME|FILE.toml")]
     map: Option<String>,
-    /// Write to FILE instead of standard output; FILE appears only when it is complete. BVH if
-    /// FILE and the keys are
+    /// Take of the keys, if the table has several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Unit of length of keys that do not say it, and of the result [default: cm]
+    #[arg(long, value_name = "UNIT", value_parser = choice::<LengthUnit>())]
+    units: Option<LengthUnit>,
+    /// Axis that points up in keys that do not say it, and in the result [default: y]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = choice::<UpAxis>())]
+    up: Option<UpAxis>,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete. With keys
+    /// from a BVH file, FILE.bvh is BVH
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<OutputPath>,
     #[command(flatten)]
@@ -64,11 +76,23 @@ pub fn work(args: &Args) -> Result<()> {
     args.json.prepare(args.output.as_deref())?;
     let library = open_library(&args.prior)?;
     let path = args.keys.as_deref().filter(|p| *p != Path::new("-"));
-    let file = path.map(|path| MotionFile::open(path, &ReadOptions::default()));
+    let options = ReadOptions {
+        units: args.units,
+        up: args.up,
+        ..ReadOptions::default()
+    };
+    let file = path.map(|path| MotionFile::open(path, &options));
     let file = file.transpose()?;
     let table = match &file {
         Some(file) => file.table.clone(),
-        None => input::read_table(&InputArgs::plain(Vec::new(), None), false, true)?,
+        None => {
+            let input = InputArgs {
+                units: args.units,
+                up: args.up,
+                ..InputArgs::plain(Vec::new(), None)
+            };
+            input::read_table(&input, false, true)?
+        }
     };
     let as_bvh = args.output.as_deref().is_some_and(is_bvh);
     let bvh = file.as_ref().and_then(MotionFile::bvh);
@@ -84,9 +108,18 @@ pub fn work(args: &Args) -> Result<()> {
         .map(|m| name_map(m, &known))
         .transpose()?;
     let naming = map.map(PointNaming::Map);
-    let keys = one_take(table.poses, None, &table.name)?;
+    let keys = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let own = PointNaming::of(&keys.points, keys.xyz.view(), &known);
+    let names = naming.as_ref().unwrap_or(&own).model_names(&keys.points);
+    let remedy = "give the unit with --units (m, mm, in)";
+    check_body_size(&keys, &names, &table.name, remedy)?;
+    if let Some(bvh) = bvh {
+        check_whole(bvh).map_err(|e| e.at(Place::file(&table.name)))?;
+    }
     let place = |e: Error| e.at(Place::file(&table.name));
-    let keyed = through_keys(&keys, args.fps, &library, naming.as_ref()).map_err(place)?;
+    let mut keyed = through_keys(&keys, args.fps, &library, naming.as_ref()).map_err(place)?;
+    let take = keys.take.as_ref().and_then(|take| take.first());
+    keyed.poses.take = take.map(|take| vec![take.clone(); keyed.poses.frames()]);
     report(&keyed);
     match (file.as_ref(), bvh.filter(|_| as_bvh)) {
         (Some(file), Some(bvh)) => {
@@ -102,7 +135,11 @@ pub fn work(args: &Args) -> Result<()> {
             };
             let table = Table::from_poses(keyed.poses.clone());
             let xyz = table.poses.xyz.view();
-            write_table(&out, [Units::CM_Y; 2], &table, xyz, &[], |_| Vec::new())?;
+            let units = Units {
+                unit: args.units.unwrap_or(Units::CM_Y.unit),
+                up: args.up.unwrap_or(Units::CM_Y.up),
+            };
+            write_table(&out, [units; 2], &table, xyz, &[], |_| Vec::new())?;
         }
     }
     args.json.write(json!({ "spans": spans(&keyed, args.fps) }))
@@ -118,11 +155,8 @@ fn is_bvh(path: &Path) -> bool {
 fn with_rotations(keys: &Bvh, keyed: &KeyedMotion, units: Units, rate: f64) -> Result<Bvh> {
     let frames = keyed.poses.frames();
     let mut motion = Array2::from_elem((frames, keys.motion.ncols()), f64::NAN);
-    let is_key = |t: &usize| keys.motion.row(*t).iter().any(|v| v.is_finite());
-    let ends = keyed.spans.iter().map(|s| s.frames[0]);
-    let at = ends.chain(keyed.spans.last().map(|s| s.frames[1]));
-    for (key, frame) in (0..keys.motion.nrows()).filter(is_key).zip(at) {
-        motion.row_mut(frame).assign(&keys.motion.row(key));
+    for (row, frame) in &keyed.keys {
+        motion.row_mut(*frame).assign(&keys.motion.row(*row));
     }
     let mut bvh = Bvh {
         motion,
@@ -133,23 +167,32 @@ fn with_rotations(keys: &Bvh, keyed: &KeyedMotion, units: Units, rate: f64) -> R
     Ok(bvh)
 }
 
+/// Fails where a frame has some of its values.
+fn check_whole(keys: &Bvh) -> Result<()> {
+    for (t, row) in keys.motion.rows().into_iter().enumerate() {
+        let known = row.iter().filter(|v| v.is_finite()).count();
+        if known > 0 && known < row.len() {
+            let what = format!("frame {t} has some values and lacks others: a key has all or none");
+            return Err(Error::unfit(what));
+        }
+    }
+    Ok(())
+}
+
 fn report(keyed: &KeyedMotion) {
     let moved = keyed.spans.iter().filter(|s| s.source.is_some()).count();
-    let rest = keyed.spans.len() - moved;
-    let noun = if keyed.spans.len() == 1 {
-        "span"
-    } else {
-        "spans"
-    };
-    messages::info(&format!(
-        "{} {noun}: {moved} from motion, {rest} by a spline{}",
-        keyed.spans.len(),
-        if rest > 0 {
-            ": nothing alike is known"
-        } else {
-            ""
-        }
-    ));
+    let tried = keyed.spans.iter().filter(|s| s.is_tried).count();
+    let counts = [
+        (moved, "from motion"),
+        (tried - moved, "by a spline: no similar motion was found"),
+        (
+            keyed.spans.len() - tried,
+            "by a spline: under .1 or over 2 seconds",
+        ),
+    ];
+    let counts = counts.iter().filter(|(n, _)| *n > 0);
+    let what: Vec<String> = counts.map(|(n, what)| format!("{n} {what}")).collect();
+    messages::info(&format!("spans between keys: {}", what.join("; ")));
 }
 
 fn spans(keyed: &KeyedMotion, rate: f64) -> Vec<Value> {

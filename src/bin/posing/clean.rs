@@ -48,6 +48,11 @@ use std::path::{Path, PathBuf};
 /// byte stays: header, order of channels, branches of angles, digits. Slow noise, which is
 /// correlated over more than some frames, cannot be told from motion, and stays.
 ///
+/// A whole body that is missing for up to a second (or --max-gap) is filled with motion like that
+/// of the most similar stretches of the take, and of the library of --prior (see prior-train
+/// --motion), if gaps simulated there say that this helps. In BVH files feet are not held to the
+/// ground then.
+///
 /// A folder is searched for such files; its results keep their places below DIR. Beside each
 /// result, RESULT.json says what it was made from, how the file was taken, what was found, and how
 /// each gap was filled. A file whose result is there and whose capture, settings and model are the
@@ -340,8 +345,8 @@ fn skeletons(set: &str) -> Result<SkeletonSettings> {
 /// A library of motion, and the digest of its bytes.
 fn motion(path: &Path) -> Result<(MotionLibrary, String)> {
     let library = open_library(path)?;
-    let digest = hex(&Sha256::digest(library.to_model().to_bytes()?));
-    Ok((library, digest))
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    Ok((library, hex(&Sha256::digest(bytes))))
 }
 
 /// The model, its name in messages and the digest of its bytes.

@@ -37,7 +37,7 @@ pub(super) fn body_motion(
     let channels = bvh.motion.ncols();
     let missing = |t: usize| bvh.motion.row(t).iter().filter(|v| v.is_nan()).count();
     let bare: Vec<bool> = (0..bvh.motion.nrows())
-        .map(|t| 2 * missing(t) >= channels)
+        .map(|t| 2 * missing(t) > channels)
         .collect();
     if !bare.contains(&true) {
         return Ok(None);
@@ -54,7 +54,9 @@ pub(super) fn body_motion(
     let mut sd = Array2::from_elem((poses.frames(), poses.points.len()), f64::NAN);
     let mut bodies = Vec::new();
     for frames in filler.gaps(&bare, longest.unwrap_or(LONGEST)) {
-        let source = match filler.fill(&frames) {
+        let mut body = BodyGap::from(frames);
+        let frames = body.frames.clone();
+        match filler.fill(&frames) {
             Verdict::Filled(fill) => {
                 for (k, t) in frames.clone().enumerate() {
                     for (b, p) in points.iter().enumerate() {
@@ -62,11 +64,12 @@ pub(super) fn body_motion(
                         sd[[t, *p]] = fill.variance[[k, b]].sqrt();
                     }
                 }
-                Some(fill.source)
+                body.sd = fill.variance.mean().unwrap_or(0.0).sqrt();
+                body.source = Some(fill.source);
             }
-            _ => None,
-        };
-        bodies.push(BodyGap { frames, source });
+            other => body.is_unlike = matches!(other, Verdict::Unlike(_)),
+        }
+        bodies.push(body);
     }
     let mut motion = bvh.motion.clone();
     if bodies.iter().any(|body| body.source.is_some()) {

@@ -84,10 +84,12 @@ fn of_points(restored: &Restored<'_>) -> Vec<String> {
     let seconds = |t: usize| t as f64 / rate;
     let bodies = points.body_gaps().iter();
     out.extend(bodies.map(|b| b.note([b.frames.start, b.frames.end].map(seconds))));
-    let poses = file.poses();
-    let is_library = restored.take.run.settings.library().is_some();
-    if is_library && !knows_body(&poses.points, poses.xyz.view()) {
+    let library = restored.take.run.settings.library();
+    if library.is_some() && !knows_body(&restored.naming.model_names(&file.poses().points)) {
         out.push(NO_BODY.into());
+    }
+    if library.is_none() && points.body_gaps().iter().any(|b| b.is_unlike) {
+        out.push("a library of other takes may have similar motion: see prior-train".into());
     }
     if let PointNaming::Map(map) = &restored.naming {
         out.push(format!("the points have the names of the map {}", map.name));

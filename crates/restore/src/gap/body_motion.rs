@@ -32,14 +32,15 @@ pub(crate) fn fill(
     let points = filler.points().to_vec();
     let mut bodies: Vec<BodyGap> = (filler.gaps(&bare, longest.unwrap_or(LONGEST)))
         .into_iter()
-        .map(|frames| BodyGap {
-            frames,
-            source: None,
-        })
+        .map(BodyGap::from)
         .collect();
     for body in &mut bodies {
-        let Verdict::Filled(fill) = filler.fill(&body.frames) else {
-            continue;
+        let fill = match filler.fill(&body.frames) {
+            Verdict::Filled(fill) => fill,
+            other => {
+                body.is_unlike = matches!(other, Verdict::Unlike(_));
+                continue;
+            }
         };
         for (k, gap) in gaps.iter().enumerate() {
             let Some(b) = points.iter().position(|p| *p == gap.point) else {
@@ -61,6 +62,7 @@ pub(crate) fn fill(
                 });
             }
         }
+        body.sd = fill.variance.mean().unwrap_or(0.0).sqrt();
         body.source = Some(fill.source);
     }
     (out, bodies)

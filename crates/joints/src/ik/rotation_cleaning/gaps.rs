@@ -239,12 +239,10 @@ impl<M: Movable> Gappy<'_, M> {
                 let regression = sums.and_then(|sums| Regression::new(sums, &kind.columns, RIDGE));
                 (self.weigh(kind, sums, mean), regression)
             });
+            locals += 1;
             let local = (regression.as_ref())
-                .and_then(|global| self.local(&gap, &global.columns, mean))
-                .filter(|_| {
-                    locals += 1;
-                    locals <= MOST_LOCAL
-                });
+                .filter(|_| locals <= MOST_LOCAL)
+                .and_then(|global| self.local(&gap, &global.columns, mean));
             let paths = self.paths(&gap, has_sides, [regression.as_ref(), local.as_ref()], mean);
             let filled = FilledGap {
                 frames: gap,
