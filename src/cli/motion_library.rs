@@ -40,6 +40,9 @@ pub struct MotionArgs {
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's]
     #[arg(long, value_name = "SUBJECT.asf", requires = "motion")]
     asf: Option<PathBuf>,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long, requires = "motion")]
+    force: bool,
     /// Which points are which joints: a shipped map or a TOML file, as for complete [default: the
     /// names themselves, else the shipped map that fits best]
     #[arg(long, value_name = "NAME|FILE.toml", requires = "motion")]
@@ -80,7 +83,9 @@ impl MotionArgs {
             let own = PointNaming::of(&poses.points, poses.xyz.view(), &known);
             let names = naming.as_ref().unwrap_or(&own).model_names(&poses.points);
             let remedy = "give the unit with --units (m, mm, in)";
-            check_body_size(poses, &names, &path.display().to_string(), remedy)?;
+            if !self.force {
+                check_body_size(poses, &names, &path.display().to_string(), remedy)?;
+            }
             let place = |e: Error| e.at(Place::file(path.display().to_string()));
             let left_out = library.add(poses, &rates, naming.as_ref(), &name);
             let left_out = left_out.map_err(place)?;

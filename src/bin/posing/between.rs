@@ -58,6 +58,9 @@ pub struct Args {
     /// Take of the keys, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long)]
+    force: bool,
     /// Unit of length of keys that do not say it, and of the result [default: cm]
     #[arg(long, value_name = "UNIT", value_parser = choice::<LengthUnit>())]
     units: Option<LengthUnit>,
@@ -112,7 +115,9 @@ pub fn work(args: &Args) -> Result<()> {
     let own = PointNaming::of(&keys.points, keys.xyz.view(), &known);
     let names = naming.as_ref().unwrap_or(&own).model_names(&keys.points);
     let remedy = "give the unit with --units (m, mm, in)";
-    check_body_size(&keys, &names, &table.name, remedy)?;
+    if !args.force {
+        check_body_size(&keys, &names, &table.name, remedy)?;
+    }
     if let Some(bvh) = bvh {
         check_whole(bvh).map_err(|e| e.at(Place::file(&table.name)))?;
     }
