@@ -426,6 +426,7 @@ def complete(
     observe: Sequence[str] | None = None,
     self: bool = False,
     model: StrPath | None = None,
+    prior: StrPath | None = None,
     map: StrPath | None = None,
     units: str | None = None,
     up: str | None = None,
@@ -452,6 +453,9 @@ def complete(
         Use no model: learn from the take's own frames. Takes points of any names.
     model : str or path, optional
         Model file. Default: the built-in model.
+    prior : str or path, optional
+        Library of motion, by ``posing prior-train --motion``: fills whole bodies
+        that are missing for some time.
     map : str or path, optional
         Which points are which of the model's: a shipped map, such as
         ``"mixamo"``, or a TOML file. Default: the map that fits best.
@@ -491,6 +495,7 @@ def complete(
         observe=observe,
         self=self,
         model=model,
+        prior=prior,
         map=map,
         **options,
     )
