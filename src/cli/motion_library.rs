@@ -5,6 +5,7 @@ use super::name_maps::name_map;
 use super::{input, messages};
 use crate::inbetween::MotionLibrary;
 use crate::io::motion_file::{MotionFile, ReadOptions};
+use crate::io::motion_folder::MotionFolder;
 use crate::io::{self, Model};
 use crate::pose::{LengthUnit, PointNaming, UpAxis, joints};
 use crate::prior::provenance::{digest, entry};
@@ -18,8 +19,8 @@ use std::path::{Path, PathBuf};
 #[command(next_help_heading = "Motion")]
 pub struct MotionArgs {
     /// Keep the motion of the takes, at 30 frames a second, instead of training: files of BVH, AMC,
-    /// C3D and tables of any rate. complete --prior (tables), clean --prior (any file) and between
-    /// use it. Takes whose bone lengths match count as one person's
+    /// C3D and tables of any rate, or folders of these. complete --prior (tables), clean --prior
+    /// (any file) and between use it. Takes whose bone lengths match count as one person's
     #[arg(long, conflicts_with_all = ["kind", "cells", "leaves", "space", "seed"])]
     pub motion: bool,
     /// Frames per second of takes that do not say it
@@ -53,8 +54,8 @@ impl MotionArgs {
     /// The library of some takes, as a model with its history.
     ///
     /// # Errors
-    /// Those of reading a file; [`Error::Data`]: it has no body that is known by name, or a take
-    /// that another has too.
+    /// Those of reading a file; [`Error::Data`]: it has no body that is known by name. Files of a
+    /// folder are left out instead.
     pub fn model(&self, files: &[PathBuf]) -> Result<Model> {
         let known = joints::cmu_names();
         let map = self
@@ -76,28 +77,21 @@ impl MotionArgs {
         let mut library = MotionLibrary::default();
         let mut digests = Vec::new();
         for path in files {
-            let file = MotionFile::open(path, &options)?;
-            let poses = file.poses();
-            let rates: Vec<Option<f64>> = poses.rates().iter().map(|r| r.or(self.fps)).collect();
-            let name = io::input::take_name(path);
-            let own = PointNaming::of(&poses.points, poses.xyz.view(), &known);
-            let names = naming.as_ref().unwrap_or(&own).model_names(&poses.points);
-            let remedy = "give the unit with --units (m, mm, in)";
-            if !self.force {
-                check_body_size(poses, &names, &path.display().to_string(), remedy)?;
+            if !path.is_dir() {
+                digests.push(self.add(&mut library, path, &options, naming.as_ref())?);
+                continue;
             }
-            let place = |e: Error| e.at(Place::file(path.display().to_string()));
-            let left_out = library.add(poses, &rates, naming.as_ref(), &name);
-            let left_out = left_out.map_err(place)?;
-            if left_out > 0 {
-                messages::info(&format!(
-                    "{}: {} left out: no rate of 10 frames a second or more (--fps sets one), or \
-                     no .7 seconds that show the whole body",
-                    path.display(),
-                    counted(left_out, "take", "takes")
-                ));
+            let found = MotionFolder::search(path, None, |_| true);
+            for (_, _, error) in &found.unreadable {
+                messages::error(&error.to_string());
             }
-            digests.push(digest(&poses.points, poses.xyz.mapv(|v| v as f32).view()));
+            for (path, _) in &found.files {
+                // One that is of no use stops no other.
+                match self.add(&mut library, path, &options, naming.as_ref()) {
+                    Ok(digest) => digests.push(digest),
+                    Err(error) => messages::info(&format!("left out: {error}")),
+                }
+            }
         }
         if library.clips.is_empty() {
             return Err(Error::usage("no take is left: there is no motion to keep"));
@@ -115,6 +109,39 @@ impl MotionArgs {
             .history
             .push(entry("prior-train", &flags, digests));
         Ok(model)
+    }
+}
+
+impl MotionArgs {
+    /// Adds the takes of a file; returns the digest of its poses.
+    fn add(
+        &self,
+        library: &mut MotionLibrary,
+        path: &Path,
+        options: &ReadOptions,
+        naming: Option<&PointNaming>,
+    ) -> Result<String> {
+        let file = MotionFile::open(path, options)?;
+        let poses = file.poses();
+        let rates: Vec<Option<f64>> = poses.rates().iter().map(|r| r.or(self.fps)).collect();
+        let name = io::input::take_name(path);
+        let own = PointNaming::of(&poses.points, poses.xyz.view(), &joints::cmu_names());
+        let names = naming.unwrap_or(&own).model_names(&poses.points);
+        let remedy = "give the unit with --units (m, mm, in)";
+        let source = path.display().to_string();
+        if !self.force {
+            check_body_size(poses, &names, &source, remedy)?;
+        }
+        let left_out = library.add(poses, &rates, naming, &name);
+        let left_out = left_out.map_err(|e| e.at(Place::file(&source)))?;
+        if left_out > 0 {
+            messages::info(&format!(
+                "{source}: {} left out: no rate of 10 frames a second or more (--fps sets one), or \
+                 no .7 seconds that show the whole body",
+                counted(left_out, "take", "takes")
+            ));
+        }
+        Ok(digest(&poses.points, poses.xyz.mapv(|v| v as f32).view()))
     }
 }
 

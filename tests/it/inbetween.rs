@@ -152,6 +152,14 @@ fn what_is_no_library_or_has_no_body_is_said() {
         "{said}"
     );
     assert!(!out.exists());
+    // A folder's other files are kept.
+    std::fs::write(folder.path().join("walk.csv"), &walks()[0]).unwrap();
+    run(
+        "prior-train",
+        &["-q", "--motion", "-o", text(&out), text(folder.path())],
+        "",
+    );
+    assert!(run("model", &["info", text(&out)], "").contains("1: 07_01"));
     let said = fails("complete", &["--prior", text(&hat)], b"", 1);
     assert!(said.contains("hat.csv"), "{said}");
     let model = folder.path().join("model.npz");

@@ -14,7 +14,7 @@ use posing::prior::provenance::entry;
 use posing::prior::tuning::Tuning;
 use posing::prior::{Kind, TrainOptions};
 
-/// Train a pose model
+/// Train a pose model, or keep takes as a library of motion
 ///
 /// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on
 /// held-out poses; then the model is trained on all poses. Train on several takes: a single one
