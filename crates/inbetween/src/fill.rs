@@ -25,6 +25,8 @@ const OWN_STRIDE: usize = 2;
 const KEPT: usize = 8;
 /// With fewer windows of its own no basis is found.
 const FEWEST: usize = 60;
+/// Frames of the take itself that are looked at, those nearest to the gap: two minutes.
+const MOST_OWN: usize = 3600;
 /// Frames of a stretch of the take that is of use.
 const USEFUL: usize = 20;
 /// What to say where [`knows_body`] is false.
@@ -52,6 +54,8 @@ pub struct MotionFiller<'a> {
     clips: Arc<[Clip]>,
     /// The library's windows, by the number of steps.
     cut: BTreeMap<usize, Option<Windows>>,
+    /// Without a library, the basis of the take's own windows.
+    own_basis: BTreeMap<usize, Basis>,
 }
 
 /// What becomes of a gap.
@@ -118,6 +122,7 @@ impl<'a> MotionFiller<'a> {
             rate,
             lengths,
             cut: BTreeMap::new(),
+            own_basis: BTreeMap::new(),
         })
     }
 
@@ -149,6 +154,7 @@ impl<'a> MotionFiller<'a> {
         if !self.cut.contains_key(&steps) {
             if self.cut.len() >= KEPT {
                 self.cut.clear();
+                self.own_basis.clear();
             }
             let clips = self.clips.clone();
             let windows = Windows::cut(&self.tree, clips, [steps, STRIDE], Beside::Motion, None);
@@ -157,7 +163,14 @@ impl<'a> MotionFiller<'a> {
             self.cut.insert(steps, windows);
         }
         let others = self.cut[&steps].as_ref();
-        let own = self.own_windows(&grid, others.map(|w| &w.basis));
+        let known = others.map(|w| &w.basis);
+        let known = known.or_else(|| self.own_basis.get(&steps));
+        let own = self.own_windows(&grid, known);
+        if let (None, Some(own)) = (others, &own) {
+            // The same axes serve all gaps of a length.
+            let basis = || own.basis.clone();
+            self.own_basis.entry(steps).or_insert_with(basis);
+        }
         let known = Known {
             others,
             own: own.as_ref(),
@@ -177,6 +190,7 @@ impl<'a> MotionFiller<'a> {
         if left < BESIDE || right < BESIDE {
             return None;
         }
+        let [left, right] = [left, right].map(|n| n.min(MOST_OWN / 2));
         let part = |range: &Range<usize>, at: Vec<f64>, start: usize| {
             let origin = Origin {
                 start,
@@ -193,11 +207,17 @@ impl<'a> MotionFiller<'a> {
             part(before, back, 0),
             part(after, on(right), left + steps - 1),
         ];
-        for other in &self.whole {
-            if other != before && other != after && other.len() >= USEFUL {
+        let is_other = |r: &&Range<usize>| *r != before && *r != after && r.len() >= USEFUL;
+        let mut others: Vec<&Range<usize>> = self.whole.iter().filter(is_other).collect();
+        others.sort_by_key(|r| r.start.abs_diff(gap.start));
+        let mut left_over = MOST_OWN.saturating_sub(left + right);
+        for other in others {
+            let count = room(other.len()).min(left_over);
+            left_over -= count;
+            if count >= USEFUL {
                 // Far from both: it overlaps neither.
                 let start = 1_000_000 + (other.start as f64 / step) as usize;
-                parts.push(part(other, on(room(other.len())), start));
+                parts.push(part(other, on(count), start));
             }
         }
         Some(Grid { steps, parts })
