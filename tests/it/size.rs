@@ -19,7 +19,7 @@ const BUDGET: [(&str, usize); 17] = [
     ("gait", 4_550),
     ("glb", 1_600),
     // Whole bodies over gaps, and between key poses, from motion that is known.
-    ("inbetween", 1_650),
+    ("inbetween", 1_680),
     ("io", 15_100),
     // Feet stand on the soles of the rig (330).
     // Rotations by the least turns to positions (90).
