@@ -401,10 +401,14 @@ impl Page {
     pub fn saved(&self, name: &str) -> String {
         let path = self.downloads.path().join(name);
         let begun = Instant::now();
-        while !path.exists() {
+        // The browser makes an empty file of the name first.
+        let size = || std::fs::metadata(&path).map_or(0, |about| about.len());
+        let mut before = 0;
+        while before == 0 || size() != before {
+            before = size();
             let late = begun.elapsed() > PATIENCE;
             assert!(!late, "{name} is not saved");
-            std::thread::sleep(Duration::from_millis(10));
+            std::thread::sleep(Duration::from_millis(20));
         }
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::remove_file(path).unwrap();
