@@ -1,8 +1,9 @@
 //! The points of a body as a tree of bones, by CMU's names: headings, other bone lengths, the
 //! mirror image.
 
+use crate::Result;
 use crate::pose::joints::{CMU, cmu_names, mirrored, parents_by_name};
-use crate::pose::{Body, point_at};
+use crate::pose::{Body, PointNaming, Poses, point_at};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
 
@@ -61,6 +62,24 @@ impl BodyTree {
             hips,
         };
         Some((tree, columns))
+    }
+
+    /// The tree of the points of a table, and which they are; `naming` says how points are named,
+    /// else the names tell.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: the names tell no body.
+    pub(crate) fn of_table(
+        poses: &Poses,
+        naming: Option<&PointNaming>,
+    ) -> Result<(BodyTree, Vec<usize>)> {
+        let of = || PointNaming::of(&poses.points, poses.xyz.view(), &cmu_names());
+        let naming = naming.cloned().unwrap_or_else(of);
+        let tree = BodyTree::of(&naming.model_names(&poses.points));
+        tree.ok_or(
+            "has no body that is known by name, with root and hips; the option `map` names points"
+                .into(),
+        )
     }
 
     pub(crate) fn points(&self) -> usize {

@@ -29,6 +29,9 @@ const FEWEST: usize = 60;
 const MOST_OWN: usize = 3600;
 /// Frames of a stretch of the take that is of use.
 const USEFUL: usize = 20;
+/// The longest gap of a whole body that is filled where no limit is given, seconds.
+pub const LONGEST: f64 = 1.0;
+
 /// What to say where [`knows_body`] is false.
 #[doc(hidden)]
 pub const NO_BODY: &str = "the point names are not those of a known body, with root and hips: the \
@@ -61,7 +64,7 @@ pub struct MotionFiller<'a> {
 /// What becomes of a gap.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// It is filled from motion.
+    /// Filled from motion.
     Filled(MotionFill),
     /// Nothing that is known is alike: the error expected, as a share of that of the cubic.
     Unlike(f64),
@@ -111,7 +114,7 @@ impl<'a> MotionFiller<'a> {
         let lengths = tree.lengths(&frames);
         Some(MotionFiller {
             clips: library
-                .map_or(Vec::new(), |l| l.clips_for(&tree, &frames, &lengths))
+                .map_or(Vec::new(), |l| l.clips_for(&tree, Some(&frames), &lengths))
                 .into(),
             library,
             tree,
@@ -131,10 +134,10 @@ impl<'a> MotionFiller<'a> {
         &self.columns
     }
 
-    /// The gaps of no more than `longest` seconds in which the body is not whole, of whose frames
-    /// at least four fifths are `bare`: too little is seen to place a body.
-    pub fn gaps(&self, bare: &[bool], longest: f64) -> Vec<Range<usize>> {
-        let most = longest * self.rate * (1.0 + 1e-9);
+    /// The gaps of no more than `longest` seconds, or [`LONGEST`], in which the body is not whole.
+    /// At least four fifths of their frames are `bare`: too little is seen to place a body.
+    pub fn gaps(&self, bare: &[bool], longest: Option<f64>) -> Vec<Range<usize>> {
+        let most = longest.unwrap_or(LONGEST) * self.rate * (1.0 + 1e-9);
         let is_open = |t: &usize| self.frames.row(*t).iter().any(|v| !v.is_finite());
         let of_run = |run: &Range<usize>| ranges(run.clone().filter(is_open));
         let mut all: Vec<Range<usize>> = self.runs.iter().flat_map(of_run).collect();

@@ -13,7 +13,7 @@ use super::regression::Known;
 use super::sampling::clamped_spline;
 use super::windows::{Beside, Clip, Ends, Origin, Windows, cubic, tangent};
 use crate::Result;
-use crate::pose::{PointNaming, Poses, joints::cmu_names, point_at};
+use crate::pose::{PointNaming, Poses, point_at};
 use glam::DVec3;
 use ndarray::{Array2, Axis};
 use std::collections::BTreeMap;
@@ -82,12 +82,7 @@ pub fn through_keys(
     library: &MotionLibrary,
     naming: Option<&PointNaming>,
 ) -> Result<KeyedMotion> {
-    let of = || PointNaming::of(&poses.points, poses.xyz.view(), &cmu_names());
-    let naming = naming.cloned().unwrap_or_else(of);
-    let names = naming.model_names(&poses.points);
-    let (tree, columns) = BodyTree::of(&names).ok_or(
-        "has no body that is known by name, with root and hips; the option `map` names points",
-    )?;
+    let (tree, columns) = BodyTree::of_table(poses, naming)?;
     let is_any = |t: &usize| poses.xyz.row(*t).iter().any(|v| v.is_finite());
     let keys: Vec<usize> = (0..poses.frames()).filter(is_any).collect();
     let time = poses.time.as_ref().ok_or("has no times, which keys need")?;
@@ -106,9 +101,7 @@ pub fn through_keys(
     let frames = BodyTree::frames(poses.xyz.select(Axis(0), &keys).view(), &columns);
     let lengths = tree.lengths(&frames);
     let mut body = Keys {
-        clips: library
-            .clips_for(&tree, &Frames::from_elem((0, 0), DVec3::ZERO), &lengths)
-            .into(),
+        clips: library.clips_for(&tree, None, &lengths).into(),
         library,
         tree,
         frames,

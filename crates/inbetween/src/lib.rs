@@ -32,7 +32,7 @@ mod regression;
 mod sampling;
 mod windows;
 
-pub use fill::{MotionFill, MotionFiller, NO_BODY, Verdict, knows_body};
+pub use fill::{LONGEST, MotionFill, MotionFiller, NO_BODY, Verdict, knows_body};
 pub use key_poses::{KeySpan, KeyedMotion, through_keys};
 pub use library::{KIND, LibraryClip, LibraryTake, MotionLibrary};
 pub use prediction::MotionSource;

@@ -84,12 +84,7 @@ impl MotionLibrary {
         naming: Option<&PointNaming>,
         name: &str,
     ) -> Result<usize> {
-        let of = || PointNaming::of(&poses.points, poses.xyz.view(), &cmu_names());
-        let naming = naming.cloned().unwrap_or_else(of);
-        let names = naming.model_names(&poses.points);
-        let (tree, columns) = BodyTree::of(&names).ok_or(
-            "has no body that is known by name, with root and hips; the option `map` names points",
-        )?;
+        let (tree, columns) = BodyTree::of_table(poses, naming)?;
         let runs = poses.runs();
         let mut left_out = 0;
         for (take, rate) in poses.takes().into_iter().zip(rates) {
@@ -202,8 +197,13 @@ impl MotionLibrary {
     /// The clips as motion of a body with other bones, and their mirror images; takes that lack
     /// points of the body are left out, and so are copies of `own` frames, which would show what
     /// simulated gaps hide.
-    pub(crate) fn clips_for(&self, tree: &BodyTree, own: &Frames, lengths: &[f64]) -> Vec<Clip> {
-        let copies = self.copies(tree, own, lengths);
+    pub(crate) fn clips_for(
+        &self,
+        tree: &BodyTree,
+        own: Option<&Frames>,
+        lengths: &[f64],
+    ) -> Vec<Clip> {
+        let copies = own.map_or(Vec::new(), |own| self.copies(tree, own, lengths));
         let mut out = Vec::new();
         for clip in self.clips.iter().filter(|c| !copies.contains(&c.take)) {
             let take = &self.takes[clip.take];

@@ -35,7 +35,7 @@ impl<'a> Known<'a> {
         if window.is_own { self.own } else { self.others }
     }
 
-    /// All windows with their squared distances to a gap's features.
+    /// Each window with its squared distances to a gap's features.
     pub(crate) fn distances(&self, features: ArrayView1<'_, f64>) -> Vec<(f64, Window)> {
         let mut out = Vec::new();
         for (is_own, windows) in [(false, self.others), (true, self.own)] {

@@ -1,6 +1,6 @@
 //! The motion that may fill gaps of a whole body, and what became of these.
 
-use crate::inbetween::{MotionLibrary, MotionSource};
+use crate::inbetween::{MotionLibrary, MotionSource, Verdict};
 use std::ops::Range;
 
 /// The motion that may fill gaps of a whole body.
@@ -16,6 +16,21 @@ pub(crate) enum KnownMotion<'a> {
 }
 
 impl BodyGap {
+    /// A gap of which it was found what becomes.
+    #[doc(hidden)]
+    pub fn of(frames: Range<usize>, verdict: &Verdict) -> BodyGap {
+        let fill = match verdict {
+            Verdict::Filled(fill) => Some(fill),
+            _ => None,
+        };
+        BodyGap {
+            frames,
+            source: fill.map(|fill| fill.source.clone()),
+            sd: fill.map_or(f64::NAN, |fill| fill.variance.mean().unwrap_or(0.0).sqrt()),
+            is_unlike: matches!(verdict, Verdict::Unlike(_)),
+        }
+    }
+
     /// A line on what fills it; it lasts from and to these seconds.
     #[doc(hidden)]
     pub fn note(&self, [from, to]: [f64; 2]) -> String {
@@ -54,16 +69,4 @@ pub struct BodyGap {
     pub sd: f64,
     /// Whether nothing alike is known; else too little is, beside it or in all.
     pub is_unlike: bool,
-}
-
-/// A gap before it is filled.
-impl From<Range<usize>> for BodyGap {
-    fn from(frames: Range<usize>) -> BodyGap {
-        BodyGap {
-            frames,
-            source: None,
-            sd: f64::NAN,
-            is_unlike: false,
-        }
-    }
 }

@@ -9,9 +9,6 @@ use crate::restore::BodyGap;
 use crate::restore::inbetween::{MotionFiller, MotionLibrary, Verdict};
 use ndarray::Array2;
 
-/// The longest gap that is filled where no limit is given, seconds.
-const LONGEST: f64 = 1.0;
-
 /// A file of rotations whose gaps of a whole body were filled.
 pub(super) struct BodyMotion {
     /// (frames, channels), radians and centimeters.
@@ -53,23 +50,17 @@ pub(super) fn body_motion(
     let mut xyz = poses.xyz.clone();
     let mut sd = Array2::from_elem((poses.frames(), poses.points.len()), f64::NAN);
     let mut bodies = Vec::new();
-    for frames in filler.gaps(&bare, longest.unwrap_or(LONGEST)) {
-        let mut body = BodyGap::from(frames);
-        let frames = body.frames.clone();
-        match filler.fill(&frames) {
-            Verdict::Filled(fill) => {
-                for (k, t) in frames.clone().enumerate() {
-                    for (b, p) in points.iter().enumerate() {
-                        (0..3).for_each(|c| xyz[[t, 3 * p + c]] = fill.xyz[[k, 3 * b + c]]);
-                        sd[[t, *p]] = fill.variance[[k, b]].sqrt();
-                    }
+    for frames in filler.gaps(&bare, longest) {
+        let verdict = filler.fill(&frames);
+        if let Verdict::Filled(fill) = &verdict {
+            for (k, t) in frames.clone().enumerate() {
+                for (b, p) in points.iter().enumerate() {
+                    (0..3).for_each(|c| xyz[[t, 3 * p + c]] = fill.xyz[[k, 3 * b + c]]);
+                    sd[[t, *p]] = fill.variance[[k, b]].sqrt();
                 }
-                body.sd = fill.variance.mean().unwrap_or(0.0).sqrt();
-                body.source = Some(fill.source);
             }
-            other => body.is_unlike = matches!(other, Verdict::Unlike(_)),
         }
-        bodies.push(body);
+        bodies.push(BodyGap::of(frames, &verdict));
     }
     let mut motion = bvh.motion.clone();
     if bodies.iter().any(|body| body.source.is_some()) {

@@ -1,6 +1,5 @@
 //! Gaps of a whole body filled from motion that is known: of a library, and of the take itself.
 
-use super::tuning::whole_body::LONGEST;
 use super::whole_body::bare_frames;
 use super::{FilledGap, Gap};
 use crate::inbetween::{MotionFiller, Verdict};
@@ -30,15 +29,14 @@ pub(crate) fn fill(
         return (out, Vec::new());
     };
     let points = filler.points().to_vec();
-    let mut bodies: Vec<BodyGap> = (filler.gaps(&bare, longest.unwrap_or(LONGEST)))
-        .into_iter()
-        .map(BodyGap::from)
-        .collect();
-    for body in &mut bodies {
-        let fill = match filler.fill(&body.frames) {
+    let mut bodies = Vec::new();
+    for frames in filler.gaps(&bare, longest) {
+        let verdict = filler.fill(&frames);
+        let body = BodyGap::of(frames, &verdict);
+        let fill = match verdict {
             Verdict::Filled(fill) => fill,
-            other => {
-                body.is_unlike = matches!(other, Verdict::Unlike(_));
+            _ => {
+                bodies.push(body);
                 continue;
             }
         };
@@ -62,8 +60,7 @@ pub(crate) fn fill(
                 });
             }
         }
-        body.sd = fill.variance.mean().unwrap_or(0.0).sqrt();
-        body.source = Some(fill.source);
+        bodies.push(body);
     }
     (out, bodies)
 }

@@ -87,8 +87,7 @@ pub(crate) mod path {
 pub(crate) mod whole_body {
     /// Points that place a body, at least.
     pub(crate) const PLACING: usize = 3;
-    /// Longest gap that is bridged where no limit is given, seconds.
-    pub(crate) const LONGEST: f64 = 1.0;
+    pub(crate) use crate::inbetween::LONGEST;
     /// Simulated gaps, at most.
     pub(crate) const SIMULATED: usize = 8;
     /// Seconds from which on w₀ is Hermite alone; briefer gaps have a share of PCHIP.
