@@ -2,8 +2,8 @@
 
 use super::paths::OutputPath;
 use super::{messages, streams};
+use crate::error::is_hidden;
 use crate::io::output::file_descriptor;
-use crate::io::text::is_hidden;
 use crate::{Error, Result};
 use clap::Args;
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! Messages on standard error: one line each, after the command's name.
 
 use crate::error::OptionNames;
-use crate::io::text::is_hidden;
+use crate::error::is_hidden;
 use std::io::Write;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};

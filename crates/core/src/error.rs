@@ -1,6 +1,6 @@
 //! What can go wrong, and the exit code each kind of failure has.
 
-pub use crate::message::{Message, OptionName, OptionNames};
+pub use crate::message::{Message, OptionName, OptionNames, excerpt, is_hidden};
 use std::fmt;
 use std::io;
 use std::path::Path;

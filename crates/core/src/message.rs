@@ -108,6 +108,32 @@ impl Default for OptionNames {
     }
 }
 
+/// Whether a character is not seen but changes how others are shown: control characters, which a
+/// terminal obeys, and marks that turn the direction of writing or end a line (Unicode Annex 9).
+#[doc(hidden)]
+pub fn is_hidden(c: char) -> bool {
+    let turns = matches!(
+        c,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}'
+    ) || matches!(c, '\u{2066}'..='\u{2069}');
+    c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}')
+}
+
+/// Text from a file, fit for one line of a message.
+#[doc(hidden)]
+pub fn excerpt(text: &str) -> String {
+    let clean: String = text
+        .chars()
+        .take(41)
+        .map(|c| if is_hidden(c) { '\u{fffd}' } else { c })
+        .collect();
+    if clean.chars().count() > 40 {
+        format!("{}…", clean.chars().take(40).collect::<String>())
+    } else {
+        clean
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Message, OptionName, OptionNames};

@@ -1,5 +1,7 @@
 //! Lines with any ending, parsing and formatting of numbers.
 
+pub use posing_core::error::excerpt;
+
 use crate::{Error, Place, Result};
 use std::io::{BufRead, Read};
 
@@ -223,33 +225,9 @@ pub(crate) fn check_length(centimeters: f64) -> Result<f64> {
     }
 }
 
-/// Whether a character is not seen but changes how others are shown: control characters, which a
-/// terminal obeys, and marks that turn the direction of writing or end a line (Unicode Annex 9).
-pub fn is_hidden(c: char) -> bool {
-    let turns = matches!(
-        c,
-        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}'
-    ) || matches!(c, '\u{2066}'..='\u{2069}');
-    c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}')
-}
-
 /// A number whose decimals may stand behind a comma.
 pub(crate) fn decimal(cell: &str) -> String {
     cell.replace(',', ".")
-}
-
-/// Text from a file, fit for one line of a message.
-pub fn excerpt(text: &str) -> String {
-    let clean: String = text
-        .chars()
-        .take(41)
-        .map(|c| if is_hidden(c) { '\u{fffd}' } else { c })
-        .collect();
-    if clean.chars().count() > 40 {
-        format!("{}…", clean.chars().take(40).collect::<String>())
-    } else {
-        clean
-    }
 }
 
 /// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a
