@@ -124,7 +124,7 @@
 //! |---|---|
 //! | [`numeric`] | linear algebra, Gaussians, SIMD, deterministic parallelism |
 //! | [`pose`] | poses, skeletons, kinematics, rotations, placements, units |
-//! | [`io`] | motion files (ASF, AMC, BVH, C3D, TRC, CSV, NPY), meshes, models |
+//! | [`io`] | motion files (ASF, AMC, BVH, FBX, C3D, TRC, CSV, NPY), meshes, models |
 //! | [`draw`] | figures as SVG, pages that play poses and meshes |
 //! | [`cluster`] | k-means, hierarchical k-means |
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, search over atoms |
@@ -150,7 +150,8 @@
 //! | crate | modules | imports |
 //! |---|---|---|
 //! | posing-core | error, numeric, pose |  |
-//! | posing-io | io | core |
+//! | posing-fbx | io | core |
+//! | posing-io | io | core, fbx |
 //! | posing-glb | io | core, io |
 //! | posing-draw | draw | core, io |
 //! | posing-models | cluster, prior, sparse | core, io |
@@ -177,6 +178,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `openblas` (default) | dense decompositions by the system's OpenBLAS; without it, by faer |
+//! | `fbx` (default) | FBX files, by ufbx, which is C |
 //! | `cli` (default) | the program and [`cli`]; brings `server` |
 //! | `server` | [`server`] |
 //! | `papers` (default) | models, learners and distances of papers, the benchmark |
@@ -197,6 +199,9 @@ pub mod prelude;
 
 /// Motion files, meshes and models.
 pub mod io {
+    #[cfg(feature = "fbx")]
+    #[doc(inline)]
+    pub use posing_fbx::{FbxChoice, FbxFile, FbxJoint, FbxMotion, FbxTake};
     #[doc(inline)]
     pub use posing_glb as glb;
     #[doc(inline)]

@@ -272,7 +272,7 @@ def read(
     frame: bool = False,
     **options: Any,
 ) -> Take | pandas.DataFrame:
-    """Read a file of any format: C3D, TRC, BVH, AMC, NPY, NPZ, and tables.
+    """Read a file of any format: C3D, TRC, BVH, FBX, AMC, NPY, NPZ, tables.
 
     The first lines tell the format, not the name. Tables are those of posing,
     Motive, Vicon Nexus, Qualisys, Anipose, DeepLabCut and pandas. What a file
@@ -299,7 +299,7 @@ def read(
         Return a pandas DataFrame, as `Take.to_frame` does.
     **options
         Further flags of the command of the format (c3d2xyz, trc2xyz, bvh2xyz,
-        amc2xyz, csv2xyz; trim for tables): ``zeros_are_missing=True``.
+        fbx2xyz, amc2xyz, csv2xyz; trim for tables): ``zeros_are_missing=True``.
 
     Returns
     -------

@@ -10,6 +10,8 @@ pub mod choice;
 pub(crate) mod closed_stdout;
 pub mod completions;
 pub(crate) mod csv_file;
+#[cfg(feature = "fbx")]
+pub mod fbx_args;
 pub mod feature_table;
 pub mod ik;
 pub mod input;

@@ -247,7 +247,7 @@ fn the_table_of_crates_is_that_of_their_manifests() {
         let manifest = root.join("crates").join(name).join("Cargo.toml");
         let manifest = fs::read_to_string(manifest).unwrap();
         let named = manifest.lines().filter_map(|l| l.strip_prefix("posing-"));
-        let mut named: Vec<&str> = named.filter_map(|l| l.split('.').next()).collect();
+        let mut named: Vec<&str> = named.filter_map(|l| l.split(['.', ' ']).next()).collect();
         named.sort_unstable();
         assert_eq!(*imports, named, "posing-{name}");
     }

@@ -22,6 +22,7 @@ mod denoise;
 mod edit;
 mod evaluate;
 mod examples;
+mod fbx;
 mod files;
 mod formats;
 mod gait;

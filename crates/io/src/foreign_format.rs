@@ -12,8 +12,6 @@ type Beginning = (&'static [u8], &'static str, &'static str);
 
 const BEGINNINGS: &[Beginning] = &[
     (b"glTF", "a binary glTF file (GLB)", BLENDER),
-    (b"Kaydara FBX", "an FBX file", BLENDER),
-    (b"; FBX", "an FBX file", BLENDER),
     (b"BLENDER", "a Blender file", BLENDER),
     (b"PXR-USDC", "a USD file", BLENDER),
     (b"#usda", "a USD file", BLENDER),
@@ -196,8 +194,6 @@ mod tests {
         for (start, what, way) in [
             (&b"glTF\x02\0\0\0P\0\0\0"[..], "GLB", "Blender"),
             (b"{\"asset\": {\"version\": \"2.0\"}", "glTF", "Blender"),
-            (b"Kaydara FBX ", "FBX", "Blender"),
-            (b"; FBX 7.3.0 project", "FBX", "Blender"),
             (b"\x89HDF\r\n\x1a\n\0\0\0\0", "HDF5", "CSV"),
             (b"MATLAB 5.0 M", "MATLAB", "NPY"),
             (
@@ -232,6 +228,8 @@ mod tests {
         for start in [
             &b"\x02\x50\x2c\0\0\0\0\0\0\0\0\0"[..],
             b"HIERARCHY\nRO",
+            b"Kaydara FBX ",
+            b"; FBX 7.3.0 project",
             b"\x93NUMPY\x01\0v\0{'",
             b"take,time,a.",
             b"{\"skeleton\": 1}",

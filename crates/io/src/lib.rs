@@ -35,6 +35,8 @@ pub(crate) mod c3d;
 mod columns;
 pub mod command_files;
 pub mod csv;
+#[cfg(feature = "fbx")]
+pub mod fbx;
 mod foreign_format;
 mod frame_times;
 pub mod input;

@@ -3,12 +3,13 @@
 use super::input::Input;
 use super::npz_take::NpzTake;
 use crate::Error;
+use posing_core::error::is_hidden as is_hidden_letter;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
-pub const EXTENSIONS: [&str; 10] = [
-    "c3d", "trc", "bvh", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
+pub const EXTENSIONS: [&str; 11] = [
+    "c3d", "trc", "bvh", "fbx", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
 ];
 
 /// What a folder has of files of motion.
@@ -120,6 +121,16 @@ pub fn is_results_folder(output: &Path, input: &Path) -> bool {
     let is_new = || output != Path::new("-") && output.symlink_metadata().is_err();
     let has_ending = |path: &Path| path.extension().is_some();
     output.is_dir() || ends_in_slash || is_new() && !has_ending(output) && has_ending(input)
+}
+
+/// A name as a part of a file's name: what no file name holds is written as its number.
+pub fn file_name_part(name: &str) -> String {
+    let is_held = |c: char| !is_hidden_letter(c) && !"/\\:*?\"<>|%".contains(c);
+    let held = |c: char| match is_held(c) {
+        true => c.to_string(),
+        false => format!("%{:X}", u32::from(c)),
+    };
+    name.chars().map(held).collect()
 }
 
 /// The name of a file without the ending of a packed one.

@@ -27,6 +27,8 @@ pub enum MotionFormat {
     Amc,
     /// ASF: a skeleton without motion.
     Asf,
+    /// FBX: a scene with skeletons and their takes. It is read, and written as BVH.
+    Fbx,
     /// A pose table as CSV, or what may be one.
     Csv,
     /// A pose table as NPY.
@@ -46,6 +48,7 @@ names!(MotionFormat {
     Bvh = "BVH",
     Amc = "AMC",
     Asf = "ASF",
+    Fbx = "FBX",
     Csv = "CSV",
     Npy = "NPY",
     Npz = "NPZ",
@@ -71,6 +74,7 @@ impl MotionFormat {
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => MotionFormat::Npy,
             [b'P', b'K', 3, 4, ..] | [b'P', b'K', 5, 6, ..] => MotionFormat::Npz,
             _ if is_c3d(start) => MotionFormat::C3d,
+            _ if is("Kaydara FBX") || is("; FBX") => MotionFormat::Fbx,
             _ if is("HIERARCHY") => MotionFormat::Bvh,
             _ if is("#!OML:") || is(":FULLY") || is(":DEGREES") => MotionFormat::Amc,
             _ if is("# AST") || is("# ASF") || is(":version") => MotionFormat::Asf,
@@ -96,6 +100,10 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
         MotionFormat::Bvh => {
             "is a BVH file: clean it with `posing clean`, which keeps its rotations, or convert it \
              with bvh2xyz"
+        }
+        MotionFormat::Fbx => {
+            "is an FBX file: convert it with fbx2xyz or fbx2bvh, or clean it with `posing clean`, \
+             which writes BVH"
         }
         MotionFormat::Amc => {
             "is an AMC file: clean it with `posing clean`, which keeps its rotations, or convert \

@@ -1,9 +1,9 @@
-//! A take with rotations: a BVH file, or an AMC file with its ASF.
+//! A take with rotations: a BVH or an FBX file, or an AMC file with its ASF.
 
 use super::asf::Asf;
 use super::bvh::{Bvh, LARGEST_FILE};
 use super::input::Input;
-use super::motion_file::{ReadOptions, format_of, skeleton_of};
+use super::motion_file::{MotionFile, ReadOptions, format_of, skeleton_of};
 use super::motion_format::MotionFormat;
 use super::{Amc, amc};
 use crate::pose::UpAxis;
@@ -19,6 +19,8 @@ pub struct RotationTake {
     pub rate: f64,
     /// The axis that points up.
     pub up: UpAxis,
+    /// Whether the file says that axis itself.
+    pub says_up: bool,
     /// What was odd, a line each.
     pub notes: Vec<String>,
     /// The file's bytes, unpacked.
@@ -43,6 +45,7 @@ impl RotationTake {
                 Ok(RotationTake {
                     rate: rate.map_err(|e| e.at(Place::file(&name)))?,
                     up: options.up.unwrap_or(UpAxis::Y),
+                    says_up: false,
                     notes: std::mem::take(&mut bvh.notes),
                     bvh,
                     bytes,
@@ -58,13 +61,27 @@ impl RotationTake {
                     bvh: take.to_bvh(rate)?,
                     rate,
                     up: UpAxis::Y,
+                    says_up: false,
                     notes: dropped.into_iter().collect(),
                     bytes,
                 })
             }
+            MotionFormat::Fbx => {
+                let file = MotionFile::read(path, bytes, options)?;
+                let missing = || bad("has no rotations");
+                let bvh = file.bvh().ok_or_else(missing)?;
+                Ok(RotationTake {
+                    rate: file.rate().or(bvh.rate()).ok_or_else(missing)?,
+                    up: UpAxis::Y,
+                    says_up: true,
+                    notes: file.notes.iter().map(|n| format!("{name}: {n}")).collect(),
+                    bvh: bvh.clone(),
+                    bytes: file.to_bytes()?,
+                })
+            }
             MotionFormat::Asf => Err(bad("is a skeleton without motion")),
             other => Err(bad(&format!(
-                "is a file of {} without rotations of joints; expected BVH or AMC",
+                "is a file of {} without rotations of joints; expected BVH, AMC or FBX",
                 other.name()
             ))),
         }

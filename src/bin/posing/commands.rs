@@ -63,6 +63,10 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
         "Convert to pose tables",
         &[
             entry!("bvh2xyz", bvh2xyz),
+            #[cfg(feature = "fbx")]
+            entry!("fbx2xyz", fbx2xyz),
+            #[cfg(feature = "fbx")]
+            entry!("fbx2bvh", fbx2bvh),
             entry!("c3d2xyz", c3d2xyz),
             entry!("trc2xyz", trc2xyz),
             entry!("csv2xyz", csv2xyz),

@@ -24,6 +24,10 @@ mod dict_concat;
 mod edit;
 mod encode;
 mod evaluate;
+#[cfg(feature = "fbx")]
+mod fbx2bvh;
+#[cfg(feature = "fbx")]
+mod fbx2xyz;
 mod gait;
 mod gpd;
 mod ksvd_train;

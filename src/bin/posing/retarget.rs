@@ -11,8 +11,12 @@ use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, cmu_map, up_axis};
+#[cfg(feature = "fbx")]
+use posing::io::MotionFormat;
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::motion_file::ReadOptions;
+#[cfg(feature = "fbx")]
+use posing::io::motion_file::rig_of_fbx;
 use posing::io::rotation_take::RotationTake;
 use posing::io::{Bvh, Input};
 use posing::pose::units::UpAxis;
@@ -24,14 +28,14 @@ use std::path::PathBuf;
 
 /// Carry motion to another skeleton: a rig of other proportions, names and rest pose
 ///
-/// Reads BVH files, and AMC files with their ASF. Writes each as a BVH file with the hierarchy of
-/// RIG.bvh, byte for byte, and the source's frames. Directions of limbs are the source's; pelvis,
-/// spine, neck and head turn as the source's, whatever number of joints they have. The middle of
-/// the hips moves by the ratio of the legs, and feet are planted as the source's are: the ankle
-/// keeps the source's own roll, and knees bend to their own side. Feet turn relative to how each
-/// skeleton stands: a sole that is level stays level, ankles are as high as the rig's own, and toes
-/// never go under the ground. Fingers follow where they have the source's names; other joints keep
-/// their rest pose.
+/// Reads BVH and FBX files, and AMC files with their ASF. Writes each as a BVH file with the
+/// hierarchy of RIG.bvh, byte for byte, and the source's frames. Directions of limbs are the
+/// source's; pelvis, spine, neck and head turn as the source's, whatever number of joints they
+/// have. The middle of the hips moves by the ratio of the legs, and feet are planted as the
+/// source's are: the ankle keeps the source's own roll, and knees bend to their own side. Feet turn
+/// relative to how each skeleton stands: a sole that is level stays level, ankles are as high as
+/// the rig's own, and toes never go under the ground. Fingers follow where they have the source's
+/// names; other joints keep their rest pose.
 ///
 /// Which joint is which is told by the names (maps as for complete), else by the shape of the tree.
 /// Skeletons are compared in their rest pose, all rotations zero; where that is no standing body,
@@ -50,11 +54,12 @@ use std::path::PathBuf;
         \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
 )]
 pub struct Args {
-    /// Takes (BVH, AMC), and folders that are searched for them; - or nothing: standard input
+    /// Takes (BVH, FBX, AMC), and folders that are searched for them; - or nothing: standard input
     #[arg(value_name = "IN")]
     inputs: Vec<PathBuf>,
-    /// Rig whose hierarchy, channels and proportions the results have
-    #[arg(long, value_name = "RIG.bvh")]
+    /// Rig whose hierarchy, channels and proportions the results have; of an FBX file the skeleton
+    /// in its rest pose
+    #[arg(long, value_name = "RIG.bvh|RIG.fbx")]
     to: PathBuf,
     /// Write the result of one file to OUT instead of standard output, results of several files
     /// into the folder DIR
@@ -74,6 +79,15 @@ pub struct Args {
     /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
     asf: Option<PathBuf>,
+    /// Take of an FBX source that has several
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
+    take: Option<String>,
+    /// Skeleton of an FBX source that has several: its root joint, or what stands above that
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
+    skeleton: Option<String>,
+    /// Skeleton of an FBX rig that has several, likewise
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
+    to_skeleton: Option<String>,
     /// Frames per second of files that do not say it, as AMC files
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
@@ -113,16 +127,18 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let inputs = or_stdin(&args.inputs);
     check_single_stdin(inputs.iter().chain([&args.to]))?;
     let output = args.output.as_deref();
-    let jobs = batch(&inputs, output, &["bvh", "amc"], Some("bvh"))?;
+    let jobs = batch(&inputs, output, &["bvh", "fbx", "amc"], Some("bvh"))?;
     let options = ReadOptions {
         fps: args.fps,
         up: args.up,
         asf: args.asf.clone(),
+        take: args.take.clone(),
+        skeleton: args.skeleton.clone(),
         keep_whole: args.keep_whole,
         ..ReadOptions::default()
     };
     let name = args.to.display().to_string();
-    let original = open(&args.to)?.read_all(LARGEST_FILE)?;
+    let original = rig(args, &name)?;
     let rig = Bvh::read(Input::new(&name, Cursor::new(original.clone()))?, 1.0, true)?;
     rig.notes.iter().for_each(|note| messages::info(note));
     let rig = Retargeter::new(rig, args.out_up, map(&args.map_to)?.as_ref());
@@ -134,6 +150,20 @@ pub fn work(args: &Args) -> Result<Outcome> {
         args,
     };
     each_told(&jobs, &args.json, |one| job.retarget(one))
+}
+
+/// The text of the rig's BVH file, or of that which an FBX file becomes.
+fn rig(args: &Args, name: &str) -> Result<Vec<u8>> {
+    let bytes = open(&args.to)?.read_all(LARGEST_FILE)?;
+    #[cfg(feature = "fbx")]
+    if MotionFormat::of(&bytes) == MotionFormat::Fbx {
+        let (text, notes) = rig_of_fbx(name, bytes, args.to_skeleton.as_deref())?;
+        notes
+            .iter()
+            .for_each(|note| messages::info(&format!("{name}: {note}")));
+        return Ok(text);
+    }
+    Ok(bytes)
 }
 
 /// The map of a flag.
@@ -155,6 +185,7 @@ impl Job<'_> {
         let name = job.input.display().to_string();
         let own = match self.args.up {
             Some(_) => None,
+            None if take.says_up => None,
             None => up_axis(&take.bvh, self.map.as_ref()).filter(|up| *up != take.up),
         };
         if let Some(up) = own {

@@ -49,6 +49,7 @@ mkdir poses; posing body-synth -q -m body.npz --shape 0 -o poses/0.obj; posing b
 posing body-fit -q -m body.npz --on on.csv -o fits.npz --rotations rotations.csv markers.csv
 posing body-synth -q -m body.npz --shape 0 -o scan.ply; posing body-synth -q -m body.npz --shape 1 -o template.ply
 awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 "," $2 "," $3 "," $4 }' poses/0.obj > points.csv
+gunzip -c "$TAKES"/../examples/animator/walk.fbx.gz > walk.fbx
 # A laboratory's trials.
 cp "$TAKES"/../examples/gait/*.c3d "$TAKES"/../examples/gait/norm.json .
 # The walk as files of markers.

@@ -6,6 +6,7 @@ use super::name_source::digest;
 use super::person::picture;
 use super::record::Fingerprint;
 use crate::gait::GivenValues;
+use crate::io::motion_folder::file_name_part;
 use crate::io::output::write_file;
 use crate::io::{MotionFile, Output};
 use crate::label::people::people_by_name;
@@ -65,16 +66,7 @@ impl SkeletonSettings {
     fn path_of_person(&self, output: &Path, person: &str) -> PathBuf {
         let name = output.file_name().unwrap_or_default().to_string_lossy();
         let stem = stem_of(&name);
-        // What no file name holds.
-        let is_held = |c: char| !c.is_control() && !"/\\:*?\"<>|%".contains(c);
-        let held = |c: char| {
-            if is_held(c) {
-                c.to_string()
-            } else {
-                format!("%{:X}", u32::from(c))
-            }
-        };
-        let person: String = person.chars().map(held).collect();
+        let person = file_name_part(person);
         output.with_file_name(format!("{stem}-{person}{}", self.end()))
     }
 

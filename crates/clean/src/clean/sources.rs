@@ -14,7 +14,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Other formats that somebody may ask for.
-const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
+const OTHERS: [&str; 4] = ["glb", "gltf", "json", "html"];
 
 /// The formats that a result can have instead of the file's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,7 +87,7 @@ impl Job {
 pub(crate) fn is_of_rotations(format: MotionFormat) -> bool {
     matches!(
         format,
-        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
+        MotionFormat::Bvh | MotionFormat::Fbx | MotionFormat::Amc | MotionFormat::OpenSim
     )
 }
 
@@ -172,9 +172,12 @@ impl Jobs {
             for (input, within) in files {
                 let mut output = renamed(&folder.join(&within), to);
                 // Exports of one take in two formats.
-                if let (Some(to), true) = (to, taken.contains(&output)) {
+                let other = to
+                    .map(OutputFormat::name)
+                    .or(is_fbx(&unpacked(&within)).then_some("bvh"));
+                if let (Some(other), true) = (other, taken.contains(&output)) {
                     let name = name_of(&within);
-                    output.set_file_name(format!("{}.{}", name.display(), to.name()));
+                    output.set_file_name(format!("{}.{other}", name.display()));
                 }
                 taken.insert(output.clone());
                 out.jobs.push(Job {
@@ -262,9 +265,18 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
             .map(|e| e.to_string_lossy().to_ascii_lowercase())
     };
     let (own, asked) = (extension(input), extension(output));
+    if asked.as_deref() == Some("fbx") {
+        return Err(Error::usage(format!(
+            "{}: FBX is read and not written; the result is BVH, so call it .bvh",
+            output.display()
+        )));
+    }
     let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
         return Ok(None);
     };
+    if is_fbx(&unpacked(input)) && asked == "bvh" {
+        return Ok(None);
+    }
     let format = OutputFormat::of_name(&asked);
     let is_other = EXTENSIONS.contains(&asked.as_str()) || OTHERS.contains(&asked.as_str());
     match format {
@@ -277,10 +289,18 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     }
 }
 
+/// Whether a file is called FBX, which is never written: its rotations become BVH.
+fn is_fbx(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("fbx"))
+}
+
 /// The path of a result of another format.
 fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
+    let plain = unpacked(path);
     match to {
-        Some(to) => unpacked(path).with_extension(to.name()),
+        Some(to) => plain.with_extension(to.name()),
+        None if is_fbx(&plain) => plain.with_extension("bvh"),
         None => path.to_path_buf(),
     }
 }

@@ -6,6 +6,7 @@
 
 use super::{Bvh, EndSite, Joint, MOST_JOINTS};
 use crate::Input;
+use crate::motion_format::{MotionFormat, recognized};
 use crate::pose::Channel;
 use crate::pose::rotation::Axis;
 use crate::text::{excerpt, parse_number};
@@ -27,6 +28,10 @@ impl Bvh {
     pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Bvh> {
         let name = input.name.clone();
         let bytes = input.read_all(LARGEST_FILE)?;
+        if MotionFormat::of(&bytes) == MotionFormat::Fbx {
+            let what = recognized(&bytes).unwrap_or_default();
+            return Err(Error::data(Place::file(name), what));
+        }
         let text = decoded(&bytes);
         let mut parser = Parser::new(&text);
         let fail = |fault: BvhFault, words: &Tokens| {

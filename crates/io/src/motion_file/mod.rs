@@ -3,6 +3,8 @@
 
 mod amc_skeleton;
 mod aside;
+#[cfg(feature = "fbx")]
+mod fbx_take;
 mod moved;
 mod read_as;
 mod read_rules;
@@ -10,6 +12,9 @@ mod write_back;
 
 #[doc(hidden)]
 pub use amc_skeleton::skeleton_of;
+#[cfg(feature = "fbx")]
+#[doc(hidden)]
+pub use fbx_take::rig_of_fbx;
 pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
 
@@ -87,6 +92,10 @@ pub struct ReadOptions {
     pub up: Option<UpAxis>,
     /// The skeleton of AMC takes; `None`: the ASF file beside each whose name begins the take's.
     pub asf: Option<PathBuf>,
+    /// The take of an FBX file that has several.
+    pub take: Option<String>,
+    /// The skeleton of an FBX file that has several: its root joint, or what stands above that.
+    pub skeleton: Option<String>,
     /// The names of an array's points.
     pub joints: Option<Vec<String>>,
     /// Whether a file that ends early gives the frames that it has.
@@ -210,6 +219,14 @@ impl MotionFile {
                 of_bvh(path, bvh, bytes, units, options)
             }
             MotionFormat::Amc => of_amc(path, input()?, bytes, options),
+            #[cfg(feature = "fbx")]
+            MotionFormat::Fbx => fbx_take::of_fbx(path, input()?, options),
+            #[cfg(not(feature = "fbx"))]
+            MotionFormat::Fbx => {
+                let what = "is an FBX file, which was left out when this was built: open it in \
+                            Blender and export BVH";
+                Err(Error::data(Place::file(name), what))
+            }
             MotionFormat::Asf => {
                 let what = "is a skeleton without motion; AMC takes find it beside them";
                 Err(Error::data(Place::file(name), what))

@@ -51,10 +51,11 @@ impl ReadRules {
 }
 
 /// The words for formats: the last word of each format's name, or all of it.
-const FORMATS: [&str; 12] = [
+const FORMATS: [&str; 13] = [
     "c3d",
     "trc",
     "bvh",
+    "fbx",
     "amc",
     "csv",
     "tsv",

@@ -5,7 +5,7 @@ mod point_columns;
 mod tables;
 
 use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
-use self::tables::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
+use self::tables::{FbxChoiceArgs, PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
 use posing::cli::args::{InputArgs, format_of};
 use posing::cli::input::{check_single_stdin, or_stdin};
@@ -24,8 +24,8 @@ use std::path::PathBuf;
 /// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
 /// Several tables are drawn side by side; they must have the same frames and points, matched by
-/// name. Bones connect the CMU joints and of the skeletons of complete --map; a BVH file is drawn
-/// with its own bones; for other points, use --bones. If a table has the columns NAME.status
+/// name. Bones connect the CMU joints and of the skeletons of complete --map; a BVH or FBX file is
+/// drawn with its own bones; for other points, use --bones. If a table has the columns NAME.status
 /// (denoise --status, complete --status), changed and inferred points are marked. A page has curves
 /// of a joint and a list of the gaps to click; NAME.sd and NAME.method say there how each gap was
 /// filled, and how surely.
@@ -69,6 +69,8 @@ pub struct Args {
     title: String,
     #[command(flatten)]
     svg: SvgArgs,
+    #[command(flatten)]
+    fbx: FbxChoiceArgs,
     /// Text below the heading
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -156,7 +158,7 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
             return Err(Error::usage(what));
         }
     };
-    let drawn = PlotTable::read_all(&args.input, files)?;
+    let drawn = PlotTable::read_all(&args.input, files, &args.fbx)?;
     let clock = drawn.iter().find(|d| d.poses.time.is_some());
     let clock = &clock.unwrap_or(&drawn[0]).poses;
     let Some(rate) = args.input.rate(clock)? else {

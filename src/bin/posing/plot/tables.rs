@@ -4,12 +4,13 @@
 use super::point_columns::{PointColumns, PointColumnsReader};
 use posing::cli::args::InputArgs;
 use posing::cli::input::{RowStream, open};
+use posing::cli::messages;
 use posing::draw::figure::{self, Layout};
 use posing::draw::scene::{Scene, Table, spread};
 use posing::evaluate::alignment::point_order;
-use posing::io::bvh::{BvhPoints, BvhSkeleton};
 use posing::io::csv::csv_fault;
-use posing::io::{Bvh, Input, PosesBuilder, Row};
+use posing::io::motion_file::ReadOptions;
+use posing::io::{MotionFile, MotionFormat, PosesBuilder, Row};
 use posing::pose::{Poses, joints};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -29,6 +30,18 @@ pub enum PlotFormat {
     Svg,
     /// Self-contained page that plays all frames
     Html,
+}
+
+/// Which of several takes and skeletons of an FBX file is drawn.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Input")]
+pub struct FbxChoiceArgs {
+    /// Take of an FBX file that has several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Skeleton of an FBX file that has several: its root joint, or what stands above that
+    #[arg(long, value_name = "NAME")]
+    skeleton: Option<String>,
 }
 
 /// The flags of an SVG.
@@ -125,16 +138,21 @@ pub struct PlotTable {
 }
 
 impl PlotTable {
-    /// Reads a table or a BVH file each; all must have the same points, frames, takes and times.
+    /// Reads a table, a BVH or an FBX file each; all must have the same points, frames, takes and
+    /// times.
     ///
     /// # Errors
     /// Data: a file is no table, has no frames, or differs from the first.
-    pub fn read_all(flags: &InputArgs, files: &[PathBuf]) -> Result<Vec<PlotTable>> {
+    pub fn read_all(
+        flags: &InputArgs,
+        files: &[PathBuf],
+        fbx: &FbxChoiceArgs,
+    ) -> Result<Vec<PlotTable>> {
         let mut tables: Vec<PlotTable> = Vec::new();
         for file in files {
-            let mut table = match bvh(file)? {
-                Some(input) => PlotTable::of_bvh(input, flags)?,
-                None => PlotTable::read(&flags.with_files(vec![file.clone()]))?,
+            let mut table = match has_rotations(file)? {
+                true => PlotTable::of_rotations(file, flags, fbx)?,
+                false => PlotTable::read(&flags.with_files(vec![file.clone()]))?,
             };
             if let Some(first) = tables.first() {
                 table.match_to(first)?;
@@ -144,20 +162,30 @@ impl PlotTable {
         Ok(tables)
     }
 
-    /// The joints of a BVH file.
-    fn of_bvh(input: Input, flags: &InputArgs) -> Result<PlotTable> {
-        let file = input.name.clone();
+    /// The joints of a BVH or an FBX file.
+    fn of_rotations(path: &Path, flags: &InputArgs, fbx: &FbxChoiceArgs) -> Result<PlotTable> {
         let units = flags.table_units();
-        let bvh = Bvh::read(input, units.unit.centimeters(), false)?;
-        let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
-        let rate = bvh.rate_or(flags.fps);
-        let rate = rate.map_err(|e| e.at(Place::file(&file)))?;
-        let which = BvhPoints::Origins;
+        let options = ReadOptions {
+            fps: flags.fps,
+            units: Some(units.unit),
+            up: Some(units.up),
+            take: fbx.take.clone(),
+            skeleton: fbx.skeleton.clone(),
+            ..ReadOptions::default()
+        };
+        let file = MotionFile::open(path, &options)?;
+        let name = path.display().to_string();
+        file.notes
+            .iter()
+            .for_each(|note| messages::info(&format!("{name}: {note}")));
         Ok(PlotTable {
-            bones: Some(skeleton.bones(which)),
-            poses: bvh.positions(&skeleton, which, rate),
+            bones: Some(file.bones()?),
+            poses: Poses {
+                take: None,
+                ..file.poses().clone()
+            },
             columns: PointColumns::default(),
-            file,
+            file: name,
         })
     }
 
@@ -208,18 +236,13 @@ impl PlotTable {
     }
 }
 
-/// A file, if it is a BVH file.
-fn bvh(path: &Path) -> Result<Option<Input>> {
+/// Whether a file holds rotations: BVH or FBX.
+fn has_rotations(path: &Path) -> Result<bool> {
     if path == Path::new("-") {
-        return Ok(None);
+        return Ok(false);
     }
-    let input = open(path)?;
-    let start = input.first_bytes().to_ascii_uppercase();
-    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start);
-    Ok(start
-        .trim_ascii_start()
-        .starts_with(b"HIERARCHY")
-        .then_some(input))
+    let format = MotionFormat::of(open(path)?.first_bytes());
+    Ok(matches!(format, MotionFormat::Bvh | MotionFormat::Fbx))
 }
 
 /// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of

@@ -1,0 +1,77 @@
+//! Loading a scene within limits of memory and depth, and what may be wrong with its settings.
+
+use crate::{Error, Result};
+use ufbx::{AllocatorOpts, CoordinateAxes, ErrorType, FileFormat, InheritModeHandling};
+use ufbx::{LoadOpts, SceneRoot, WarningType};
+
+/// The most bytes that the scene may take, and again as many while it is loaded.
+const MEMORY: usize = 256 << 20;
+/// Deeper hierarchies are no skeletons.
+const DEPTH: u32 = 512;
+/// Meters that a file's unit of length may have: less or more is a slip.
+const UNITS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
+
+/// The scene in centimeters, right-handed, y up, without meshes; and what was odd.
+///
+/// # Errors
+/// [`Error::Unfit`]: it cannot be read; the message says why.
+pub(crate) fn load(bytes: &[u8]) -> Result<(SceneRoot, Vec<String>)> {
+    let scene = load_as(bytes, 0.01)?;
+    let mut notes = Vec::new();
+    let mut warnings = scene.metadata.warnings.iter();
+    if warnings.any(|warning| warning.type_ == WarningType::TruncatedArray) {
+        notes.push("a list of numbers in it ends early: some keys may be missing".to_string());
+    }
+    let unit = scene.settings.original_unit_meters;
+    if UNITS.contains(&unit) {
+        return Ok((scene, notes));
+    }
+    // Without a conversion, the file's numbers are centimeters.
+    notes.push(format!(
+        "its unit of length is {} centimeters; it is taken for 1",
+        unit * 100.0
+    ));
+    Ok((load_as(bytes, 0.0)?, notes))
+}
+
+/// Scales that a joint does not hand on stand in nodes of their own, so that a joint's transform is
+/// the product of its ancestors' and its own.
+fn load_as(bytes: &[u8], target_unit_meters: f64) -> Result<SceneRoot> {
+    let options = LoadOpts {
+        temp_allocator: limited(),
+        result_allocator: limited(),
+        ignore_geometry: true,
+        ignore_embedded: true,
+        file_format: FileFormat::Fbx,
+        node_depth_limit: DEPTH,
+        inherit_mode_handling: InheritModeHandling::HelperNodes,
+        target_axes: CoordinateAxes::right_handed_y_up(),
+        target_unit_meters,
+        ..LoadOpts::default()
+    };
+    ufbx::load_memory(bytes, options).map_err(|fault| reason(&fault))
+}
+
+fn limited() -> AllocatorOpts {
+    AllocatorOpts {
+        memory_limit: MEMORY,
+        ..AllocatorOpts::default()
+    }
+}
+
+/// Why a file cannot be read.
+fn reason(fault: &ufbx::Error) -> Error {
+    let what = match fault.type_ {
+        ErrorType::OutOfMemory | ErrorType::MemoryLimit | ErrorType::AllocationLimit => {
+            "is too large: reading it needs more than 256 MB of memory"
+        }
+        ErrorType::NodeDepthLimit => "is damaged: its nodes are nested more than 512 deep",
+        ErrorType::UnsupportedVersion => {
+            "has a version of FBX that is not read; export it as FBX 2014 to 2020 (7.4, 7.7)"
+        }
+        ErrorType::EmptyFile => "is empty",
+        // What a damaged file comes to is found in many places.
+        _ => "ends early or is damaged",
+    };
+    what.into()
+}
