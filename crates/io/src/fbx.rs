@@ -237,6 +237,7 @@ fn bvh_names(motion: &FbxMotion) -> Vec<String> {
 mod tests {
     use super::*;
     use crate::bvh::{BvhPoints, BvhSkeleton};
+    use posing_fbx::FbxJoint;
     use rand::Rng;
 
     /// A body whose second joint slides and whose fifth bone grows, at random.

@@ -11,14 +11,10 @@ use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, cmu_map, up_axis};
-#[cfg(feature = "fbx")]
-use posing::io::MotionFormat;
 use posing::io::bvh::LARGEST_FILE;
-use posing::io::motion_file::ReadOptions;
-#[cfg(feature = "fbx")]
-use posing::io::motion_file::rig_of_fbx;
+use posing::io::motion_file::{ReadOptions, rig_of_fbx};
 use posing::io::rotation_take::RotationTake;
-use posing::io::{Bvh, Input};
+use posing::io::{Bvh, Input, MotionFormat};
 use posing::pose::units::UpAxis;
 use posing::pose::{NameMap, joints};
 use posing::{Error, Place, Result};
@@ -155,7 +151,6 @@ pub fn work(args: &Args) -> Result<Outcome> {
 /// The text of the rig's BVH file, or of that which an FBX file becomes.
 fn rig(args: &Args, name: &str) -> Result<Vec<u8>> {
     let bytes = open(&args.to)?.read_all(LARGEST_FILE)?;
-    #[cfg(feature = "fbx")]
     if MotionFormat::of(&bytes) == MotionFormat::Fbx {
         let (text, notes) = rig_of_fbx(name, bytes, args.to_skeleton.as_deref())?;
         notes

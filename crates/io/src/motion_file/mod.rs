@@ -3,7 +3,7 @@
 
 mod amc_skeleton;
 mod aside;
-#[cfg(feature = "fbx")]
+#[cfg_attr(not(feature = "fbx"), path = "no_fbx.rs")]
 mod fbx_take;
 mod moved;
 mod read_as;
@@ -12,7 +12,6 @@ mod write_back;
 
 #[doc(hidden)]
 pub use amc_skeleton::skeleton_of;
-#[cfg(feature = "fbx")]
 #[doc(hidden)]
 pub use fbx_take::rig_of_fbx;
 pub use read_as::{Assumed, ReadAs, Source};
@@ -219,14 +218,7 @@ impl MotionFile {
                 of_bvh(path, bvh, bytes, units, options)
             }
             MotionFormat::Amc => of_amc(path, input()?, bytes, options),
-            #[cfg(feature = "fbx")]
             MotionFormat::Fbx => fbx_take::of_fbx(path, input()?, options),
-            #[cfg(not(feature = "fbx"))]
-            MotionFormat::Fbx => {
-                let what = "is an FBX file, which was left out when this was built: open it in \
-                            Blender and export BVH";
-                Err(Error::data(Place::file(name), what))
-            }
             MotionFormat::Asf => {
                 let what = "is a skeleton without motion; AMC takes find it beside them";
                 Err(Error::data(Place::file(name), what))
