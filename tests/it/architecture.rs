@@ -24,6 +24,7 @@ const IO_TYPES: &[(&str, &[&str])] = &[
             "io::OutputPoint",
             "io::Quantity",
             "io::csv::push_cell",
+            "io::opensim",
             "io::text::push_f64",
         ],
     ),

@@ -7,7 +7,7 @@ use super::marker_csv::point_table::rate_of_times;
 use super::marker_rows::{ends_early, is_missing};
 use super::marker_take::{CarriedColumns, MarkerTake};
 use super::motion_format::{MotionFormat, recognized};
-use super::text::{Lines, excerpt, parse_number};
+use super::text::{Lines, excerpt, parse_number, push_f64};
 use super::text_start::MOST_HEADER_LINES;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -81,6 +81,41 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
         carried,
         ..MarkerTake::default()
     })
+}
+
+/// A file: `titles` are those behind `time`, a row is the time, seconds, and a value each. NaN is
+/// written as nan, which OpenSim refuses in forces.
+#[doc(hidden)]
+pub fn storage(
+    name: &str,
+    in_degrees: bool,
+    titles: &[&str],
+    rows: impl ExactSizeIterator<Item = Vec<f64>>,
+) -> Vec<u8> {
+    let in_degrees = if in_degrees { "yes" } else { "no" };
+    let head = format!(
+        "{}\nversion=1\nnRows={}\nnColumns={}\ninDegrees={in_degrees}\nendheader\ntime",
+        // A name is a line.
+        name.replace(char::is_control, " "),
+        rows.len(),
+        titles.len() + 1
+    );
+    let mut out = head.into_bytes();
+    for title in titles {
+        out.push(b'\t');
+        out.extend(title.as_bytes());
+    }
+    for row in rows {
+        for (i, value) in row.into_iter().enumerate() {
+            out.push(if i == 0 { b'\n' } else { b'\t' });
+            match value {
+                v if v.is_nan() => out.extend(b"nan"),
+                v => push_f64(&mut out, v),
+            }
+        }
+    }
+    out.push(b'\n');
+    out
 }
 
 /// Which columns lack how many values, in a line; `None`: none does.
@@ -243,6 +278,20 @@ mod tests {
             take(MOT, false).unwrap().notes[0],
             "its angles are in degrees"
         );
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let rows = [[0.5, 1.0 / 3.0, f64::NAN], [0.51, -2.0, 1e20]].map(Vec::from);
+        let text = storage("a\nb", true, &["p", "q"], rows.clone().into_iter());
+        let text = String::from_utf8(text).unwrap();
+        let head = "a b\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\ntime\tp\tq\n";
+        assert!(text.starts_with(head), "{text}");
+        let read = take(&text, false).unwrap();
+        assert_eq!(read.times, Some(vec![0.5, 0.51]));
+        assert_eq!(self::text(&read, 0), ["0.3333333333333333", "nan"]);
+        let none = storage("x", false, &[], std::iter::empty());
+        assert!(none.ends_with(b"nRows=0\nnColumns=1\ninDegrees=no\nendheader\ntime\n"));
     }
 
     #[test]

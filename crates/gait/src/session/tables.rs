@@ -5,6 +5,7 @@ use crate::angles::CENTERS;
 use crate::curves::is_angle;
 use crate::cycles::{POINTS, mean_and_sd};
 use crate::io::csv::push_cell;
+use crate::io::opensim;
 use crate::io::text::push_f64;
 use crate::session::{SERIES, Series, Session, SessionTrial, axes};
 use crate::side::Side;
@@ -59,31 +60,13 @@ impl SessionTrial {
     fn storage(&self, in_degrees: bool, is_own: &dyn Fn(&str) -> bool) -> Vec<u8> {
         let columns = self.columns(false, is_own);
         let frames = self.trial.markers.frames();
-        // A name is a line.
-        let name = self.name.replace(char::is_control, " ");
-        let head = format!(
-            "{name}\nversion=1\nnRows={frames}\nnColumns={}\ninDegrees={}\nendheader\ntime",
-            columns.len() + 1,
-            if in_degrees { "yes" } else { "no" }
-        );
-        let mut out = head.into_bytes();
-        for column in &columns {
-            // Writing to memory cannot fail.
-            let _ = write!(out, "\t{}", column.name);
-        }
-        for t in 0..frames {
-            out.push(b'\n');
-            push_f64(&mut out, rounded(self.trial.time(t)));
-            for column in &columns {
-                out.push(b'\t');
-                match column.values[t] {
-                    v if v.is_nan() => out.extend(b"nan"),
-                    v => push_f64(&mut out, rounded(v)),
-                }
-            }
-        }
-        out.push(b'\n');
-        out
+        let titles: Vec<&str> = columns.iter().map(|column| &*column.name).collect();
+        let rows = (0..frames).map(|t| {
+            let values = columns.iter().map(|column| column.values[t]);
+            let row = std::iter::once(self.trial.time(t)).chain(values);
+            row.map(rounded).collect()
+        });
+        opensim::storage(&self.name, in_degrees, &titles, rows)
     }
 
     /// The columns of the curves of which `is_own` says so.
