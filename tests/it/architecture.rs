@@ -18,6 +18,7 @@ const IO_TYPES: &[(&str, &[&str])] = &[
     (
         "gait/",
         &[
+            "io::Analog",
             "io::C3d",
             "io::FileEvent",
             "io::ForcePlate",

@@ -18,7 +18,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("edit", 3_600),
     // FBX: skeletons, rest poses, takes.
     ("fbx", 770),
-    ("gait", 4_550),
+    // Force plates of types 1 and 3 (80).
+    ("gait", 4_630),
     ("glb", 1_600),
     // Whole bodies over gaps, and between key poses, from motion that is known.
     ("inbetween", 1_680),

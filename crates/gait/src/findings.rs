@@ -245,7 +245,7 @@ impl Findings {
         let unread = trial.plates.iter().enumerate().filter(|(_, p)| p.is_none());
         for (i, _) in unread {
             let what = format!(
-                "plate {} is of a type that is not read, or has no channels",
+                "plate {} is of a type that is not read, or lacks channels or corners",
                 i + 1
             );
             self.add("plate_unread", Vec::new(), what);

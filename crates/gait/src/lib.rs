@@ -40,6 +40,7 @@
 //! | `markers`, `trial` | what is given |
 //! | `parameters`, `statics` | the subject: widths, lengths, offsets, each with its source |
 //! | `axes`, `lower`, `upper`, `angles`, `curves`, `centers` | the model |
+//! | `plate` | the forces that the channels of force plates tell |
 //! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
@@ -75,6 +76,7 @@ mod norm;
 mod norm_file;
 mod parameters;
 mod peaks;
+mod plate;
 mod plates;
 mod session;
 mod side;
@@ -99,7 +101,8 @@ pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};
 pub use parameters::{GivenValues, PARAMETERS, Parameter, Parameters, Source, plausible_range};
-pub use plates::{Contact, Plate};
+pub use plate::Plate;
+pub use plates::Contact;
 pub use session::{Session, SessionTrial, Spread};
 pub use side::Side;
 pub use statics::FlatFoot;

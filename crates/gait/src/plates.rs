@@ -1,9 +1,9 @@
-//! Force plates: what acts on a foot in a frame, and the contacts of feet.
+//! The contacts of feet with force plates, and what acts on a foot in a frame.
 
-use crate::io::{C3d, ForcePlate};
 use crate::markers::Markers;
+use crate::plate::Plate;
 use crate::side::Side;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 /// A foot is on a plate from where the vertical force rises through this to where it falls, N.
 const ON: f64 = 20.0;
@@ -19,63 +19,7 @@ const HEAVIEST: f64 = 20_000.0;
 /// Vicon shows the forces of frames whose mean is above this, N (it lies between 3.9 and 4.7).
 const SHOWN: f64 = 4.3;
 
-/// A force plate with its samples, in millimeters and the axes of the laboratory, z up.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Plate {
-    /// The middle of its surface.
-    pub center: DVec3,
-    /// Samples a frame of the markers.
-    pub per_frame: usize,
-    /// The force on the foot, a sample each, N.
-    pub force: Vec<DVec3>,
-    /// The moment on the foot about `center`, a sample each, N mm.
-    pub moment: Vec<DVec3>,
-}
-
 impl Plate {
-    /// The plates of a file in their order; `None` in the place of one of another type than 2 and
-    /// 4, or whose channels are not there. `to_lab` carries the file's axes to z up, `scale` its
-    /// unit to millimeters.
-    pub(crate) fn of_file(file: &C3d, to_lab: DMat3, scale: f64) -> Vec<Option<Plate>> {
-        let analog = file.analog();
-        let plate = |plate: &ForcePlate| {
-            let analog = analog.as_ref()?;
-            let columns: [usize; 6] = plate.channels.get(..6)?.try_into().ok()?;
-            if ![2, 4].contains(&plate.kind) || columns.iter().any(|c| *c >= analog.values.ncols())
-            {
-                return None;
-            }
-            let matrix = plate.matrix.filter(|_| plate.kind == 4);
-            let unit = analog.units[columns[3]].to_ascii_lowercase();
-            let in_meters = unit.contains('m') && !unit.contains("mm");
-            let moment_scale = if in_meters { 1e3 } else { 1.0 };
-            let [a, b, c, d] = plate.corners;
-            let (x, y) = ((a - b).normalize(), a - d);
-            let z = x.cross(y).normalize();
-            let axes = to_lab * DMat3::from_cols(x, z.cross(x), z);
-            // z points down, from the sensors below the surface up to it; some files turn it.
-            let origin = plate.origin * -scale * plate.origin.z.signum();
-            let samples = analog.values.rows().into_iter();
-            let samples = samples.map(|row| {
-                let raw = columns.map(|c| row[c]);
-                let [fx, fy, fz, mx, my, mz] = matrix.map_or(raw, |m| {
-                    m.map(|row| row.iter().zip(&raw).map(|(m, v)| m * v).sum())
-                });
-                let force = DVec3::new(fx, fy, fz);
-                let moment = DVec3::new(mx, my, mz) * moment_scale + force.cross(origin);
-                (axes * force, axes * moment)
-            });
-            let (force, moment) = samples.unzip();
-            Some(Plate {
-                center: to_lab * (a + b + c + d) / 4.0 * scale,
-                per_frame: analog.per_frame,
-                force,
-                moment,
-            })
-        };
-        file.force_plates().iter().map(plate).collect()
-    }
-
     /// Force and moment in a frame: the mean of the samples up to half a frame before and after
     /// it. Beyond the ends the outermost sample counts again.
     fn at_frame(&self, frame: usize) -> [DVec3; 2] {
@@ -86,12 +30,6 @@ impl Plate {
         around.fold([DVec3::ZERO; 2], |[f, m], i| {
             [f + self.force[i] / count, m + self.moment[i] / count]
         })
-    }
-
-    /// The center of pressure of a sample.
-    fn pressure(&self, sample: usize) -> DVec3 {
-        let (f, m) = (self.force[sample], self.moment[sample]);
-        self.center + DVec3::new(-m.y, m.x, 0.0) / f.z
     }
 
     /// The samples after which the force rises through [`ON`], and after which it falls.
@@ -251,6 +189,7 @@ mod tests {
         let arm = DVec3::new(30.0, -20.0, 0.0);
         Plate {
             center: DVec3::new(100.0, 0.0, 0.0),
+            normal: DVec3::Z,
             per_frame: 10,
             moment: force.iter().map(|f| arm.cross(*f)).collect(),
             force,

@@ -3,7 +3,7 @@
 use crate::io::{C3d, FileEvent};
 use crate::markers::Markers;
 use crate::parameters::GivenValues;
-use crate::plates::Plate;
+use crate::plate::Plate;
 use crate::pose::{LengthUnit, Units, UpAxis};
 use crate::{Error, Result};
 
@@ -95,5 +95,6 @@ impl Trial {
 /// The plates of a file in the laboratory's axes, z up.
 fn plates(file: &C3d, units: Units) -> Vec<Option<Plate>> {
     let to_lab = UpAxis::Z.rotation().transpose() * units.up.rotation();
-    Plate::of_file(file, to_lab, 10.0 * units.unit.centimeters())
+    let plates = Plate::of_file(file, to_lab, units.unit);
+    plates.into_iter().map(Result::ok).collect()
 }

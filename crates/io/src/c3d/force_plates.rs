@@ -6,15 +6,16 @@ use glam::DVec3;
 /// A force plate as the file describes it, in the file's unit and axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForcePlate {
-    /// FORCE_PLATFORM:TYPE. 2 has forces and moments about three axes in six channels, 4 the same
-    /// through a matrix.
+    /// FORCE_PLATFORM:TYPE. 1 has the force, the center of pressure and the free moment in six
+    /// channels, 2 the force and the moment about three axes, 4 the same through a matrix; 3 has
+    /// the forces of four sensors in eight.
     pub kind: u32,
     /// The corners of the surface in the laboratory: at the plate's +x +y, -x +y, -x -y, +x -y.
     pub corners: [DVec3; 4],
     /// FORCE_PLATFORM:ORIGIN: from the origin of the sensors to the middle of the surface, in the
-    /// plate's axes (z down).
+    /// plate's axes (z down). Of type 3: from its middle to the sensors along x and y, then z.
     pub origin: DVec3,
-    /// The analog channels, counted from 0: forces x, y, z, then moments x, y, z.
+    /// The analog channels in the order of its type, counted from 0.
     pub channels: Vec<usize>,
     /// FORCE_PLATFORM:CAL_MATRIX of type 4: what the six channels are multiplied with, by rows.
     pub matrix: Option<[[f64; 6]; 6]>,
@@ -35,6 +36,9 @@ impl C3d {
         let point = |p: &[f64]| DVec3::new(p[0], p[1], p[2]);
         let plate = |(i, corners): (usize, &[f64])| {
             let own = channels.get(i * each..(i + 1) * each)?;
+            // Beside plates of more channels, zeros stand behind those of fewer.
+            let count = own.iter().rposition(|c| *c > 0.0)? + 1;
+            let own = &own[..count];
             let own = own.iter().map(|c| (*c as usize).checked_sub(1));
             let matrix = matrices.get(36 * i..36 * (i + 1));
             Some(ForcePlate {
@@ -77,6 +81,14 @@ mod tests {
         assert_eq!(plates[0].origin, DVec3::new(0.0, 1.0, -40.0));
         assert_eq!(plates[1].channels, [6, 7, 8, 9, 10, 11]);
         assert!(plates[0].matrix.unwrap()[1][2] == 13.0 && plates[1].matrix.is_none());
+        let padded = [1.0, 2.0, 0.0, 3.0, 0.0, 4.0];
+        let padded = [
+            &parameters[1..4],
+            &[(2, "USED", &[2.0]), (2, "CHANNEL", &padded)],
+        ]
+        .concat();
+        let plates = file(&padded, b"", &[]).force_plates();
+        assert!(plates.len() == 1 && plates[0].channels == [0, 1]); // a channel 0 is none
         let many: [(u8, &str, &[f32]); 2] = [(2, "USED", &[6e4]), (2, "CORNERS", &corners)];
         assert!(file(&many, b"", &[]).force_plates().is_empty());
     }
