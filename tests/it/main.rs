@@ -8,6 +8,7 @@ mod bodies;
 mod body;
 mod browser;
 mod bvh2xyz;
+mod c3d2forces;
 mod c3d_trc;
 mod clean;
 mod common;

@@ -18,8 +18,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("edit", 3_600),
     // FBX: skeletons, rest poses, takes.
     ("fbx", 770),
-    // Force plates of types 1 and 3 (80).
-    ("gait", 4_630),
+    // Force plates of types 1 and 3, and their forces as tables (180).
+    ("gait", 4_730),
     ("glb", 1_600),
     // Whole bodies over gaps, and between key poses, from motion that is known.
     ("inbetween", 1_680),
@@ -34,8 +34,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("likeness", 4_550),
     ("models", 10_800),
     ("papers", 6_250),
-    // FBX (200).
-    ("posing", 13_300),
+    // FBX (200). A command for the forces of force plates (45).
+    ("posing", 13_345),
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
     // Gaps of a whole body from motion (150).

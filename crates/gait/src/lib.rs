@@ -40,7 +40,7 @@
 //! | `markers`, `trial` | what is given |
 //! | `parameters`, `statics` | the subject: widths, lengths, offsets, each with its source |
 //! | `axes`, `lower`, `upper`, `angles`, `curves`, `centers` | the model |
-//! | `plate` | the forces that the channels of force plates tell |
+//! | `plate`, `forces` | the forces that the channels of force plates tell, and their tables |
 //! | `plates`, `loads`, `kinetics` | what acts on a foot, and on the joints |
 //! | `marker_events`, `events` | when feet meet the floor and leave it |
 //! | `contradictions`, `findings` | what of it cannot be, and what is to be known |
@@ -66,6 +66,7 @@ mod deviations;
 mod events;
 mod filled;
 mod findings;
+mod forces;
 mod gait_trial;
 mod kinetics;
 mod loads;
@@ -97,6 +98,7 @@ pub use curves::is_angle;
 pub use cycles::{Cycle, POINTS};
 pub use events::{Event, EventChoice, EventKind, EventSource};
 pub use findings::Finding;
+pub use forces::Forces;
 pub use gait_trial::{GaitSettings, GaitTrial};
 pub use markers::{MARKERS, Markers};
 pub use norm::{GVS, NineAngles, Norm, ProfileScores};

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
 /// A force plate with its samples, in millimeters and the axes that were asked for: a
-/// [`Trial`](crate::Trial)'s are those of the laboratory, z up.
+/// [`Trial`](crate::Trial)'s are those of the laboratory, z up, of [`Forces`](crate::Forces) y up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plate {
     /// The middle of its surface.
@@ -69,6 +69,12 @@ impl Plate {
     pub(crate) fn pressure(&self, sample: usize) -> DVec3 {
         let (f, m) = (self.force[sample], self.moment[sample]);
         self.center + self.normal.cross(m) / self.normal.dot(f)
+    }
+
+    /// The free moment of a sample about the center of pressure, N mm.
+    pub(crate) fn free_moment(&self, sample: usize) -> DVec3 {
+        let arm = self.pressure(sample) - self.center;
+        self.moment[sample] - arm.cross(self.force[sample])
     }
 }
 
@@ -252,6 +258,7 @@ mod tests {
             near(plate.force[s], lab * FORCE * s as f64);
             near(plate.moment[s], lab * moment * s as f64);
             near(plate.pressure(s), turn * MIDDLE + lab * ARM);
+            near(plate.free_moment(s), lab * FREE * s as f64);
         }
         assert!(!plate.pressure(0).is_finite() && plate.force[0] == DVec3::ZERO);
     }

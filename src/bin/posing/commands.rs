@@ -85,7 +85,10 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
         ],
     ),
     ("Other skeletons", &[entry!("retarget", retarget)]),
-    ("Gait", &[entry!("gait", gait)]),
+    (
+        "Gait",
+        &[entry!("gait", gait), entry!("c3d2forces", c3d2forces)],
+    ),
     (
         "Choose and draw",
         &[entry!("trim", trim), entry!("plot", plot)],

@@ -10,6 +10,7 @@ mod body_scan;
 mod body_synth;
 mod body_train;
 mod bvh2xyz;
+mod c3d2forces;
 mod c3d2xyz;
 mod clean;
 mod cluster;
