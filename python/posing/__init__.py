@@ -32,6 +32,7 @@ y up. NaN is missing; 0 is a measurement.
 `solve`       joints, skeleton and motion of labeled markers
 `retarget`    motion on another skeleton
 `gait`        angles, moments, events and a page of a laboratory's trials
+`forces`      forces and centers of pressure of force plates
 `plot`        a page that plays takes, or a picture
 `score`       a take against the truth
 `run`         any other command
@@ -48,7 +49,7 @@ a file that is not there `FileNotFoundError`; both are also a `posing.Error`.
 
 from typing import TYPE_CHECKING
 
-from posing._gait import Gait, gait
+from posing._gait import Gait, forces, gait
 from posing._motion import Motion, Page, Recorded, clean, label, plot, retarget, score, solve
 from posing._program import Finished, PosingError, program, run
 from posing._takes import Restored, Take, audit, complete, denoise, read, write
@@ -69,6 +70,7 @@ __all__ = [
     "clean",
     "complete",
     "denoise",
+    "forces",
     "gait",
     "label",
     "plot",

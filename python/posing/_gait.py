@@ -1,11 +1,12 @@
-"""Gait from a laboratory's trials: gait."""
+"""Gait and forces from a laboratory's trials: gait, forces."""
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,11 +60,15 @@ def _number(cell: str) -> float:
     return float(cell) if cell else np.nan
 
 
+def _columns(table: Iterable[str], first: int = 0) -> dict[str, Floats]:
+    head, *rows = csv.reader(table)
+    values = np.array([[_number(cell) for cell in row[first:]] for row in rows]).T
+    return dict(zip(head[first:], values, strict=True))
+
+
 def _trial(path: Path) -> dict[str, Floats]:
     with path.open(newline="", encoding="utf-8") as file:
-        head, *rows = csv.reader(file)
-    values = np.array([[_number(cell) for cell in row[1:]] for row in rows]).T
-    return dict(zip(head[1:], values, strict=True))
+        return _columns(file, 1)
 
 
 def _cycles(path: Path) -> dict[tuple[str, str, int | str], dict[str, Floats]]:
@@ -159,3 +164,43 @@ def gait(
             page=page,
             notes=notes,
         )
+
+
+def forces(
+    path: StrPath, *, units: str | None = None, up: str | None = None, **options: Any
+) -> dict[str, Floats]:
+    """Read what the force plates of a C3D file measured.
+
+    Parameters
+    ----------
+    path : str or path
+        The file, with force plates of types 1 to 4.
+    units : {"cm", "m", "mm", "in", "asf"}, optional
+        Unit of length of the file. Default: what it says.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis of the file that points up. Default: what it says.
+    **options
+        Further flags of c3d2forces.
+
+    Returns
+    -------
+    dict
+        By column an array of shape (samples,): ``"time"`` in seconds, and of plate 1
+        ``"FP1.fx"``, ``.fy``, ``.fz``, the force on the foot, N; ``.px`` and so on the
+        center of pressure, cm; ``.mx`` and so on the moment about the middle of the
+        plate, ``.tx`` and so on the free moment, N m. Y is up. Center and free moment are
+        NaN below 10 N.
+
+    Raises
+    ------
+    ValueError
+        The file has no force plates, or one of another type.
+
+    Examples
+    --------
+    >>> loads = posing.forces("walk.c3d")
+    >>> loads["FP1.fy"].max()
+    """
+    given = flags(units=units, up=up, **options)
+    table = call("c3d2forces", *given, "--", os.fspath(path)).stdout.decode()
+    return _columns(table.splitlines())

@@ -50,3 +50,16 @@ def test_trials_that_cannot_be_read_stop_no_other(tmp_path):
     assert session.record["failed"][0]["file"].endswith("bad.c3d")
     with pytest.raises(ValueError, match="bad.c3d"):
         posing.gait(bad)
+
+
+def test_forces_are_those_of_the_command(tmp_path):
+    loads = posing.forces(CASE / "walk.c3d")
+    table = posing.run("c3d2forces", CASE / "walk.c3d").stdout.decode()
+    rows = list(csv.DictReader(table.splitlines()))
+    assert list(loads) == list(rows[0]) and len(loads) == 25
+    for name, values in loads.items():
+        cells = [float(row[name] or "nan") for row in rows]
+        assert np.array_equal(values, cells, equal_nan=True)
+    assert np.array_equal(np.isnan(loads["FP1.px"]), abs(loads["FP1.fy"]) < 10)
+    with pytest.raises(ValueError, match="no force plates"):
+        posing.forces(CASE.parent / "biomechanist/gait.c3d")

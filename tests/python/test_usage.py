@@ -23,6 +23,7 @@ COMMANDS = {
     posing.retarget: ["retarget"],
     posing.plot: ["plot"],
     posing.score: ["score"],
+    posing.forces: ["c3d2forces"],
 }
 
 
