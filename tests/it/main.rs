@@ -40,6 +40,7 @@ mod limits;
 mod marker_files;
 mod mesh_register;
 mod metric;
+mod mirror;
 mod nameless;
 mod night;
 mod other_programs;

@@ -2,7 +2,8 @@
 //! mirror image.
 
 use crate::Result;
-use crate::pose::joints::{CMU, cmu_names, mirrored, parents_by_name};
+use crate::pose::joints::{CMU, cmu_names, parents_by_name};
+use crate::pose::sides::mirrored;
 use crate::pose::{Body, PointNaming, Poses, point_at};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};

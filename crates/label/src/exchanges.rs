@@ -14,7 +14,8 @@
 
 use super::tuning::exchanges::*;
 use crate::numeric::statistics::median;
-use crate::pose::joints::{mirrored, parents_by_name};
+use crate::pose::joints::parents_by_name;
+use crate::pose::sides::mirrored;
 use crate::pose::{point_at, ranges};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;

@@ -10,7 +10,7 @@ use super::tuning::whole_take::{CLEAR, NEAR};
 use super::unlabeled::own_name;
 use super::whole_take::exchanged;
 use crate::numeric::statistics::median;
-use crate::pose::joints::mirrored;
+use crate::pose::sides::mirrored;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -245,13 +245,7 @@ pub(super) fn image(names: &[String], point: usize) -> Option<usize> {
     if let Some(other) = mirrored(&of_person, point) {
         return Some(other);
     }
-    let other = match own.chars().next()? {
-        'L' => 'R',
-        'R' => 'L',
-        _ => return Some(point),
-    };
-    let other = format!("{other}{}", &own[1..]);
-    of_person.iter().position(|n| *n == other)
+    (!own.starts_with(['L', 'R'])).then_some(point)
 }
 
 #[cfg(test)]

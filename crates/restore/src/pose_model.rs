@@ -14,7 +14,7 @@ use super::rigid::noise_floor::NoiseFloor;
 use super::tuning::pose_model::*;
 use crate::Result;
 use crate::io::Model;
-use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Poses, joints};
+use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Poses, sides};
 use crate::prior::{self, OpenOptions, Prior, up_directions};
 use ndarray::{Array2, ArrayView2};
 
@@ -67,7 +67,7 @@ impl PoseModel {
             solver: PlacementSolver::default(),
             body: (model.meta.body.as_ref().filter(|_| world)).map(Body::from),
             mirror: (0..points.len())
-                .map(|i| joints::mirrored(&points, i))
+                .map(|i| sides::mirrored(&points, i))
                 .collect(),
             points,
             rigid: RigidModel::default(),

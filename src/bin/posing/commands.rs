@@ -91,7 +91,11 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
     ),
     (
         "Choose and draw",
-        &[entry!("trim", trim), entry!("plot", plot)],
+        &[
+            entry!("trim", trim),
+            entry!("mirror", mirror),
+            entry!("plot", plot),
+        ],
     ),
     (
         "Train pose models",

@@ -34,6 +34,7 @@ mod gpd;
 mod ksvd_train;
 mod label;
 mod mesh_register;
+mod mirror;
 mod model;
 mod pair_label;
 mod plot;

@@ -221,32 +221,6 @@ pub fn bones(points: &[String]) -> Vec<(usize, usize)> {
     known.filter_map(|(i, p)| p.map(|p| (p, i))).collect()
 }
 
-/// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if
-/// `names` holds it.
-///
-/// ```
-/// use posing_core::pose::joints::mirrored;
-///
-/// let names = ["Hips", "LeftArm", "RightArm"].map(String::from);
-/// assert_eq!(mirrored(&names, 1), Some(2));
-/// assert_eq!(mirrored(&names, 0), None);
-/// ```
-pub fn mirrored(names: &[String], index: usize) -> Option<usize> {
-    let name = names.get(index)?;
-    let other = if let Some(rest) = name.strip_prefix("Left") {
-        format!("Right{rest}")
-    } else if let Some(rest) = name.strip_prefix("Right") {
-        format!("Left{rest}")
-    } else if let Some(rest) = name.strip_prefix('l') {
-        format!("r{rest}")
-    } else if let Some(rest) = name.strip_prefix('r') {
-        format!("l{rest}")
-    } else {
-        return None;
-    };
-    names.iter().position(|n| *n == other)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -277,21 +251,6 @@ mod tests {
             .map(|s| s.to_string())
             .collect();
         assert_eq!(parents_by_name(&names), [Some(1), None, None]);
-    }
-
-    #[test]
-    fn counterparts() {
-        let names = cmu_names();
-        let l = names.iter().position(|n| n == "lwrist").unwrap();
-        assert_eq!(
-            mirrored(&names, l).map(|i| names[i].as_str()),
-            Some("rwrist")
-        );
-        assert_eq!(mirrored(&names, 0), None);
-        assert_eq!(
-            mirrored(&names, names.iter().position(|n| n == "lowerback").unwrap()),
-            None
-        );
     }
 
     #[test]

@@ -27,6 +27,7 @@ pub mod repeated_frames;
 pub(crate) mod resampling;
 pub mod rotation;
 mod segment;
+pub mod sides;
 pub mod similarity;
 pub(crate) mod skeleton;
 mod smpl_joints;

@@ -366,7 +366,7 @@ mod tests {
             for (point, joint) in &map.joints {
                 let at = points.iter().position(|p| p == point);
                 let at = at.unwrap_or_else(|| panic!("{}: {point}", map.name));
-                if let Some(other) = joints::mirrored(&points, at) {
+                if let Some(other) = crate::pose::sides::mirrored(&points, at) {
                     let theirs = &map.joints[&points[other]];
                     assert_ne!(theirs, joint, "{}: {point}", map.name);
                 }

@@ -1,7 +1,7 @@
 //! What is posed: a skeleton, the joints that are shown and dragged, and the points of the model
 //! that they are.
 
-use crate::pose::{Skeleton, joints};
+use crate::pose::{Skeleton, sides};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -150,9 +150,9 @@ fn mirrors(
 ) -> Vec<Option<usize>> {
     let other = |k: usize| {
         let by_point = points[k]
-            .and_then(|p| joints::mirrored(model_points, p))
+            .and_then(|p| sides::mirrored(model_points, p))
             .and_then(|m| points.iter().position(|p| *p == Some(m)));
-        by_point.or_else(|| joints::mirrored(names, k))
+        by_point.or_else(|| sides::mirrored(names, k))
     };
     let found: Vec<Option<usize>> = (0..names.len()).map(other).collect();
     // Only where both say so.

@@ -15,6 +15,7 @@
 //! can write only what it read: its builder drops the joints.
 
 mod export;
+mod mirror;
 mod missing;
 mod read;
 mod skeleton;

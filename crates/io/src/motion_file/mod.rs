@@ -5,6 +5,7 @@ mod amc_skeleton;
 mod aside;
 #[cfg_attr(not(feature = "fbx"), path = "no_fbx.rs")]
 mod fbx_take;
+mod mirrored;
 mod moved;
 mod read_as;
 mod read_rules;
@@ -14,6 +15,7 @@ mod write_back;
 pub use amc_skeleton::skeleton_of;
 #[doc(hidden)]
 pub use fbx_take::rig_of_fbx;
+pub use mirrored::MirrorImage;
 pub use read_as::{Assumed, ReadAs, Source};
 pub use read_rules::{ReadRules, Scope, Scoped};
 

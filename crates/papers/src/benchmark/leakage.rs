@@ -7,7 +7,7 @@
 
 use super::dataset::Dataset;
 use crate::numeric::parallel;
-use crate::pose::joints;
+use crate::pose::sides;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rand::Rng;
 use rand_distr::StandardNormal;
@@ -228,7 +228,7 @@ impl Mirror {
     fn of(data: &Dataset) -> Option<Mirror> {
         let names = &data.points;
         let from: Vec<usize> = (0..names.len())
-            .map(|i| joints::mirrored(names, i).unwrap_or(i))
+            .map(|i| sides::mirrored(names, i).unwrap_or(i))
             .collect();
         let mut apart = [0.0_f64; 3];
         for row in data.xyz.rows() {

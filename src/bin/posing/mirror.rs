@@ -1,0 +1,84 @@
+//! Exchanges left and right.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::messages;
+use posing::cli::paths::OutputPath;
+use posing::cli::read_args::ReadArgs;
+use posing::cli::streams::write_bytes;
+use posing::io::{MotionFile, MotionFormat};
+use std::path::PathBuf;
+
+/// Exchange left and right, as a mirror does
+///
+/// Takes any file of motion (C3D, TRC, BVH, FBX, CSV, ...) and writes its mirror image in its own
+/// format, FBX as BVH. Positions are reflected (x to -x in a take that is y up), and markers of the
+/// left take the places of those of the right. In BVH files, rotations, offsets and channels of the
+/// left and right change sides and signs, along the axis that parts the sides in the zero pose.
+/// Names and their order stay; what is missing is missing on the other side. The mirror image of
+/// the mirror image is the file.
+///
+/// Sides are told by names: Left and Right, L and R, l and r, as in LeftArm, hand_L, LFHD, lfemur.
+/// What has no other side by its name stays where it is on the body, and a line names it.
+#[derive(Parser)]
+#[command(
+    name = "mirror",
+    version,
+    after_help = "Examples:\
+        \n  posing mirror walk.bvh -o mirrored.bvh\
+        \n  posing mirror markers.c3d -o mirrored.c3d\
+        \n  posing mirror --pairs lfemur:rfemur walk.csv -o mirrored.csv"
+)]
+pub struct Args {
+    /// File of motion
+    #[arg(value_name = "IN")]
+    file: PathBuf,
+    /// Write to OUT instead of standard output; it appears only when it is complete
+    #[arg(short, long, value_name = "OUT", help_heading = "Output")]
+    output: Option<OutputPath>,
+    /// Pairs of names that are two sides, beside those that the names tell; several parted by
+    /// commas
+    #[arg(
+        long,
+        value_name = "LEFT:RIGHT",
+        value_delimiter = ',',
+        value_parser = parse_pair,
+        help_heading = "Method"
+    )]
+    pairs: Vec<(String, String)>,
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+/// Two names; a colon of a prefix is none between them.
+fn parse_pair(text: &str) -> std::result::Result<(String, String), String> {
+    let colons: Vec<usize> = text.match_indices(':').map(|(at, _)| at).collect();
+    match colons.get(colons.len() / 2) {
+        Some(at) if colons.len() % 2 == 1 && *at > 0 && at + 1 < text.len() => {
+            Ok((text[..*at].into(), text[at + 1..].into()))
+        }
+        _ => Err("expected LEFT:RIGHT".into()),
+    }
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    let file = MotionFile::open_by(&args.file, &args.read.rules()?)?;
+    let name = args.file.display();
+    let image = file.mirror_image(&args.pairs)?;
+    for note in &image.notes {
+        messages::info(&format!("{name}: {note}"));
+    }
+    let alone = match &image.alone[..] {
+        [] => String::new(),
+        names => format!("; without another side: {}", names.join(", ")),
+    };
+    messages::info(&format!(
+        "{name}: {} pairs change sides{alone}",
+        image.pairs
+    ));
+    let binary = matches!(
+        file.format,
+        MotionFormat::C3d | MotionFormat::Npy | MotionFormat::Npz
+    );
+    write_bytes(args.output.as_deref(), &image.bytes, binary)
+}
