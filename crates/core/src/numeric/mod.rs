@@ -2,9 +2,15 @@
 //! Levenberg-Marquardt, Gaussians, interpolation, SIMD, deterministic parallelism.
 
 #[doc(hidden)]
+pub mod anti_alias;
+#[doc(hidden)]
 pub mod assignment;
 #[doc(hidden)]
 pub mod butterworth;
+#[doc(hidden)]
+pub mod cubic_spline;
+#[doc(hidden)]
+pub mod fft;
 #[doc(hidden)]
 pub mod gaussian;
 #[doc(hidden)]

@@ -26,6 +26,7 @@ mod ranges;
 pub mod repeated_frames;
 pub(crate) mod resampling;
 pub mod rotation;
+pub(crate) mod rotation_resampling;
 mod segment;
 pub mod sides;
 pub mod similarity;
@@ -55,6 +56,7 @@ pub use poses::Poses;
 pub use poses::point_at;
 #[doc(hidden)]
 pub use ranges::ranges;
+pub use rotation_resampling::{Retiming, resampled_motion, without_jumps};
 pub use segment::Segment;
 pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};

@@ -1,7 +1,9 @@
 //! Takes at another rate, and a low-pass filter for them.
 
 use super::poses::Poses;
+use crate::numeric::anti_alias::AntiAlias;
 use crate::numeric::butterworth::{FEWEST, LowPass};
+use crate::numeric::cubic_spline::CubicSpline;
 use crate::numeric::pchip::pchip;
 use ndarray::{Array2, ArrayViewMut1, Axis};
 use std::ops::Range;
@@ -10,6 +12,9 @@ use std::ops::Range;
 const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 /// Two measured frames further apart than this many steps are a gap, not neighbors.
 const NEIGHBORS: f64 = 1.5;
+
+/// Times of frames are whole multiples of a step if they differ by less than this share of it.
+const ROUNDED: f64 = 0.05;
 
 impl Poses {
     /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up
@@ -73,6 +78,45 @@ impl Poses {
         })
     }
 
+    /// The times that frames have if their rate is really `rate`: of each take, its times over its
+    /// own rate, and exact multiples where they are those up to their rounding.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: no times, or none that rise.
+    pub fn times_at_rate(&self, rate: f64) -> crate::Result<Vec<f64>> {
+        let time = self.time.as_ref().ok_or("has no times to correct")?;
+        let mut out = Vec::with_capacity(time.len());
+        for (frames, own) in self.takes().into_iter().zip(self.rates()) {
+            let own = match own {
+                Some(own) => own,
+                None if frames.len() < 2 => rate,
+                None => return Err("has times that do not rise: they tell no rate".into()),
+            };
+            let counted = time[frames].iter().map(|t| t * own);
+            let whole = |count: f64| match count.round() {
+                near if (count - near).abs() < ROUNDED => near,
+                _ => count,
+            };
+            out.extend(counted.map(|count| whole(count) / rate));
+        }
+        Ok(out)
+    }
+
+    /// The poses `speed` times as fast: times after the first of each take are divided by it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: no times.
+    pub fn sped_up(mut self, speed: f64) -> crate::Result<Poses> {
+        let takes = self.takes();
+        let time = self.time.as_mut().ok_or("has no times to change")?;
+        for frames in takes {
+            let first = time[frames.start];
+            let own = time[frames].iter_mut();
+            own.for_each(|t| *t = first + (*t - first) / speed);
+        }
+        Ok(self)
+    }
+
     /// One coordinate of a take at the times `at`.
     fn resample(
         &self,
@@ -98,6 +142,33 @@ impl Poses {
                 out[start + i] = value;
             }
         }
+    }
+
+    /// The positions (times, 3 J) at other times, which rise and are those of a new `rate`: by cubic
+    /// splines through measured neighbors; across a gap or a pause, and outside of the frames, they
+    /// are missing. Before a lower rate, what it cannot show is filtered out. Of one take.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: no times.
+    pub fn at_times(&self, at: &[f64], rate: f64) -> crate::Result<Array2<f64>> {
+        let time = self.time.as_ref().ok_or("has no times to resample")?;
+        let own = self.rate().unwrap_or(rate);
+        let filter = AntiAlias::new(rate / own);
+        let mut out = Array2::from_elem((at.len(), self.xyz.ncols()), f64::NAN);
+        for c in 0..self.xyz.ncols() {
+            for seen in self.seen_runs(c, 0..self.frames(), NEIGHBORS / own) {
+                let x = &time[seen.clone()];
+                let mut y: Vec<f64> = seen.map(|t| self.xyz[[t, c]]).collect();
+                filter.iter().for_each(|filter| filter.apply(&mut y));
+                let spline = CubicSpline::new(x.to_vec(), y);
+                let (first, last) = (x[0] - 1e-6, x[x.len() - 1] + 1e-6);
+                let from = at.partition_point(|t| *t < first);
+                for k in (from..at.len()).take_while(|k| at[*k] <= last) {
+                    out[[k, c]] = spline.value(at[k].clamp(x[0], x[x.len() - 1]));
+                }
+            }
+        }
+        Ok(out)
     }
 
     /// Filters each coordinate by a zero-lag Butterworth filter of order 4, forwards and backwards.
@@ -208,6 +279,38 @@ mod tests {
         assert_eq!(finer.frames(), 2 * 59);
         assert!((finer.xyz[[3, 0]] - 1.5).abs() < 1e-9);
         assert!(finer.xyz[[19, 0]].is_nan() && finer.xyz[[18, 0]] == 9.0);
+    }
+
+    #[test]
+    fn positions_at_other_times_keep_gaps_and_end_with_the_frames() {
+        let one = poses().slice(0..30);
+        let at: Vec<f64> = (-1..62).map(|k| f64::from(k) / 200.0 + 0.001).collect();
+        let new = one.at_times(&at, 200.0).unwrap();
+        for (t, row) in at.iter().zip(new.rows()) {
+            let there = (0.0..=0.09).contains(t) || (0.15..=0.29).contains(t);
+            assert!(row.iter().all(|v| v.is_finite() == there), "{t}");
+            assert!(!there || (row[1] - 100.0 * t - 1.0).abs() < 1e-9, "{t}");
+        }
+        assert!(Poses::default().at_times(&at, 200.0).is_err());
+    }
+
+    #[test]
+    fn a_wrong_rate_is_corrected_and_speed_changes_times_alone() {
+        let mended = poses().times_at_rate(50.0).unwrap();
+        assert_eq!((mended[1], mended[29], mended[31]), (0.02, 0.58, 0.02));
+        let mut rounded = poses();
+        rounded.time = Some(
+            (0..60)
+                .map(|t| f64::from(8 * (t % 30) + t % 3) / 1e3)
+                .collect(),
+        );
+        let times = rounded.times_at_rate(60.0).unwrap();
+        assert!((times[29] - 29.0 / 60.0).abs() < 2e-3);
+        let fast = poses().sped_up(2.0).unwrap();
+        let time = fast.time.unwrap();
+        assert!((time[29] - 0.145).abs() < 1e-12 && time[30] == 0.0);
+        assert!(Poses::default().times_at_rate(60.0).is_err());
+        assert!(Poses::default().sped_up(2.0).is_err());
     }
 
     #[test]
