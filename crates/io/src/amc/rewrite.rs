@@ -1,10 +1,11 @@
 //! A take's text with some of its values changed.
 
-use super::{AmcFrames, Asf};
+use super::{Amc, AmcFrames, Asf};
 use crate::number_words::Decimals;
 use crate::pose::{JointChannels, Space};
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// The motion of a take, with what its text needs to be written anew.
 pub(crate) struct AmcMotion {
@@ -63,6 +64,25 @@ impl AmcMotion {
         out
     }
 
+    /// The text of the take, `original`, with some of its frames, counted from 0, whose numbers
+    /// stay.
+    pub(crate) fn with_frames(original: &[u8], frames: Range<usize>) -> Vec<u8> {
+        let (mut out, mut begun) = (Vec::new(), 0);
+        for line in original.split_inclusive(|b| *b == b'\n') {
+            begun += usize::from(is_frame_number(line));
+            if begun == 0 || frames.contains(&(begun - 1)) {
+                out.extend_from_slice(line);
+            }
+        }
+        out
+    }
+
+    /// The text of a take with other values (frames, degrees of freedom), whose first frame has the
+    /// number `first`: in degrees.
+    pub(crate) fn with_values(&self, first: u64, values: ArrayView2<'_, f64>) -> Vec<u8> {
+        Amc::from_values(&self.asf, first, values).to_bytes()
+    }
+
     /// A value in the file's unit.
     fn in_file(&self, dof: usize, value: f64) -> f64 {
         let skeleton = &self.asf.skeleton;
@@ -91,8 +111,7 @@ impl AmcMotion {
                 .split(u8::is_ascii_whitespace)
                 .filter(|w| !w.is_empty());
             let first = words.next().unwrap_or_default();
-            let is_number = !first.is_empty() && first.iter().all(u8::is_ascii_digit);
-            frames += usize::from(is_number && words.next().is_none());
+            frames += usize::from(is_frame_number(line));
             let bone = by_name
                 .get(first)
                 .filter(|_| (1..=self.values.nrows()).contains(&frames));
@@ -111,6 +130,13 @@ impl AmcMotion {
             hear(comment, None);
         }
     }
+}
+
+/// Whether a line is the number of a frame.
+fn is_frame_number(line: &[u8]) -> bool {
+    let body = line.split(|b| *b == b'#').next().unwrap_or_default();
+    let number = body.trim_ascii();
+    !number.is_empty() && number.iter().all(u8::is_ascii_digit)
 }
 
 #[cfg(test)]
@@ -153,6 +179,13 @@ mod tests {
             .replace("4.125", "0.500")
             .replace("2\r\nroot 1", "2\r\nroot 4.000");
         assert_eq!(write(&other), wanted);
+        let cut = AmcMotion::with_frames(text.as_bytes(), 1..2);
+        let (head, _) = text.split_once("1\r\n").unwrap();
+        let (_, second) = text.split_once("2\r\n").unwrap();
+        assert_eq!(
+            String::from_utf8(cut).unwrap(),
+            format!("{head}2\r\n{second}")
+        );
         let names: Vec<usize> = motion.channels().iter().map(|j| j.angles.len()).collect();
         assert_eq!(names, [3, 1]);
         assert_eq!(motion.channels()[0].angles[0].0, 5);

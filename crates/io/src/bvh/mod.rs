@@ -16,6 +16,7 @@
 
 mod export;
 mod mirror;
+mod frame_lines;
 mod missing;
 mod read;
 mod skeleton;

@@ -15,6 +15,7 @@ use glam::DVec3;
 use ndarray::Array2;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
 /// Larger files are refused; an hour at 120 frames a second takes a fifth of it.
 pub const LARGEST_FILE: u64 = 2 << 30;
@@ -445,6 +446,24 @@ pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
     // Counted from the end: what is no UTF-8 is longer in the text, but stands among the names.
     let words = parser.words;
     bytes.len().checked_sub(words.text.len() - words.at)
+}
+
+/// Where the numbers of the motion's head stand in the bytes of a file: the count of frames, and
+/// the Frame Time; `None` where it has no head that can be read.
+pub(super) fn head_numbers(bytes: &[u8]) -> Option<[Range<usize>; 2]> {
+    let text = decoded(bytes);
+    let mut parser = Parser::new(&text);
+    parser.hierarchy().ok()?;
+    let mut words = parser.words;
+    let mut number = |label: &[&str]| {
+        labeled(&mut words, label, "").ok()?;
+        // Counted from the end, as for `motion_start`.
+        let end = bytes.len().checked_sub(words.text.len() - words.at)?;
+        let is_of = |b: &&u8| !b.is_ascii_whitespace() && **b != b':';
+        let length = bytes[..end].iter().rev().take_while(is_of).count();
+        Some(end - length..end)
+    };
+    Some([number(&["frames"])?, number(&["frame", "time"])?])
 }
 
 /// Where the hierarchy ends in the bytes of a file, behind the word MOTION; `None` where there is

@@ -3,8 +3,10 @@
 
 mod block;
 mod records;
+mod time_column;
 mod writer;
 
+pub use time_column::with_times;
 pub use writer::{AddedColumn, After, CsvFormat, push_cell};
 
 use super::Input;

@@ -9,6 +9,7 @@ mod mirrored;
 mod moved;
 mod read_as;
 mod read_rules;
+mod retimed;
 mod write_back;
 
 #[doc(hidden)]

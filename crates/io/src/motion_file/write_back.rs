@@ -96,7 +96,7 @@ impl MotionFile {
             }
             Original::Amc(bytes, amc, _) => Ok(amc.rewritten(bytes, motion)),
             _ => {
-                let what = "has no rotations: it is no BVH or AMC file";
+                let what = super::retimed::NO_ROTATIONS;
                 Err(Error::data(Place::file(&self.table.name), what))
             }
         }
