@@ -56,6 +56,7 @@ mod reduction;
 pub mod scaling;
 pub mod sparse_graph;
 mod stopwatch;
+pub mod time_alignment;
 pub(crate) mod trace_ratio;
 pub mod train;
 pub mod transition;
@@ -73,6 +74,7 @@ pub use joint_map::JointMap;
 pub use nearest::PoseDatabase;
 pub use pairs::{FrameRef, LabeledPair};
 pub use pose_metric::PoseMetric;
+pub use time_alignment::{TimeAlignment, TimeAlignmentOptions};
 pub use train::{TrainSettings, Trained, train};
 pub use transition::{Candidate, TransitionSearch};
 
