@@ -301,6 +301,11 @@ impl OutputArgs {
 }
 
 impl OutUnitArgs {
+    /// Whether one is given.
+    pub fn are_given(&self) -> bool {
+        self.out_units.is_some() || self.out_up.is_some()
+    }
+
     /// The unit and the axis of the output, given those of the input table.
     pub fn table_units(&self, input: Units) -> Units {
         Units {

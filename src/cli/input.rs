@@ -82,11 +82,23 @@ impl<'a> RowStream<'a> {
     /// Opens the first of the files (standard input when there is none).
     pub fn open(flags: &'a InputArgs, planar: bool, cells: bool) -> Result<RowStream<'a>> {
         check_single_stdin(&flags.files)?;
+        let first = or_stdin(&flags.files).into_iter().next();
+        let first = open(&first.unwrap_or_default())?;
+        RowStream::beginning_with(first, flags, planar, cells)
+    }
+
+    /// Reads the first of the files, which is opened, and then the others.
+    fn beginning_with(
+        input: Input,
+        flags: &'a InputArgs,
+        planar: bool,
+        cells: bool,
+    ) -> Result<RowStream<'a>> {
         let mut rest = or_stdin(&flags.files).into_iter();
         let first = rest.next().unwrap_or_default();
         let mut takes = TakeNames::default();
         let take = takes.next(&first);
-        let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
+        let reader = RowReader::new(input, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
         Ok(RowStream {
             units: units_of(&reader, flags),
@@ -233,7 +245,16 @@ impl TakeNames {
 
 /// Reads whole tables, one after another, into one.
 pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table> {
-    let mut stream = RowStream::open(flags, planar, cells)?;
+    whole_table(RowStream::open(flags, planar, cells)?, flags, cells)
+}
+
+/// Reads whole tables into one, of which the first is opened.
+pub fn read_opened_table(input: Input, flags: &InputArgs) -> Result<Table> {
+    let stream = RowStream::beginning_with(input, flags, false, false)?;
+    whole_table(stream, flags, false)
+}
+
+fn whole_table(mut stream: RowStream<'_>, flags: &InputArgs, cells: bool) -> Result<Table> {
     let columns = stream.columns().clone();
     let name = stream.name().to_string();
     let (mut builder, mut kept, mut row) =

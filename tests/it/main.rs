@@ -1,6 +1,7 @@
 //! The tests of the commands, and of the project as a whole: a module each, one program, so that
 //! one link serves all.
 
+mod align;
 mod architecture;
 mod audit;
 mod baselines;

@@ -12,7 +12,8 @@ const BUDGET: [(&str, usize); 18] = [
     // of a night of takes with findings in groups, places in seconds, and people (750).
     ("clean", 6_110),
     // Products of a matrix with itself, and rotations without an eigenvalue problem: for speed.
-    ("core", 5_650),
+    // Splines, rotations at other rates, a low-pass filter before them, sums over all shifts (460).
+    ("core", 6_120),
     // Pages of many takes have a small picture of each person.
     ("draw", 2_850),
     ("edit", 3_600),
@@ -23,20 +24,21 @@ const BUDGET: [(&str, usize); 18] = [
     ("glb", 1_600),
     // Whole bodies over gaps, and between key poses, from motion that is known.
     ("inbetween", 1_680),
-    // FBX as BVH (260), mirror images (340), and files of OpenSim, from tables of gait and of
-    // forces (35).
-    ("io", 15_770),
+    // FBX as BVH (260), mirror images (340), frames of BVH and AMC files as they stand, their rate,
+    // the times of tables (240), and files of OpenSim (35).
+    ("io", 16_010),
     // Feet stand on the soles of the rig (330).
     // Rotations by the least turns to positions (90).
     ("joints", 8_970),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
     // names, the body as evidence, and loose pieces that close gaps.
     ("label", 6_480),
-    ("likeness", 4_550),
+    // How two recordings of one performance lie in time (550).
+    ("likeness", 5_100),
     ("models", 10_800),
     ("papers", 6_250),
-    // FBX (200). A command for the forces of force plates (45).
-    ("posing", 13_410),
+    // FBX (200), the forces of plates (45), mirror (60), align, and trim in rotations (450).
+    ("posing", 13_890),
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
     // Gaps of a whole body from motion (150).

@@ -94,6 +94,7 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
         &[
             entry!("trim", trim),
             entry!("mirror", mirror),
+            entry!("align", align),
             entry!("plot", plot),
         ],
     ),

@@ -1,6 +1,7 @@
 //! The program: it runs the command that it was called as (`complete`, by a link), or that its
 //! first word names (`posing complete`).
 
+mod align;
 mod amc2xyz;
 mod audit;
 mod between;

@@ -28,6 +28,8 @@ cut_takes() { awk -F, -v OFS=, -v s="$1" 'NR > 1 { $1 = s "_0" 1 + (NR > 60) } N
 for s in 01 02 07; do cut_takes $s poses.csv > $s.csv; done
 cut_takes 09 run.csv > my-takes.csv
 cp truth.csv mine.csv
+# The walk by another system, which began later.
+cp truth.csv mocap.csv; awk 'NR == 1 || NR > 40' noisy.csv > video.csv
 posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
 awk -F, -v OFS=, 'NR > 160 { $1 = "rest" } 1' truth.csv > two-takes.csv
 # Two people side by side.

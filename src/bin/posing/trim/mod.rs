@@ -1,25 +1,40 @@
-//! Chooses frames and points of takes, changes their rate, filters them.
+//! Chooses frames and points of takes, changes their rate and speed, filters them.
+
+mod rotations;
 
 use posing::cli::choice::named;
 use posing::cli::paths::OutputPath;
 
 use clap::Parser;
-use posing::cli::args::{InputArgs, OutUnitArgs, OutputArgs, parse_hertz, parse_rate};
-use posing::cli::input::read_table;
+use posing::cli::args::{
+    InputArgs, OutUnitArgs, OutputArgs, parse_hertz, parse_positive, parse_rate,
+};
+use posing::cli::input::{check_single_stdin, open, or_stdin, read_opened_table};
 use posing::cli::messages;
-use posing::cli::streams::write_table;
-use posing::io::{Table, TableFormat, parse_point_names};
+use posing::cli::streams::{write_bytes, write_table};
+use posing::io::csv::with_times;
+use posing::io::motion_file::LARGEST_MOTION_FILE;
+use posing::io::{Input, MotionFormat, Table, TableFormat, parse_point_names};
 use posing::label::points_of_person;
 use posing::pose::Poses;
 use posing::pose::units::Units;
 use posing::{Error, Place, Result};
+use std::io::Cursor;
+use std::path::PathBuf;
 
-/// Choose frames, takes and points, resample, rename, filter
+/// Choose frames, takes and points, resample, retime, rename, filter
 ///
-/// Several tables become one. First frames are chosen (--take, --from, --to), then values are
-/// filtered (--butterworth), then resampled, then points are chosen and renamed. Missing values
-/// stay missing, and nothing is interpolated across them. The result has the columns take, time and
-/// the points; other columns are left out.
+/// Several tables become one. First a wrong rate is corrected (--rate-is), then frames are chosen
+/// (--take, --from, --to), then values are filtered (--butterworth), then made faster (--speed) and
+/// resampled, then points are chosen and renamed. Missing values stay missing, and nothing is
+/// interpolated across them. The result has the columns take, time and the points; other columns
+/// are left out. Of one CSV table with --rate-is alone, only the numbers of its times change.
+///
+/// A BVH or AMC file stays one, with its own skeleton: --rate-is, --from, --to, --butterworth,
+/// --speed and --resample work on its rotations. Each joint turns the shortest way from frame to
+/// frame, wherever its angles wrap, and the root moves along splines; before a lower rate, movement
+/// that it cannot show is filtered out. Values that stood still for four frames stay as they are.
+/// Where only frames are chosen or the rate is corrected, the text of each value stays.
 #[derive(Parser)]
 #[command(
     name = "trim",
@@ -28,13 +43,16 @@ use posing::{Error, Place, Result};
         \n  posing trim --from 1.5 --to 4 walk.csv > part.csv\
         \n  posing trim --butterworth 6Hz walk.csv > smooth.csv\
         \n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\
+        \n  posing trim --resample 30 walk.bvh -o walk30.bvh\
+        \n  posing trim --rate-is 60 walk.bvh -o right.bvh\
         \n  posing trim --person Ann both.csv > ann.csv\
         \n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// First time, in seconds as the table has it
+    /// First time, in seconds as the table has it, 0 being the first frame of a BVH file, of which
+    /// the nearest frame is taken
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     from: Option<f64>,
     /// Last time, in seconds as the table has it; or the output format, csv, npy or npz
@@ -53,10 +71,18 @@ pub struct Args {
     /// together), with half the power left at this cutoff; below .4 of the rate
     #[arg(long, value_name = "HZ", value_parser = parse_hertz)]
     butterworth: Option<f64>,
-    /// Frames per second of the result, interpolated (PCHIP) between measured neighbors. For a
-    /// lower rate, filter first: what is faster than half of it turns into slow movement
+    /// Frames per second of the result, interpolated between measured neighbors: points by PCHIP,
+    /// rotations by splines. For a lower rate, filter points first: what is faster than half of it
+    /// turns into slow movement
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     resample: Option<f64>,
+    /// Make the motion so many times faster; the rate stays
+    #[arg(long, value_name = "X", value_parser = parse_positive)]
+    speed: Option<f64>,
+    /// The rate that the frames really have, where the file says a wrong one: times change, values
+    /// do not
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    rate_is: Option<f64>,
     /// Comma-separated points, in the order of the result
     #[arg(long, value_name = "LIST")]
     points: Option<String>,
@@ -72,6 +98,13 @@ pub struct Args {
     output: Option<OutputPath>,
     #[command(flatten)]
     out_units: OutUnitArgs,
+    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's:
+    /// 07.asf for 07_01.amc]
+    #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
+    asf: Option<PathBuf>,
+    /// Accept a BVH or AMC file whose last frame is cut off; that frame is dropped
+    #[arg(long, help_heading = "Input")]
+    keep_whole: bool,
 }
 
 /// What `--to` says: where frames end, or as what they are written.
@@ -91,6 +124,32 @@ fn parse_to(text: &str) -> std::result::Result<To, String> {
 }
 
 impl Args {
+    /// Whether nothing but the rate is to be corrected, and CSV comes out.
+    fn corrects_rate_alone(&self) -> bool {
+        let flags = [self.from, self.butterworth, self.resample, self.speed];
+        self.rate_is.is_some()
+            && flags.iter().all(Option::is_none)
+            && self.last().is_none()
+            && self.first_of_tables().is_none()
+            && self.output().format() == TableFormat::Csv
+    }
+
+    /// The first flag given that is for tables alone.
+    fn first_of_tables(&self) -> Option<&'static str> {
+        let format = self.to.iter().any(|to| matches!(to, To::Format(_)));
+        let flags = [
+            ("--take", !self.take.is_empty()),
+            ("--points", self.points.is_some()),
+            ("--person", self.person.is_some()),
+            ("--rename", !self.rename.is_empty()),
+            ("--out-units and --out-up", self.out_units.are_given()),
+            ("a format by --to", format),
+        ];
+        flags
+            .into_iter()
+            .find_map(|(flag, given)| given.then_some(flag))
+    }
+
     /// The last time that is chosen, in seconds.
     fn last(&self) -> Option<f64> {
         self.to.iter().rev().find_map(|to| match to {
@@ -120,10 +179,47 @@ fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    let mut table = read_table(&args.input, false, false)?;
+    let files = or_stdin(&args.input.files);
+    check_single_stdin(&files)?;
+    let input = open(&files[0])?;
+    match MotionFormat::of(input.first_bytes()) {
+        MotionFormat::Bvh | MotionFormat::Amc => rotations::trim(args, &files, input),
+        MotionFormat::Csv if files.len() == 1 && args.corrects_rate_alone() => {
+            correct_rate(args, input)
+        }
+        _ => trim_table(args, read_opened_table(input, &args.input)?),
+    }
+}
+
+/// Changes only the times of a CSV table.
+fn correct_rate(args: &Args, input: Input) -> Result<()> {
+    let name = input.name.clone();
+    let bytes = input.read_all(LARGEST_MOTION_FILE)?;
+    let again = Input::new(&name, Cursor::new(bytes.clone()))?;
+    let table = read_opened_table(again, &args.input)?;
+    let times = corrected(args, &table.poses, args.input.rate(&table.poses)?);
+    let times = times.map_err(|e| e.at(Place::file(&name)))?;
+    let mended = with_times(&bytes, times.as_deref().unwrap_or_default());
+    write_bytes(args.output.as_deref(), &mended.unwrap_or(bytes), false)
+}
+
+/// The times of a table whose rate is `fps`, as --rate-is corrects it.
+fn corrected(args: &Args, poses: &Poses, fps: Option<f64>) -> Result<Option<Vec<f64>>> {
+    match args.rate_is {
+        None => Ok(poses.times(fps)),
+        Some(_) if poses.time.is_none() => {
+            let what = "has no times to correct; give the right rate with --fps where it is read";
+            Err(what.into())
+        }
+        Some(rate) => poses.times_at_rate(rate).map(Some),
+    }
+}
+
+fn trim_table(args: &Args, mut table: Table) -> Result<()> {
     let fps = args.input.rate(&table.poses)?;
-    table.poses.time = table.poses.times(fps);
     let bad = |e: Error| e.at(Place::file(&table.name));
+    table.poses.time = corrected(args, &table.poses, fps).map_err(bad)?;
+    let fps = args.rate_is.or(fps);
     let mut poses = chosen(args, &table.poses).map_err(bad)?;
     if let Some(cutoff) = args.butterworth {
         let short = poses.low_pass(cutoff, fps).map_err(bad)?;
@@ -133,15 +229,7 @@ pub fn work(args: &Args) -> Result<()> {
             ));
         }
     }
-    if let Some(rate) = args.resample {
-        if fps.is_some_and(|fps| rate < fps) && args.butterworth.is_none() {
-            messages::info(
-                "a lower rate without --butterworth: what is faster than half of it turns into \
-                 slow movement",
-            );
-        }
-        poses = poses.resampled(rate).map_err(bad)?;
-    }
+    poses = retimed(args, poses, fps).map_err(bad)?;
     if let Some(name) = &args.person {
         let own = points_of_person(&poses.points, name).map_err(bad)?;
         let names: Vec<String> = own.iter().map(|(p, _)| poses.points[*p].clone()).collect();
@@ -162,6 +250,24 @@ pub fn work(args: &Args) -> Result<()> {
     let out_units = args.out_units.table_units(args.input.table_units());
     let units = [Units::CM_Y, out_units];
     write_table(&args.output(), units, &result, xyz, &[], |_| Vec::new())
+}
+
+/// The poses at other speed and rate.
+fn retimed(args: &Args, mut poses: Poses, fps: Option<f64>) -> Result<Poses> {
+    let speed = args.speed.unwrap_or(1.0);
+    if args.speed.is_some() {
+        poses = poses.sped_up(speed)?;
+    }
+    let Some(rate) = args.resample.or(fps.filter(|_| args.speed.is_some())) else {
+        return Ok(poses);
+    };
+    if fps.is_some_and(|fps| rate < fps * speed) && args.butterworth.is_none() {
+        messages::info(
+            "fewer frames without --butterworth: what is faster than half of their rate turns \
+             into slow movement",
+        );
+    }
+    poses.resampled(rate)
 }
 
 /// The frames that the flags choose.
