@@ -34,6 +34,7 @@ y up. NaN is missing; 0 is a measurement.
 `gait`        angles, moments, events and a page of a laboratory's trials
 `forces`      forces and centers of pressure of force plates
 `plot`        a page that plays takes, or a picture
+`align`       two recordings of one performance, in time
 `score`       a take against the truth
 `run`         any other command
 ============  ================================================================
@@ -50,7 +51,7 @@ a file that is not there `FileNotFoundError`; both are also a `posing.Error`.
 from typing import TYPE_CHECKING
 
 from posing._gait import Gait, forces, gait
-from posing._motion import Motion, Page, Recorded, clean, label, plot, retarget, score, solve
+from posing._motion import Motion, Page, Recorded, align, clean, label, plot, retarget, score, solve
 from posing._program import Finished, PosingError, program, run
 from posing._takes import Restored, Take, audit, complete, denoise, read, write
 
@@ -66,6 +67,7 @@ __all__ = [
     "Recorded",
     "Restored",
     "Take",
+    "align",
     "audit",
     "clean",
     "complete",

@@ -1,4 +1,4 @@
-"""Takes from labels to another rig: label, solve, retarget, clean, plot, score."""
+"""Takes from labels to another rig: label, solve, retarget, clean, plot, align, score."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from posing._program import PosingError, call, flags
+from posing._program import DataError, PosingError, call, flags
 from posing._takes import (
     Floats,
     StrPath,
@@ -590,6 +590,62 @@ def plot(
                 return draw(*(read(take) if is_path(take) else take for take in takes))
             except PosingError:
                 raise error from None
+
+
+def align(
+    first: Data,
+    second: Data,
+    names: Sequence[str] | None = None,
+    fps: float | None = None,
+    *,
+    drift: bool = False,
+    map: str | StrPath | None = None,
+    **options: Any,
+) -> Recorded:
+    """Lay a recording beside another of the same performance, in time.
+
+    Parameters
+    ----------
+    first, second : path, Take, DataFrame, or array of shape (frames, points, 3)
+        The recording whose frames and clock the result has, and the one that is put on
+        them. Where they stand and which way they face does not matter.
+    names : list of str, optional
+        Names of the points of arrays.
+    fps : float, optional
+        Frames per second of arrays and files that do not say it.
+    drift : bool
+        Also find how much faster one clock runs.
+    map : str or path, optional
+        Which points are the same: a shipped map or a TOML file. Default: those of one
+        name.
+    **options
+        Further flags of ``posing align``.
+
+    Returns
+    -------
+    Recorded
+        ``second`` on the frames of ``first``; ``record`` has ``"shift"`` and its standard
+        deviation ``"shift_sd"``, seconds, ``"drift"`` and ``"correlation"``.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As for `complete`; they share no motion.
+
+    Examples
+    --------
+    >>> video = posing.align("mocap.csv", "video.csv")
+    >>> video.record["shift"], video.record["shift_sd"]    # seconds
+    """
+    takes = [read(take, fps=fps) if is_path(take) else take for take in (first, second)]
+    with _files(*takes, names=names, fps=fps) as (folder, (one, other)):
+        out, told = folder / "out.npz", folder / "json"
+        given = flags(drift=drift, map=map, json=told, output=out, **options)
+        done = call("align", *given, "--", one, other, folder=folder)
+        record = json.loads(told.read_bytes())
+        if not record["found"]:
+            raise DataError(done.notes[-1], done.code, done.notes[:-1])
+        return load(Recorded, out.read_bytes(), notes=done.notes, record=record)
 
 
 def score(

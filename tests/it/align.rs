@@ -145,6 +145,30 @@ fn rotations_come_as_rotations_with_as_many_frames() {
         assert!(new[t].iter().zip(&was[t]).all(near), "{t}");
     }
     assert_eq!(new[0], new[50]);
+    // Some of a rig's joints do not show that they stand where bones start; their names are enough.
+    let (all, few) = (at("all.csv"), at("few.csv"));
+    run("bvh2xyz", &["-q", text(&bvh), "-o", text(&all)], "");
+    let some = [
+        "-q",
+        "--points",
+        "root,ltibia,rtibia,lwrist,head",
+        "--from",
+        "0.25",
+    ];
+    run(
+        "trim",
+        &[&some[..], &[text(&all), "-o", text(&few)]].concat(),
+        "",
+    );
+    let said = command("align")
+        .args([text(&all), text(&few), "-o", text(&at("on.csv"))])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(said.stderr).unwrap();
+    assert!(
+        said.contains("30.000 frames") && said.contains("5 points"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -176,6 +176,7 @@ fn frames_of_a_bvh_file_keep_their_text() {
         (&["--from", "9"][..], "no frame"),
         (&["--from", "2", "--to", "1"], "no frame"),
         (&["--butterworth", "50"], "below .4"),
+        (&["--resample", "1000000", "--speed", "1e-9"], "too many"),
     ] {
         assert!(fails("trim", flags, bvh.as_bytes(), 1).contains(what));
     }

@@ -135,6 +135,18 @@ def test_a_motion_goes_on_another_rig(motion, tmp_path):
     assert len(posing.retarget(AMC, RIG, fps=120)) == 316
 
 
+def test_a_recording_comes_onto_the_frames_of_another():
+    walk = posing.read(AMC, fps=120)
+    late = dataclasses.replace(walk[30:], time=walk.time[: len(walk) - 30])
+    found = posing.align(walk, late)
+    assert found.record["shift"] == pytest.approx(0.25, abs=1e-4) and len(found) == len(walk)
+    assert np.isnan(found.xyz[:30]).all() and np.allclose(found.xyz[31:], walk.xyz[31:], atol=0.01)
+    run = posing.read(AMC.parents[1] / "09/09_06.amc", fps=120)
+    with pytest.raises(ValueError, match="share 23 points") as error:
+        posing.align(walk, run)
+    assert error.value.code == 3
+
+
 def test_frames_of_a_motion_have_their_own_bvh(motion, tmp_path):
     for frames, rate in ((slice(10, 50), 60), (slice(0, None, 3), 20), (motion.time > 1, 60)):
         part = posing.retarget(motion, RIG)[frames]

@@ -22,6 +22,7 @@ COMMANDS = {
     posing.solve: ["solve"],
     posing.retarget: ["retarget"],
     posing.plot: ["plot"],
+    posing.align: ["align"],
     posing.score: ["score"],
     posing.forces: ["c3d2forces"],
 }

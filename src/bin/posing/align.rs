@@ -17,7 +17,6 @@ use posing::numeric::anti_alias::AntiAlias;
 use posing::pose::{BonePoints, Poses, Retiming, Units, joints};
 use posing::{Error, Place, Result};
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Lay a recording beside another of the same performance, in time
@@ -70,28 +69,17 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let rules = args.read.rules()?;
     let (_, a) = read(&args.first, &rules)?;
     let (bytes, b) = read(&args.second, &rules)?;
-    let [names_a, names_b] = names([a.poses(), b.poses()]);
-    let known: Vec<String> = (names_a.iter().cloned())
-        .chain(joints::cmu_names())
-        .collect();
-    let map = args
-        .map
-        .as_ref()
-        .map(|map| name_map(map, &known))
-        .transpose()?;
-    let shared = shared_points(&names_a, &names_b, map.as_ref());
-    let options = TimeAlignmentOptions { drift: args.drift };
     let [timed_a, timed_b] = [timed(&a)?, timed(&b)?];
     let both = format!("{} and {}", a.table.name, b.table.name);
-    let found = align(&timed_a, &timed_b, &shared, &options);
-    let found = found.map_err(|e| e.at(Place::file(&both)))?;
+    let found = args.found(&timed_a, &timed_b);
+    let (shared, found) = found.map_err(|e| e.at(Place::file(&both)))?;
     let Some(found) = found.filter(|found| found.is_clear) else {
         let drift = if args.drift {
             ""
         } else {
             " (if their clocks drift apart, --drift)"
         };
-        let what = match (shared.len(), found) {
+        let what = match (shared, found) {
             (0, _) => "share no points by their names; --map says which are the same".into(),
             (n, None) => format!("share {n} points, whose speeds are nowhere alike{drift}"),
             (n, Some(found)) => format!(
@@ -101,25 +89,42 @@ pub fn work(args: &Args) -> Result<Outcome> {
             ),
         };
         messages::info(&format!("{both} {what}; nothing is written"));
-        args.json.write(report(None, 1.0, shared.len()))?;
+        args.json.write(report(None, 1.0, shared))?;
         return Ok(Outcome::Findings);
     };
-    tell(&a, &b, &found, shared.len());
+    tell(&a, &b, &found, shared);
     let result = Aligned::new(&timed_a, &timed_b, &found);
     result.write(args.output.as_ref(), &a, &b, bytes, &timed_b)?;
     args.json
-        .write(report(Some(&found), a.rate().unwrap_or(1.0), shared.len()))?;
+        .write(report(Some(&found), a.rate().unwrap_or(1.0), shared))?;
     Ok(Outcome::Done)
 }
 
-/// The names of two files' points: where joints of one have the names of the bones that start there,
-/// and of the other of those that end there, all by what ends there.
-fn names(both: [&Poses; 2]) -> [Cow<'_, [String]>; 2] {
-    let stand = both.map(|poses| BonePoints::of(&poses.points, poses.xyz.view()));
-    if stand[0] == stand[1] {
-        return both.map(|poses| Cow::Borrowed(&*poses.points));
+impl Args {
+    /// How many points are shared, and how B lies beside A: by the points' names, else, where joints
+    /// of one have the names of the bones that start there, and of the other of those that end
+    /// there, by what ends there.
+    fn found(&self, a: &Poses, b: &Poses) -> Result<(usize, Option<TimeAlignment>)> {
+        let known = a.points.iter().cloned().chain(joints::cmu_names());
+        let known: Vec<String> = known.collect();
+        let map = self.map.as_ref().map(|map| name_map(map, &known));
+        let map = map.transpose()?;
+        let by_names = |names: [&[String]; 2]| -> Result<(usize, Option<TimeAlignment>)> {
+            let shared = shared_points(names[0], names[1], map.as_ref());
+            let options = TimeAlignmentOptions { drift: self.drift };
+            Ok((shared.len(), align(a, b, &shared, &options)?))
+        };
+        let is_clear =
+            |found: &(usize, Option<TimeAlignment>)| found.1.is_some_and(|found| found.is_clear);
+        let own = by_names([&a.points, &b.points])?;
+        let stand = [a, b].map(|poses| BonePoints::of(&poses.points, poses.xyz.view()));
+        if is_clear(&own) || stand[0] == stand[1] {
+            return Ok(own);
+        }
+        let ends = [stand[0].bone_ends(&a.points), stand[1].bone_ends(&b.points)];
+        let by_ends = by_names([&ends[0], &ends[1]])?;
+        Ok(if is_clear(&by_ends) { by_ends } else { own })
     }
-    [0, 1].map(|i| stand[i].bone_ends(&both[i].points))
 }
 
 /// A file's bytes, unpacked, and what they say.
@@ -268,7 +273,9 @@ impl Aligned {
         if b.motion().is_some() {
             let timing = self.retiming(poses);
             let frames = 0..poses.frames();
-            return write_bytes(path, &b.bytes_at_times(frames, &timing, a.rate())?, false);
+            let start = self.times.first().copied().unwrap_or(0.0);
+            let bytes = b.bytes_at_times(frames, &timing, a.rate(), start)?;
+            return write_bytes(path, &bytes, false);
         }
         let new = self.poses(poses)?;
         let rate = a.rate().unwrap_or(1.0);

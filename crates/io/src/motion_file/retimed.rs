@@ -69,7 +69,8 @@ impl MotionFile {
 
     /// The bytes of a file of rotations with some of its frames at other times (counted in frames
     /// from the first of these) and at another rate, where one is given: each joint's rotation as a
-    /// rotation, see [`resampled_motion`]. The hierarchy of a BVH file stays byte for byte.
+    /// rotation, see [`resampled_motion`]. The hierarchy of a BVH file stays byte for byte; the
+    /// numbers of an AMC file's frames are those of times from `start` on, seconds.
     ///
     /// # Errors
     /// [`Error::Data`]: it has no rotations.
@@ -78,20 +79,20 @@ impl MotionFile {
         frames: Range<usize>,
         timing: &Retiming,
         rate: Option<f64>,
+        start: f64,
     ) -> Result<Vec<u8>> {
         let motion = self.motion().ok_or_else(|| self.unfit(NO_ROTATIONS))?;
         let chosen = motion.slice(s![frames.clone(), ..]);
         let new = resampled_motion(chosen, &self.channels(), timing);
-        self.bytes_of_motion(new, frames.start, rate)
+        self.bytes_of_motion(new, rate, start)
     }
 
-    /// The bytes of a file of rotations with another motion, whose first frame is its frame
-    /// `first`.
+    /// The bytes of a file of rotations with another motion, which begins at `start`.
     fn bytes_of_motion(
         &self,
         motion: Array2<f64>,
-        first: usize,
         rate: Option<f64>,
+        start: f64,
     ) -> Result<Vec<u8>> {
         match &self.original {
             Original::Bvh(bytes, bvh) => {
@@ -104,15 +105,8 @@ impl MotionFile {
                 new.with_hierarchy_of(bytes, self.units.unit.centimeters())
             }
             Original::Amc(_, amc, _) => {
-                // Numbers are times: those of the new rate.
-                let own = self
-                    .table
-                    .poses
-                    .time
-                    .as_ref()
-                    .map_or(0.0, |time| time[first]);
                 let rate = rate.or(self.rate()).unwrap_or(1.0);
-                Ok(amc.with_values((own * rate).round() as u64 + 1, motion.view()))
+                Ok(amc.with_values((start * rate).round() as u64 + 1, motion.view()))
             }
             _ => Err(self.unfit(NO_ROTATIONS)),
         }

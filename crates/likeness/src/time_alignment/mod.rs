@@ -5,7 +5,8 @@
 //! |v_A(t_A)| ≈ g |v_B(t_B)| + c     of each shared point, with a factor and a floor of its own
 //! ```
 //!
-//! A speed does not depend on where somebody stands and which way they face, and hardly on where on
+//! Points that move relative to others count likewise once the place is about known. A speed does
+//! not depend on where somebody stands and which way they face, and hardly on where on
 //! a limb a marker sits. Positions are smoothed first, both by one filter without lag. The shift s
 //! is that of the highest correlation over all points at once, and is then refined, with the drift d
 //! where it is asked for, by least squares (Gauss-Newton). What the residuals of blocks of the
@@ -14,7 +15,8 @@
 //!
 //! Where the second place is about as good as the best one, nothing is found: the recordings are of
 //! other performances, or of movement that repeats itself as exactly as they are measured. It fails
-//! too where the points hardly move.
+//! too where the points hardly move, and takes two walks of one person for one where they are of a
+//! few seconds and hardly differ.
 
 mod drift;
 mod refinement;
@@ -39,6 +41,9 @@ const LEAST_CORRELATION: f64 = 0.94;
 const LEAST_CONTRAST: f64 = 1.1;
 /// A shift is not found that is known no better than this, seconds.
 const LARGEST_DEVIATION: f64 = 0.02;
+
+/// So many standard deviations are clearly beyond a limit.
+const UNSURE: f64 = 2.5;
 
 /// What is estimated.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -129,7 +134,7 @@ pub fn shared_points(a: &[String], b: &[String], map: Option<&NameMap>) -> Vec<[
 /// ```
 ///
 /// # Errors
-/// [`Error::Unfit`]: one has no times, or too few frames for its rate.
+/// [`Error::Unfit`]: one has no times, too few frames for its rate, or lasts over half a day.
 pub fn align(
     a: &Poses,
     b: &Poses,
@@ -145,11 +150,11 @@ pub fn align(
             .ok_or_else(|| Error::unfit("has no times that rise"))
     };
     let highest = CUTOFF_SHARE * rate(a)?.min(rate(b)?);
-    let of = |poses, side: usize, cutoff: f64| {
+    let of = |poses, side: usize, cutoff: f64, pairs| {
         let points: Vec<usize> = shared.iter().map(|pair| pair[side]).collect();
-        Speeds::of(poses, &points, cutoff.min(highest))
+        Speeds::of(poses, &points, cutoff.min(highest), pairs)
     };
-    let slow = [of(a, 0, SLOW)?, of(b, 1, SLOW)?];
+    let slow = [of(a, 0, SLOW, false)?, of(b, 1, SLOW, false)?];
     let places = if options.drift {
         drift::places(&slow[0], &slow[1])
     } else {
@@ -166,7 +171,7 @@ pub fn align(
     let Some((first, _)) = all.iter().copied().max_by(|x, y| x.1.total_cmp(&y.1)) else {
         return Ok(None);
     };
-    let fast = [of(a, 0, FAST)?, of(b, 1, FAST)?];
+    let fast = [of(a, 0, FAST, true)?, of(b, 1, FAST, true)?];
     let Some(fit) = fit_at(&fast, [first.shift, first.drift], options.drift) else {
         return Ok(None);
     };
@@ -175,11 +180,10 @@ pub fn align(
         .filter(|other| (other.shift - first.shift).abs() > search::ANOTHER)
         .map(|other| other.correlation)
         .fold(0.0, f64::max);
-    let unasked = (!options.drift)
-        .then(|| fit_at(&fast, [fit.shift, 0.0], true))
-        .flatten()
-        .filter(|other| is_better(&fit, other, &fast[0]))
-        .map(|other| other.drift);
+    let free = fit_at(&fast, [fit.shift, fit.drift], true);
+    let runs_alike =
+        free.is_none_or(|free| free.drift.abs() <= LARGEST_DRIFT + UNSURE * free.deviations[1]);
+    let unasked = free.filter(|free| !options.drift && is_better(&fit, free, &fast[0]));
     Ok(Some(TimeAlignment {
         shift: fit.shift,
         shift_sd: fit.deviations[0],
@@ -190,8 +194,8 @@ pub fn align(
         is_clear: evidence(first.correlation) >= LEAST_CONTRAST * evidence(elsewhere)
             && first.correlation >= LEAST_CORRELATION
             && fit.deviations[0] <= LARGEST_DEVIATION
-            && unasked.unwrap_or(fit.drift).abs() <= LARGEST_DRIFT,
-        unasked_drift: unasked,
+            && runs_alike,
+        unasked_drift: unasked.map(|free| free.drift),
     }))
 }
 

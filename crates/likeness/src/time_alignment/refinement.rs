@@ -187,5 +187,7 @@ fn deviations(right: &[[f64; 2]], inverse: [[f64; 2]; 2], drifts: bool) -> [f64;
         (0..2).for_each(|i| squares[i] += step[i] * step[i]);
     }
     let free = used.len() as f64 - if drifts { 2.0 } else { 1.0 };
-    squares.map(|sum| (sum * used.len() as f64 / free.max(0.5)).sqrt())
+    // Few blocks tell it badly: that of Student's t.
+    let few = used.len() as f64 / (free - 2.0).max(0.5);
+    squares.map(|sum| (sum * few).sqrt())
 }

@@ -8,8 +8,13 @@ use std::ops::Range;
 
 /// At the ends of what is seen, speeds are left out over this, seconds: filters err there.
 const ENDS: f64 = 0.04;
+/// Longer recordings are refused, seconds: half a day.
+const LONGEST: f64 = 43_200.0;
 /// Fewer frames on end tell no speed.
 const FEWEST: usize = 12;
+
+/// What moves: a point, or one relative to another.
+type Mover = (usize, Option<usize>);
 
 /// The speeds of some points, each by the stretches in which it is seen.
 pub(super) struct Speeds {
@@ -17,13 +22,15 @@ pub(super) struct Speeds {
     pub rate: f64,
     /// From the first frame to the last.
     pub seconds: f64,
-    /// Of each point, over seconds since the first frame.
+    /// Of each point, and perhaps of pairs, over seconds since the first frame.
     pub tracks: Vec<Vec<CubicSpline>>,
 }
 
 impl Speeds {
-    /// Those of `points` whose positions are smoothed at `cutoff` Hz.
-    pub(super) fn of(poses: &Poses, points: &[usize], cutoff: f64) -> Result<Speeds> {
+    /// Those of `points` whose positions are smoothed at `cutoff` Hz; with `pairs`, those of each
+    /// relative to another too, which know nothing of errors that all have in common, such as those
+    /// of the root of a skeleton.
+    pub(super) fn of(poses: &Poses, points: &[usize], cutoff: f64, pairs: bool) -> Result<Speeds> {
         let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
         let time = poses.time.as_ref().ok_or("has no times")?;
         let first = time.first().copied().unwrap_or(0.0);
@@ -34,19 +41,26 @@ impl Speeds {
             take: None,
         };
         let rate = own.rate().ok_or("has no times that rise")?;
+        let seconds = time.last().map_or(0.0, |last| last - first);
+        if seconds > LONGEST {
+            return Err(format!("lasts {seconds} s, more than {LONGEST}: cut it first").into());
+        }
         own.low_pass(cutoff, Some(rate))?;
         let runs = own.runs();
         let time = own.time.as_deref().unwrap_or_default();
+        let of = |mover: Mover| {
+            let runs = runs.iter().flat_map(|run| seen(&own, mover, run.clone()));
+            let speeds = runs.filter_map(|run| speed(&own, time, mover, run, rate));
+            speeds.collect::<Vec<_>>()
+        };
+        let n = points.len();
+        let across = if pairs && n > 1 { n } else { 0 };
+        let alone = (0..n).map(|p| (p, None));
+        let movers = alone.chain((0..across).map(|p| (p, Some((p + n.div_ceil(2)) % n))));
         Ok(Speeds {
             rate,
-            seconds: time.last().copied().unwrap_or(0.0),
-            tracks: (0..points.len())
-                .map(|point| {
-                    let runs = runs.iter().flat_map(|run| seen(&own, point, run.clone()));
-                    runs.filter_map(|run| speed(&own, time, point, run, rate))
-                        .collect()
-                })
-                .collect(),
+            seconds,
+            tracks: movers.map(of).collect(),
         })
     }
 
@@ -74,9 +88,15 @@ pub(super) fn ends(run: &CubicSpline) -> Option<(f64, f64)> {
     Some((*run.points().first()?, *run.points().last()?))
 }
 
-/// The frames of a run in which a point is there, by stretches.
-fn seen(poses: &Poses, point: usize, run: Range<usize>) -> Vec<Range<usize>> {
-    let is_seen = |t: usize| (3 * point..3 * point + 3).all(|c| poses.xyz[[t, c]].is_finite());
+/// Where a mover is along an axis; NaN where it is missing.
+fn place(poses: &Poses, (point, other): Mover, frame: usize, axis: usize) -> f64 {
+    let of = |point: usize| poses.xyz[[frame, 3 * point + axis]];
+    of(point) - other.map_or(0.0, of)
+}
+
+/// The frames of a run in which a mover is there, by stretches.
+fn seen(poses: &Poses, mover: Mover, run: Range<usize>) -> Vec<Range<usize>> {
+    let is_seen = |t: usize| (0..3).all(|axis| place(poses, mover, t, axis).is_finite());
     let mut out: Vec<Range<usize>> = Vec::new();
     for t in run.filter(|t| is_seen(*t)) {
         match out.last_mut() {
@@ -87,11 +107,11 @@ fn seen(poses: &Poses, point: usize, run: Range<usize>) -> Vec<Range<usize>> {
     out
 }
 
-/// The speed of a point over a stretch without its ends; `None` for few frames.
+/// The speed of a mover over a stretch without its ends; `None` for few frames.
 fn speed(
     poses: &Poses,
     time: &[f64],
-    point: usize,
+    mover: Mover,
     run: Range<usize>,
     rate: f64,
 ) -> Option<CubicSpline> {
@@ -100,7 +120,7 @@ fn speed(
         return None;
     }
     let along = |axis: usize| {
-        let values = run.clone().map(|t| poses.xyz[[t, 3 * point + axis]]);
+        let values = run.clone().map(|t| place(poses, mover, t, axis));
         CubicSpline::new(time[run.clone()].to_vec(), values.collect())
     };
     let paths = [0, 1, 2].map(along);

@@ -173,6 +173,10 @@ fn what_tells_nothing_gives_nothing() {
     for frames in [2, 5, 20] {
         assert_eq!(found(&a, &a.slice(0..frames), true), None);
     }
+    let mut paused = a.clone();
+    paused.time.as_mut().unwrap()[399] = 1e12;
+    let long = align(&a, &paused, &shared(), &TimeAlignmentOptions::default());
+    assert!(long.unwrap_err().to_string().contains("cut it first"));
     for frames in [0, 1] {
         assert!(
             align(

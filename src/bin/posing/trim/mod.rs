@@ -182,11 +182,12 @@ pub fn work(args: &Args) -> Result<()> {
     let files = or_stdin(&args.input.files);
     check_single_stdin(&files)?;
     let input = open(&files[0])?;
-    match MotionFormat::of(input.first_bytes()) {
-        MotionFormat::Bvh | MotionFormat::Amc => rotations::trim(args, &files, input),
+    let format = MotionFormat::of(input.first_bytes());
+    match format {
         MotionFormat::Csv if files.len() == 1 && args.corrects_rate_alone() => {
             correct_rate(args, input)
         }
+        _ if format.has_rotations() => rotations::trim(args, &files, input),
         _ => trim_table(args, read_opened_table(input, &args.input)?),
     }
 }

@@ -50,9 +50,9 @@ fn trimmed(args: &Args, file: &MotionFile) -> Result<Vec<u8>> {
     let frames = chosen(&times, rate, args.from, args.last())?;
     let new = args.resample.unwrap_or(rate);
     let step = rate / new * args.speed.unwrap_or(1.0);
-    if frames.len() as f64 / step > MOST_FRAMES {
-        let what = format!("would have more than {MOST_FRAMES} frames at that rate and speed");
-        return Err(what.into());
+    let channels = file.motion().map_or(0, |motion| motion.ncols());
+    if frames.len() as f64 / step * channels as f64 > MOST_VALUES {
+        return Err("would have too many frames at that rate and speed".into());
     }
     let mut timing = Retiming::even(frames.len(), step);
     timing.low_pass = args.butterworth.map(|hz| low_pass(hz, rate)).transpose()?;
@@ -63,7 +63,8 @@ fn trimmed(args: &Args, file: &MotionFile) -> Result<Vec<u8>> {
         // An AMC file has no rate to correct.
         file.bytes_of_frames(0..0, args.rate_is)?;
     }
-    file.bytes_at_times(frames, &timing, args.resample.or(args.rate_is))
+    let start = times[frames.start];
+    file.bytes_at_times(frames, &timing, args.resample.or(args.rate_is), start)
 }
 
 /// The bytes of frames at their own times.
@@ -80,8 +81,8 @@ fn cut(args: &Args, file: &MotionFile, frames: Range<usize>) -> Result<Vec<u8>> 
     Ok(bytes)
 }
 
-/// More frames are not written: days at usual rates.
-const MOST_FRAMES: f64 = 1e7;
+/// More values are not resampled to: 1 GiB.
+const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 
 fn low_pass(cutoff: f64, rate: f64) -> Result<LowPass> {
     LowPass::new(cutoff, rate).ok_or_else(|| {
