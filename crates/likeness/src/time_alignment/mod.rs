@@ -26,7 +26,7 @@ mod speeds;
 use crate::pose::{NameMap, Poses};
 use crate::{Error, Result};
 use drift::LARGEST_DRIFT;
-use refinement::Fit;
+use refinement::{Fit, refine};
 use search::{PlaceInTime, evidence};
 use speeds::Speeds;
 
@@ -155,24 +155,9 @@ pub fn align(
         Speeds::of(poses, &points, cutoff.min(highest), pairs)
     };
     let slow = [of(a, 0, SLOW, false)?, of(b, 1, SLOW, false)?];
-    let places = if options.drift {
-        drift::places(&slow[0], &slow[1])
-    } else {
-        search::places(&slow[0], &slow[1])
-    };
-    let fit_at = |speeds: &[Speeds; 2], start: [f64; 2], drift| {
-        refinement::refine(&speeds[0], &speeds[1], start, drift)
-    };
-    let refined = |place: &PlaceInTime| {
-        let fit = fit_at(&slow, [place.shift, place.drift], options.drift)?;
-        Some((fit, place.weight * evidence(fit.correlation)))
-    };
-    let all: Vec<(Fit, f64)> = places.iter().filter_map(refined).collect();
-    let Some((first, _)) = all.iter().copied().max_by(|x, y| x.1.total_cmp(&y.1)) else {
-        return Ok(None);
-    };
-    let fast = [of(a, 0, FAST, true)?, of(b, 1, FAST, true)?];
-    let Some(fit) = fit_at(&fast, [first.shift, first.drift], options.drift) else {
+    let all = refined_places(&slow, options.drift);
+    let best = all.iter().max_by(|x, y| x.1.total_cmp(&y.1));
+    let Some(first) = best.map(|(fit, _)| *fit) else {
         return Ok(None);
     };
     let others = all.iter().map(|(fit, _)| fit);
@@ -180,23 +165,49 @@ pub fn align(
         .filter(|other| (other.shift - first.shift).abs() > search::ANOTHER)
         .map(|other| other.correlation)
         .fold(0.0, f64::max);
-    let free = fit_at(&fast, [fit.shift, fit.drift], true);
+    let fast = [of(a, 0, FAST, true)?, of(b, 1, FAST, true)?];
+    let fit = refine(&fast, [first.shift, first.drift], options.drift);
+    Ok(fit.map(|fit| verdict(&fast, &fit, [first.correlation, elsewhere], options)))
+}
+
+/// The best places by slow speeds, refined, and what speaks for each.
+fn refined_places(slow: &[Speeds; 2], drift: bool) -> Vec<(Fit, f64)> {
+    let places = if drift {
+        drift::places(&slow[0], &slow[1])
+    } else {
+        search::places(&slow[0], &slow[1])
+    };
+    let refined = |place: &PlaceInTime| {
+        let fit = refine(slow, [place.shift, place.drift], drift)?;
+        Some((fit, place.weight * evidence(fit.correlation)))
+    };
+    places.iter().filter_map(refined).collect()
+}
+
+/// What the fit of fast speeds, and the correlations of slow ones there and elsewhere, say.
+fn verdict(
+    fast: &[Speeds; 2],
+    fit: &Fit,
+    [correlation, elsewhere]: [f64; 2],
+    options: &TimeAlignmentOptions,
+) -> TimeAlignment {
+    let free = refine(fast, [fit.shift, fit.drift], true);
     let runs_alike =
         free.is_none_or(|free| free.drift.abs() <= LARGEST_DRIFT + UNSURE * free.deviations[1]);
-    let unasked = free.filter(|free| !options.drift && is_better(&fit, free, &fast[0]));
-    Ok(Some(TimeAlignment {
+    let unasked = free.filter(|free| !options.drift && is_better(fit, free, &fast[0]));
+    TimeAlignment {
         shift: fit.shift,
         shift_sd: fit.deviations[0],
         drift: fit.drift,
         drift_sd: fit.deviations[1],
-        correlation: first.correlation,
+        correlation,
         elsewhere,
-        is_clear: evidence(first.correlation) >= LEAST_CONTRAST * evidence(elsewhere)
-            && first.correlation >= LEAST_CORRELATION
+        is_clear: evidence(correlation) >= LEAST_CONTRAST * evidence(elsewhere)
+            && correlation >= LEAST_CORRELATION
             && fit.deviations[0] <= LARGEST_DEVIATION
             && runs_alike,
         unasked_drift: unasked.map(|free| free.drift),
-    }))
+    }
 }
 
 /// Whether a fit with drift shows one: clearly, and of more than a frame over A.

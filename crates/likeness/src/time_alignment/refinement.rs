@@ -42,7 +42,7 @@ struct Equations {
 
 /// Refines the shift of `start` (seconds) and, with `drifts`, the drift; `None` where nothing is
 /// compared.
-pub(super) fn refine(a: &Speeds, b: &Speeds, start: [f64; 2], drifts: bool) -> Option<Fit> {
+pub(super) fn refine([a, b]: &[Speeds; 2], start: [f64; 2], drifts: bool) -> Option<Fit> {
     let samples: Vec<Vec<Sample>> = a
         .tracks
         .iter()
