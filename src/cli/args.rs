@@ -92,6 +92,9 @@ pub struct InputArgs {
     #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
     #[arg(allow_hyphen_values = true)]
     pub up: Option<UpAxis>,
+    /// Axes of the input are left-handed, as Unity's and Unreal's: one is reflected
+    #[arg(long, help_heading = "Input")]
+    pub left_handed: bool,
 }
 
 impl InputArgs {
@@ -103,6 +106,7 @@ impl InputArgs {
             joints: None,
             units: None,
             up: None,
+            left_handed: false,
         }
     }
 
@@ -129,7 +133,7 @@ impl InputArgs {
     pub fn table_units(&self) -> Units {
         Units {
             unit: self.units.unwrap_or(LengthUnit::Cm),
-            up: self.up.unwrap_or(UpAxis::Y),
+            up: self.up.unwrap_or(UpAxis::Y).handed(self.left_handed),
         }
     }
 

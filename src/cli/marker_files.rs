@@ -32,6 +32,9 @@ pub struct MarkerFileArgs {
     pub file: Option<PathBuf>,
     #[command(flatten)]
     units: MarkerUnitArgs,
+    /// Axes of the file are left-handed, as Unity's and Unreal's: one is reflected
+    #[arg(long)]
+    left_handed: bool,
     /// Frames per second, if the file does not say
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     pub fps: Option<f64>,
@@ -98,7 +101,9 @@ impl MarkerFileArgs {
         let units = if take.points.is_empty() {
             Units::CM_Y
         } else {
-            self.units.table_units(&take)?
+            let units = self.units.table_units(&take)?;
+            let up = units.up.handed(self.left_handed);
+            Units { up, ..units }
         };
         let poses = positions.to_poses(units, self.rate(&take)?, &take_name(&path))?;
         let table = Table::from_poses(poses);

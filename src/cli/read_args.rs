@@ -63,6 +63,10 @@ pub struct TakeReadArgs {
         value_parser = parse_scoped_up
     )]
     up: Vec<Scoped<UpAxis>>,
+    /// Axes of all files are left-handed, as Unity's and Unreal's: one is reflected (FBX files say
+    /// it themselves)
+    #[arg(long)]
+    left_handed: bool,
     /// Accept files that end early (not tables): the whole frames before that are kept
     #[arg(long)]
     keep_whole: bool,
@@ -94,6 +98,7 @@ impl TakeReadArgs {
             up: self.up.clone(),
             all: ReadOptions {
                 keep_whole: self.keep_whole,
+                left_handed: self.left_handed,
                 zeros_are_missing: self.zeros.zeros_are_missing,
                 ..ReadOptions::default()
             },

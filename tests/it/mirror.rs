@@ -144,3 +144,97 @@ fn sides_without_names_are_given_or_asked_for() {
     let said = fails("mirror", &["--fps", "120", amc], b"", 1);
     assert!(said.contains("retarget"), "{said}");
 }
+
+/// A take in left-handed axes is the mirror image of its numbers: reflected once more it is right.
+#[test]
+fn left_handed_files_are_read_as_what_they_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let bvh = run(
+        "fbx2bvh",
+        &["-q", "testdata/examples/animator/walk.fbx.gz"],
+        "",
+    );
+    // In a left-handed file, x has the other sign, and rotations but about x the other way round.
+    let mut rows: Vec<&str> = bvh.lines().collect();
+    let motion = rows
+        .iter()
+        .position(|line| line.starts_with("Frame Time"))
+        .unwrap()
+        + 1;
+    let channels: Vec<&str> = rows
+        .iter()
+        .filter(|line| line.trim().starts_with("CHANNELS"))
+        .flat_map(|line| line.split_whitespace().skip(2))
+        .collect();
+    let frames = rows.split_off(motion);
+    let flip = |value: &str| (-value.parse::<f64>().unwrap()).to_string();
+    let mut left: Vec<String> = rows
+        .iter()
+        .map(|line| match line.trim().strip_prefix("OFFSET ") {
+            Some(offset) => {
+                let (x, rest) = offset.split_once(' ').unwrap();
+                format!("OFFSET {} {rest}", flip(x))
+            }
+            None => line.to_string(),
+        })
+        .collect();
+    left.extend(frames.iter().map(|frame| {
+        let values = frame
+            .split(' ')
+            .zip(&channels)
+            .map(|(value, channel)| match *channel {
+                "Xposition" | "Yrotation" | "Zrotation" => flip(value),
+                _ => value.to_string(),
+            });
+        values.collect::<Vec<_>>().join(" ")
+    }));
+    fs::write(at("right.bvh"), &bvh).unwrap();
+    fs::write(at("left.bvh"), left.join("\n") + "\n").unwrap();
+    let (right, left) = (at("right.bvh"), at("left.bvh"));
+    let table = |flags: &[&str], path| {
+        Numbers::read(&run(
+            "bvh2xyz",
+            &[&["-q"], flags, &[text(path)]].concat(),
+            "",
+        ))
+    };
+    let wanted = table(&[], &right);
+    assert!(table(&["--left-handed"], &left).far(&wanted).0 < 1e-9);
+    assert!(table(&[], &left).far(&wanted).0 > 10.0);
+    let goblin = "testdata/examples/animator/goblin.bvh";
+    let retarget = |flags: &[&str], path| {
+        run(
+            "retarget",
+            &[&["-q", "--to", goblin], flags, &[text(path)]].concat(),
+            "",
+        )
+    };
+    let joints = |bvh: &str| Numbers::read(&run("bvh2xyz", &["-q"], bvh));
+    let carried = joints(&retarget(&["--left-handed"], &left));
+    assert!(carried.far(&joints(&retarget(&[], &right))).0 < 1e-3);
+    // Tables, and the axes of what is written.
+    let shown = wanted.map(|[x, y, z]| [-x, y, z]).write();
+    fs::write(at("left.csv"), shown).unwrap();
+    let trimmed = run(
+        "trim",
+        &["--left-handed", "--out-up", "y", text(&at("left.csv"))],
+        "",
+    );
+    assert!(Numbers::read(&trimmed).far(&wanted).0 < 1e-5);
+    let completed = run("trim", &["--left-handed", text(&at("left.csv"))], "");
+    assert!(
+        Numbers::read(&completed)
+            .far(&wanted.map(|[x, y, z]| [-x, y, z]))
+            .0
+            < 1e-5
+    );
+    // z up, as in Unreal: y to the right.
+    let unreal = wanted.map(|[x, y, z]| [x, z, y]).write();
+    let path = at("unreal.csv");
+    fs::write(&path, unreal).unwrap();
+    let flags = ["--left-handed", "--up", "z", "--out-up", "y", text(&path)];
+    assert!(Numbers::read(&run("trim", &flags, "")).far(&wanted).0 < 1e-5);
+    let audit = run("audit", &["--json", "--left-handed", text(&left)], "");
+    assert!(audit.contains("\"frames\": 40"), "{audit}");
+}

@@ -58,7 +58,10 @@ impl MotionFormat {
     /// Whether a file of it has the rotations of joints.
     #[doc(hidden)]
     pub fn has_rotations(self) -> bool {
-        matches!(self, MotionFormat::Bvh | MotionFormat::Amc)
+        matches!(
+            self,
+            MotionFormat::Bvh | MotionFormat::Fbx | MotionFormat::Amc
+        )
     }
 
     /// The format of a file that begins so; what is nothing else may be a pose table.

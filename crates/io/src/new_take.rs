@@ -56,7 +56,7 @@ impl NewTake {
         } else {
             format!("+{name}")
         };
-        let right = match self.units.up {
+        let right = match self.units.up.handed(false) {
             UpAxis::X | UpAxis::MinusX => "+Y",
             _ => "+X",
         };

@@ -44,7 +44,7 @@ impl RotationTake {
                 let rate = bvh.rate_or(options.fps);
                 Ok(RotationTake {
                     rate: rate.map_err(|e| e.at(Place::file(&name)))?,
-                    up: options.up.unwrap_or(UpAxis::Y),
+                    up: options.up.unwrap_or(UpAxis::Y).handed(options.left_handed),
                     says_up: false,
                     notes: std::mem::take(&mut bvh.notes),
                     bvh,

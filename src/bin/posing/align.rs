@@ -101,9 +101,9 @@ pub fn work(args: &Args) -> Result<Outcome> {
 }
 
 impl Args {
-    /// How many points are shared, and how B lies beside A: by the points' names, else, where joints
-    /// of one have the names of the bones that start there, and of the other of those that end
-    /// there, by what ends there.
+    /// How many points are shared, and how B lies beside A: by the points' names, else, where
+    /// joints of one have the names of the bones that start there, and of the other of those that
+    /// end there, by what ends there.
     fn found(&self, a: &Poses, b: &Poses) -> Result<(usize, Option<TimeAlignment>)> {
         let known = a.points.iter().cloned().chain(joints::cmu_names());
         let known: Vec<String> = known.collect();

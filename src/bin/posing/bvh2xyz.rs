@@ -42,6 +42,9 @@ pub struct Args {
     /// Axis of the file that points up [default: y]
     #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpAxis>,
+    /// Axes of the file are left-handed, as Unity's and Unreal's: one is reflected
+    #[arg(long)]
+    left_handed: bool,
     /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
@@ -68,7 +71,7 @@ pub fn work(args: &Args) -> Result<()> {
         ));
     }
     let rate = rate(args, &bvh, &name)?;
-    let skeleton = BvhSkeleton::new(&bvh.joints, up.rotation(), true)?;
+    let skeleton = BvhSkeleton::new(&bvh.joints, up.handed(args.left_handed).rotation(), true)?;
     let points = if args.ends {
         BvhPoints::Ends
     } else {

@@ -91,6 +91,9 @@ pub struct Args {
     #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
     #[arg(allow_hyphen_values = true)]
     up: Option<UpAxis>,
+    /// Axes of BVH sources are left-handed, as Unity's and Unreal's: one is reflected
+    #[arg(long, help_heading = "Input")]
+    left_handed: bool,
     /// Axis that points up in the rig, and so in the results
     #[arg(
         long,
@@ -127,6 +130,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let options = ReadOptions {
         fps: args.fps,
         up: args.up,
+        left_handed: args.left_handed,
         asf: args.asf.clone(),
         take: args.take.clone(),
         skeleton: args.skeleton.clone(),
@@ -181,7 +185,9 @@ impl Job<'_> {
         let own = match self.args.up {
             Some(_) => None,
             None if take.says_up => None,
-            None => up_axis(&take.bvh, self.map.as_ref()).filter(|up| *up != take.up),
+            None => up_axis(&take.bvh, self.map.as_ref())
+                .map(|up| up.handed(self.args.left_handed))
+                .filter(|up| *up != take.up),
         };
         if let Some(up) = own {
             let up = up.name();

@@ -2,8 +2,8 @@
 //! lags.
 //!
 //! At a new rate f what is faster than f / 2 would turn into slower movement. What is slower than
-//! .4 f passes, to a ten-thousandth; what is faster than .6 f, which would come out below .4 f, does
-//! not. The length of the window follows from both (Kaiser 1974: attenuation 80 dB).
+//! .4 f passes, to a ten-thousandth; what is faster than .6 f, which would come out below .4 f,
+//! does not. The length of the window follows from both (Kaiser 1974: attenuation 80 dB).
 
 use std::f64::consts::PI;
 

@@ -45,7 +45,8 @@ impl Fft {
         out
     }
 
-    /// Σ_j a(j + s) b(j) for each shift s, of negative ones from the end on, by the spectra of both.
+    /// Σ_j a(j + s) b(j) for each shift s, of negative ones from the end on, by the spectra of
+    /// both.
     pub fn correlation(&self, a: &[Complex], b: &[Complex]) -> Vec<f64> {
         // The inverse is the conjugate of the transform of the conjugate.
         let product = |(a, b): (&Complex, &Complex)| times([a[0], -a[1]], *b);

@@ -144,9 +144,10 @@ impl Poses {
         }
     }
 
-    /// The positions (times, 3 J) at other times, which rise and are those of a new `rate`: by cubic
-    /// splines through measured neighbors; across a gap or a pause, and outside of the frames, they
-    /// are missing. Before a lower rate, what it cannot show is filtered out. Of one take.
+    /// The positions (times, 3 J) at other times, which rise and are those of a new `rate`: by
+    /// cubic splines through measured neighbors; across a gap or a pause, and outside of the
+    /// frames, they are missing. Before a lower rate, what it cannot show is filtered out. Of one
+    /// take.
     ///
     /// # Errors
     /// [`crate::Error::Unfit`]: no times.

@@ -88,7 +88,7 @@ pub fn parse_length(text: &str) -> Result<f64> {
     }
 }
 
-/// The axis that points up in a file.
+/// The axis that points up in a file, and whether its axes are left-handed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UpAxis {
     /// X is up
@@ -103,6 +103,18 @@ pub enum UpAxis {
     MinusY,
     /// Z points down
     MinusZ,
+    /// X is up, left-handed
+    LeftX,
+    /// Y is up, left-handed, as in Unity
+    LeftY,
+    /// Z is up, left-handed, as in Unreal
+    LeftZ,
+    /// X points down, left-handed
+    LeftMinusX,
+    /// Y points down, left-handed
+    LeftMinusY,
+    /// Z points down, left-handed
+    LeftMinusZ,
 }
 
 names!(UpAxis {
@@ -112,6 +124,12 @@ names!(UpAxis {
     MinusX = "-x",
     MinusY = "-y",
     MinusZ = "-z",
+    LeftX = "x, left-handed",
+    LeftY = "y, left-handed",
+    LeftZ = "z, left-handed",
+    LeftMinusX = "-x, left-handed",
+    LeftMinusY = "-y, left-handed",
+    LeftMinusZ = "-z, left-handed",
 });
 
 impl UpAxis {
@@ -127,6 +145,23 @@ impl UpAxis {
         })
     }
 
+    /// The same axis of a file whose axes are left-handed (`is_left`) or right-handed.
+    ///
+    /// ```
+    /// use glam::DVec3;
+    /// use posing_core::pose::UpAxis;
+    ///
+    /// // Unity: x points to the right, z forward; ours points to the left.
+    /// let unity = UpAxis::Y.handed(true);
+    /// assert_eq!(unity.rotation() * DVec3::new(1.0, 2.0, 3.0), DVec3::new(-1.0, 2.0, 3.0));
+    /// assert_eq!(unity.handed(false), UpAxis::Y);
+    /// ```
+    #[must_use]
+    pub fn handed(self, is_left: bool) -> UpAxis {
+        let pair = HANDS.into_iter().find(|pair| pair.contains(&self));
+        pair.map_or(self, |[right, left]| if is_left { left } else { right })
+    }
+
     /// The direction that is up, in the file's axes.
     pub(crate) fn direction(self) -> DVec3 {
         DVec3::from_array(self.turn_from_y([0.0, 1.0, 0.0]))
@@ -139,7 +174,8 @@ impl UpAxis {
         UpAxis::ALL.into_iter().find(is_near)
     }
 
-    /// The rotation that carries the file's axes to y up.
+    /// The rotation that carries the file's axes to y up; of left-handed ones, with a reflection:
+    /// x changes its sign where y is up, y where z is, z where x is.
     ///
     /// ```
     /// use glam::DVec3;
@@ -155,30 +191,52 @@ impl UpAxis {
         )
     }
 
-    /// Turns a point of the file into one with y up (right-handed both).
+    /// Turns a point of the file into one with y up, right-handed.
     pub(crate) fn to_y(self, p: [f64; 3]) -> [f64; 3] {
-        match self {
+        let p = self.as_right_handed(p);
+        match self.handed(false) {
             UpAxis::X => [-p[1], p[0], p[2]],
             UpAxis::Y => p,
             UpAxis::Z => [p[0], p[2], -p[1]],
             UpAxis::MinusX => [p[1], -p[0], p[2]],
             UpAxis::MinusY => [p[0], -p[1], -p[2]],
-            UpAxis::MinusZ => [p[0], -p[2], p[1]],
+            _ => [p[0], -p[2], p[1]],
+        }
+    }
+
+    /// A point in axes of the other hand, if the file's are left-handed.
+    fn as_right_handed(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        match self {
+            UpAxis::LeftX | UpAxis::LeftMinusX => [x, y, -z],
+            UpAxis::LeftY | UpAxis::LeftMinusY => [-x, y, z],
+            UpAxis::LeftZ | UpAxis::LeftMinusZ => [x, -y, z],
+            _ => [x, y, z],
         }
     }
 
     /// Turns a point with y up into one of the file.
     pub(crate) fn turn_from_y(self, p: [f64; 3]) -> [f64; 3] {
-        match self {
+        let own = match self.handed(false) {
             UpAxis::X => [p[1], -p[0], p[2]],
             UpAxis::Y => p,
             UpAxis::Z => [p[0], -p[2], p[1]],
             UpAxis::MinusX => [-p[1], p[0], p[2]],
             UpAxis::MinusY => [p[0], -p[1], -p[2]],
-            UpAxis::MinusZ => [p[0], p[2], -p[1]],
-        }
+            _ => [p[0], p[2], -p[1]],
+        };
+        self.as_right_handed(own)
     }
 }
+
+/// Each axis of right-handed files beside that of left-handed ones.
+const HANDS: [[UpAxis; 2]; 6] = [
+    [UpAxis::X, UpAxis::LeftX],
+    [UpAxis::Y, UpAxis::LeftY],
+    [UpAxis::Z, UpAxis::LeftZ],
+    [UpAxis::MinusX, UpAxis::LeftMinusX],
+    [UpAxis::MinusY, UpAxis::LeftMinusY],
+    [UpAxis::MinusZ, UpAxis::LeftMinusZ],
+];
 
 /// The unit of length and the up axis of points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -268,22 +326,23 @@ mod tests {
     #[test]
     fn up_axes_turn_to_y() {
         for up in UpAxis::ALL {
-            let unit = match up {
+            let unit = match up.handed(false) {
                 UpAxis::X => [1.0, 0.0, 0.0],
                 UpAxis::Y => [0.0, 1.0, 0.0],
                 UpAxis::Z => [0.0, 0.0, 1.0],
                 UpAxis::MinusX => [-1.0, 0.0, 0.0],
                 UpAxis::MinusY => [0.0, -1.0, 0.0],
-                UpAxis::MinusZ => [0.0, 0.0, -1.0],
+                _ => [0.0, 0.0, -1.0],
             };
             assert_eq!(up.to_y(unit)[1], 1.0);
             assert_eq!(up.turn_from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
             assert_eq!(up.direction().to_array(), unit);
-            assert_eq!(UpAxis::along(2.0 * up.direction()), Some(up));
-            // Right-handed stays right-handed: e1 x e2 = e3.
+            assert_eq!(UpAxis::along(2.0 * up.direction()), Some(up.handed(false)));
+            // Right-handed stays right-handed: e1 x e2 = e3; left-handed becomes so.
             let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
                 .map(|e| glam::DVec3::from_array(up.to_y(e)));
-            assert_eq!(a.cross(b), c);
+            let is_right = up == up.handed(false);
+            assert_eq!(a.cross(b), if is_right { c } else { -c });
         }
     }
 

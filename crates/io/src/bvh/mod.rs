@@ -15,8 +15,8 @@
 //! can write only what it read: its builder drops the joints.
 
 mod export;
-mod mirror;
 mod frame_lines;
+mod mirror;
 mod missing;
 mod read;
 mod skeleton;

@@ -92,6 +92,8 @@ pub struct ReadOptions {
     pub units: Option<LengthUnit>,
     /// The axis that points up.
     pub up: Option<UpAxis>,
+    /// Whether the axes are left-handed; those of FBX and AMC files say it themselves.
+    pub left_handed: bool,
     /// The skeleton of AMC takes; `None`: the ASF file beside each whose name begins the take's.
     pub asf: Option<PathBuf>,
     /// The take of an FBX file that has several.
@@ -383,7 +385,7 @@ impl MotionFile {
 fn custom_units(options: &ReadOptions) -> Units {
     Units {
         unit: options.units.unwrap_or(LengthUnit::Cm),
-        up: options.up.unwrap_or(UpAxis::Y),
+        up: options.up.unwrap_or(UpAxis::Y).handed(options.left_handed),
     }
 }
 
@@ -433,7 +435,7 @@ fn of_markers(
         take.up_axis().is_some() && !(inferred[1] && options.up.is_some()),
     ];
     // Columns alone stay as they are.
-    let units = if take.points.is_empty() {
+    let mut units = if take.points.is_empty() {
         Units::CM_Y
     } else {
         take.units_or(
@@ -441,6 +443,9 @@ fn of_markers(
             options.up.filter(|_| !said[1]),
         )?
     };
+    if options.left_handed && !take.points.is_empty() {
+        units.up = units.up.handed(true);
+    }
     let rate = rate_of(take.rate, options);
     let value = rate.as_ref().map(|rate| rate.value);
     let is_timed = take.times.is_some();

@@ -6,12 +6,12 @@
 //! ```
 //!
 //! Points that move relative to others count likewise once the place is about known. A speed does
-//! not depend on where somebody stands and which way they face, and hardly on where on
-//! a limb a marker sits. Positions are smoothed first, both by one filter without lag. The shift s
-//! is that of the highest correlation over all points at once, and is then refined, with the drift d
-//! where it is asked for, by least squares (Gauss-Newton). What the residuals of blocks of the
-//! recording say of both is their standard deviation, however residuals follow one another
-//! (a sandwich estimate; White 1980).
+//! not depend on where somebody stands and which way they face, and hardly on where on a limb a
+//! marker sits. Positions are smoothed first, both by one filter without lag. The shift s is that
+//! of the highest correlation over all points at once, and is then refined, with the drift d where
+//! it is asked for, by least squares (Gauss-Newton). What the residuals of blocks of the recording
+//! say of both is their standard deviation, however residuals follow one another (a sandwich
+//! estimate; White 1980).
 //!
 //! Where the second place is about as good as the best one, nothing is found: the recordings are of
 //! other performances, or of movement that repeats itself as exactly as they are measured. It fails
@@ -110,7 +110,8 @@ pub fn shared_points(a: &[String], b: &[String], map: Option<&NameMap>) -> Vec<[
 }
 
 /// How the recording `b` lies beside `a`, by the points that they share, at the best place, whether
-/// it is clear or not; `None` where nothing can be compared. Both have times, which rise, and one take each.
+/// it is clear or not; `None` where nothing can be compared. Both have times, which rise, and one
+/// take each.
 ///
 /// ```
 /// use ndarray::Array2;

@@ -10,7 +10,8 @@ const STEPS: usize = 20;
 const LAST_STEP: f64 = 1e-8;
 /// The longest step, seconds: further away is another place.
 const LONGEST_STEP: f64 = 0.05;
-/// Blocks of time whose residuals count as independent: how many at most, and their length, seconds.
+/// Blocks of time whose residuals count as independent: how many at most, and their length,
+/// seconds.
 const BLOCKS: f64 = 40.0;
 const SHORTEST_BLOCK: f64 = 0.4;
 /// A residual below this share of the speeds' variation is one of rounding.

@@ -30,11 +30,12 @@ use std::path::PathBuf;
 /// interpolated across them. The result has the columns take, time and the points; other columns
 /// are left out. Of one CSV table with --rate-is alone, only the numbers of its times change.
 ///
-/// A BVH or AMC file stays one, with its own skeleton: --rate-is, --from, --to, --butterworth,
-/// --speed and --resample work on its rotations. Each joint turns the shortest way from frame to
-/// frame, wherever its angles wrap, and the root moves along splines; before a lower rate, movement
-/// that it cannot show is filtered out. Values that stood still for four frames stay as they are.
-/// Where only frames are chosen or the rate is corrected, the text of each value stays.
+/// A BVH or AMC file stays one, with its own skeleton, and FBX becomes BVH: --rate-is, --from,
+/// --to, --butterworth, --speed and --resample work on its rotations. Each joint turns the shortest
+/// way from frame to frame, wherever its angles wrap, and the root moves along splines; before a
+/// lower rate, movement that it cannot show is filtered out. Values that stood still for four
+/// frames stay as they are. Where only frames are chosen or the rate is corrected, the text of each
+/// value stays.
 #[derive(Parser)]
 #[command(
     name = "trim",
@@ -64,7 +65,7 @@ pub struct Args {
         value_parser = parse_to
     )]
     to: Vec<To>,
-    /// Comma-separated takes
+    /// Comma-separated takes; of an FBX file one
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     take: Vec<String>,
     /// Low-pass filter: Butterworth of second order, forwards and backwards (no lag, fourth order
@@ -102,6 +103,9 @@ pub struct Args {
     /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
     asf: Option<PathBuf>,
+    /// Skeleton of an FBX file that has several: its root joint, or what stands above that
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
+    skeleton: Option<String>,
     /// Accept a BVH or AMC file whose last frame is cut off; that frame is dropped
     #[arg(long, help_heading = "Input")]
     keep_whole: bool,
@@ -130,6 +134,7 @@ impl Args {
         self.rate_is.is_some()
             && flags.iter().all(Option::is_none)
             && self.last().is_none()
+            && self.take.is_empty()
             && self.first_of_tables().is_none()
             && self.output().format() == TableFormat::Csv
     }
@@ -138,7 +143,6 @@ impl Args {
     fn first_of_tables(&self) -> Option<&'static str> {
         let format = self.to.iter().any(|to| matches!(to, To::Format(_)));
         let flags = [
-            ("--take", !self.take.is_empty()),
             ("--points", self.points.is_some()),
             ("--person", self.person.is_some()),
             ("--rename", !self.rename.is_empty()),

@@ -4,7 +4,7 @@ use super::Args;
 use posing::cli::messages;
 use posing::cli::streams::write_bytes;
 use posing::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions};
-use posing::io::{Input, MotionFile};
+use posing::io::{Input, MotionFile, MotionFormat};
 use posing::numeric::butterworth::LowPass;
 use posing::pose::Retiming;
 use posing::{Error, Place, Result};
@@ -19,7 +19,9 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
         let what = format!("{name} is a file of rotations: give it alone, without {second}");
         return Err(Error::usage(what));
     }
-    if let Some(flag) = args.first_of_tables() {
+    let is_fbx = MotionFormat::of(input.first_bytes()) == MotionFormat::Fbx;
+    let takes = (!is_fbx && !args.take.is_empty()).then_some("--take");
+    if let Some(flag) = takes.or(args.first_of_tables()) {
         let what = format!(
             "{name} is a file of rotations, and {flag} for tables: make one of it with bvh2xyz or \
              amc2xyz"
@@ -31,6 +33,9 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
         units: args.input.units,
         up: args.input.up,
         asf: args.asf.clone(),
+        take: args.take.first().cloned(),
+        skeleton: args.skeleton.clone(),
+        left_handed: args.input.left_handed,
         keep_whole: args.keep_whole,
         ..ReadOptions::default()
     };
