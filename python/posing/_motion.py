@@ -634,8 +634,9 @@ def align(
 
     Examples
     --------
-    >>> video = posing.align("mocap.csv", "video.csv")
-    >>> video.record["shift"], video.record["shift_sd"]    # seconds
+    >>> later = posing.align(take, take[30:])    # half a second at 60 frames a second
+    >>> round(later.record["shift"], 3)
+    0.5
     """
     takes = [read(take, fps=fps) if is_path(take) else take for take in (first, second)]
     with _files(*takes, names=names, fps=fps) as (folder, (one, other)):

@@ -127,6 +127,38 @@ fn motion_commands_open_it_as_a_bvh_file() {
 }
 
 #[test]
+fn its_skeleton_is_a_rig_for_tables_and_glb() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let table = run("fbx2xyz", &["-q", WALK], "");
+    let bvh = run("xyz2bvh", &["-q", "--skeleton", WALK], &table);
+    let rig = run("fbx2bvh", &["-q", WALK], "");
+    let joints_of = |bvh: &str| bvh.matches("JOINT ").count();
+    assert_eq!(joints_of(&bvh), joints_of(&rig));
+    assert!(far(&Numbers::read(&table), &joints(&bvh)) < 0.5);
+    let (glb, moved) = (at("walk.glb"), at("walk.bvh"));
+    run(
+        "retarget",
+        &["-q", "--to", GOBLIN, WALK, "-o", text(&glb)],
+        "",
+    );
+    assert!(fs::read(&glb).unwrap().starts_with(b"glTF"));
+    // What is missing cannot stand in a GLB file.
+    let gap = rig.lines().map(|line| match line.split_once(' ') {
+        Some((x, rest)) if x.parse::<f64>().is_ok() => format!("nan {rest}"),
+        _ => line.to_string(),
+    });
+    fs::write(&moved, gap.collect::<Vec<_>>().join("\n")).unwrap();
+    fs::remove_file(&glb).unwrap();
+    let said = command("retarget")
+        .args(["-q", "--to", GOBLIN, text(&moved), "-o", text(&glb)])
+        .assert()
+        .code(1);
+    let said = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    assert!(said.contains("posing clean") && !glb.exists(), "{said}");
+}
+
+#[test]
 fn a_command_that_reads_no_fbx_says_which_do() {
     for name in ["denoise", "bvh2xyz"] {
         let said = fails(name, &[WALK], b"", 1);

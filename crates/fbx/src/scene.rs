@@ -69,7 +69,7 @@ fn reason(fault: &ufbx::Error) -> Error {
         ErrorType::UnsupportedVersion => {
             "has a version of FBX that is not read; export it as FBX 2014 to 2020 (7.4, 7.7)"
         }
-        ErrorType::EmptyFile => "is empty",
+        ErrorType::EmptyFile => "is an empty FBX file",
         // What a damaged file comes to is found in many places.
         _ => "ends early or is damaged",
     };

@@ -457,5 +457,5 @@ fn what_cannot_be_read_says_why() {
         }
     }
     let header = read(b"Kaydara FBX Binary  \0\x1a\0\xe8\x1c\0\0");
-    assert!(header.contains("is empty"), "{header}");
+    assert!(header.contains("is an empty FBX file"), "{header}");
 }

@@ -3,11 +3,12 @@
 use super::mannequin::{Joint, push_body};
 use super::rest_axes::TOGETHER;
 use super::{Animation, Bone, SkinnedMesh};
-use crate::bvh::{BvhPoints, BvhTemplate};
+use crate::Result;
+use crate::bvh::{Bvh, BvhPoints, BvhTemplate};
 use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
 use glam::{DMat3, DVec3};
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 /// Chains that end in a bone shorter than this, cm, have no NAME_end.
 const SHORTEST: f64 = 0.5;
@@ -118,6 +119,37 @@ impl SkinnedMesh {
             at: points.iter().map(|(_, bone)| (*bone, false)).collect(),
         };
         nodes.animated(name, skeleton, values, times)
+    }
+
+    /// A BVH file's hierarchy with its motion, as [`SkinnedMesh::of_template`] has it; `turn`
+    /// carries the file's axes to y up, and `rate` is in frames a second.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: it has no frames, or values that are missing, which glTF cannot say.
+    pub fn of_bvh(name: &str, bvh: &Bvh, turn: DMat3, rate: f64) -> Result<SkinnedMesh> {
+        if bvh.motion.is_empty() {
+            return Err("has no frames".into());
+        }
+        if !bvh.missing().is_empty() {
+            let what =
+                "has missing values (nan), which GLB cannot say: fill them with `posing clean`";
+            return Err(what.into());
+        }
+        let template = BvhTemplate::new(bvh.clone(), turn)?;
+        let count = template.skeleton.skeleton.dof_count();
+        let mut values = Array2::zeros((bvh.motion.nrows(), count));
+        for (frame, mut to) in bvh.motion.rows().into_iter().zip(values.rows_mut()) {
+            let mut q = vec![0.0; count];
+            template.skeleton.values(&frame.to_vec(), &mut q);
+            to.iter_mut().zip(q).for_each(|(to, q)| *to = q);
+        }
+        let times: Vec<f64> = (0..values.nrows()).map(|t| t as f64 / rate).collect();
+        Ok(SkinnedMesh::of_template(
+            name,
+            &template,
+            values.view(),
+            &times,
+        ))
     }
 }
 

@@ -1,8 +1,10 @@
-//! A skeleton read from an ASF or a BVH file.
+//! A skeleton read from an ASF, a BVH or an FBX file.
 
 use super::asf::Asf;
 use super::bvh::{Bvh, BvhTemplate};
 use super::input::Input;
+use super::motion_file::rig_of_fbx;
+use super::motion_format::MotionFormat;
 use crate::Result;
 use glam::DMat3;
 use std::io::Cursor;
@@ -19,14 +21,21 @@ pub enum SkeletonFile {
 }
 
 impl SkeletonFile {
-    /// Reads an ASF or a BVH file; the notes of the BVH reader. `unit` (centimeters) and `turn`
-    /// (from the file's axes to ours) are those of a BVH; an ASF states its own.
+    /// Reads an ASF, a BVH or an FBX file; the notes of the reader. `unit` (centimeters) and `turn`
+    /// (from the file's axes to ours) are those of a BVH; others state their own.
     ///
     /// # Errors
     /// Those of [`Asf::open`] and [`Bvh::open`].
     pub fn read(input: Input, unit: f64, turn: DMat3) -> Result<(SkeletonFile, Vec<String>)> {
         let name = input.name.clone();
         let bytes = input.read_all(MAX_BYTES)?;
+        if MotionFormat::of(&bytes) == MotionFormat::Fbx {
+            let (rig, notes) = rig_of_fbx(&name, bytes, None)?;
+            let rig = Bvh::from_bytes(&name, rig)?;
+            let notes = notes.iter().map(|note| format!("{name}: {note}")).collect();
+            let template = BvhTemplate::new(rig, DMat3::IDENTITY)?;
+            return Ok((SkeletonFile::Bvh(Box::new(template)), notes));
+        }
         let start = String::from_utf8_lossy(&bytes[..bytes.len().min(100)]).to_ascii_uppercase();
         let start = start.trim_start_matches('\u{feff}').trim_start();
         let is_bvh = start.starts_with("HIERARCHY");

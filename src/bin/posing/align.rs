@@ -127,11 +127,15 @@ impl Args {
     }
 }
 
-/// A file's bytes, unpacked, and what they say.
+/// A file's bytes, unpacked, of FBX those of the BVH file that it becomes, and what they say.
 fn read(path: &Path, rules: &ReadRules) -> Result<(Vec<u8>, MotionFile)> {
     let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
     let options = rules.of(path, format_of(&bytes));
     let file = MotionFile::read(path, bytes.clone(), &options)?;
+    let bytes = match file.format {
+        MotionFormat::Fbx => file.to_bytes()?,
+        _ => bytes,
+    };
     let name = &file.table.name;
     (file.notes.iter()).for_each(|note| messages::info(&format!("{name}: {note}")));
     Ok((bytes, file))

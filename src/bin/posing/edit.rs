@@ -53,7 +53,7 @@ pub struct Args {
     /// Model file (default: the built-in model)
     #[arg(short, long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Skeleton of the figure, ASF or BVH
+    /// Skeleton of the figure, ASF, BVH or FBX
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
     /// Which joints of the skeleton are the model's

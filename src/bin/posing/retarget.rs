@@ -11,7 +11,9 @@ use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
 use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, cmu_map, up_axis};
+use posing::io::SkinnedMesh;
 use posing::io::bvh::LARGEST_FILE;
+use posing::io::input::take_name;
 use posing::io::motion_file::{ReadOptions, rig_of_fbx};
 use posing::io::rotation_take::RotationTake;
 use posing::io::{Bvh, Input, MotionFormat};
@@ -47,6 +49,7 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing retarget --to hero.bvh walk.bvh -o hero-walk.bvh\
         \n  posing retarget --to hero.bvh --fps 120 07_01.amc -o hero-walk.bvh\
+        \n  posing retarget --to hero.bvh walk.fbx -o hero-walk.glb\
         \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
 )]
 pub struct Args {
@@ -57,9 +60,14 @@ pub struct Args {
     /// in its rest pose
     #[arg(long, value_name = "RIG.bvh|RIG.fbx")]
     to: PathBuf,
-    /// Write the result of one file to OUT instead of standard output, results of several files
-    /// into the folder DIR
-    #[arg(short, long, value_name = "OUT.bvh|DIR", help_heading = "Output")]
+    /// Write the result of one file to OUT instead of standard output, as GLB with a simple body if
+    /// it ends in .glb; results of several files into the folder DIR
+    #[arg(
+        short,
+        long,
+        value_name = "OUT.bvh|OUT.glb|DIR",
+        help_heading = "Output"
+    )]
     output: Option<OutputPath>,
     /// Names of the sources' joints: cmu, a shipped map or a TOML file [default: the map that
     /// fits, else the shape of the skeleton]
@@ -203,14 +211,31 @@ impl Job<'_> {
         };
         let done = self.rig.retarget(&take.bvh, &options);
         let done = done.map_err(|e| e.at(Place::file(&name)))?;
-        let text = done.bvh.with_hierarchy_of(&self.original, 1.0)?;
+        let bytes = self.result(job, &done.bvh, take.rate)?;
         if let Some(folder) = job.output.as_ref().and_then(|path| path.parent()) {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
-        write_bytes(job.output.as_deref(), &text, false)?;
+        write_bytes(job.output.as_deref(), &bytes, is_glb(job))?;
         report(&name, &done);
         Ok((Outcome::of(done.missing > 0), told(&done)))
     }
+
+    /// The bytes of the result, BVH or GLB by its name.
+    fn result(&self, job: &BatchJob, bvh: &Bvh, rate: f64) -> Result<Vec<u8>> {
+        if !is_glb(job) {
+            return bvh.with_hierarchy_of(&self.original, 1.0);
+        }
+        let name = take_name(&job.input);
+        let mesh = SkinnedMesh::of_bvh(&name, bvh, self.args.out_up.rotation(), rate);
+        mesh.and_then(|mesh| mesh.to_glb())
+            .map_err(|e| e.at(Place::file(job.input.display().to_string())))
+    }
+}
+
+/// Whether the result of a file is called GLB.
+fn is_glb(job: &BatchJob) -> bool {
+    let extension = job.output.as_ref().and_then(|path| path.extension());
+    extension.is_some_and(|e| e.eq_ignore_ascii_case("glb"))
 }
 
 /// How a file became its result, for JSON.

@@ -52,7 +52,7 @@ pub struct Args {
     /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept
+    /// Skeleton to fit, ASF, BVH or FBX; a BVH file's hierarchy, offsets and channels are kept
     /// [default: measured from the table, whose names a map must know]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,

@@ -30,7 +30,7 @@ use std::path::PathBuf;
         \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
 )]
 pub struct Args {
-    /// Skeleton to fit, ASF or BVH [default: measured from the table, whose names a map must
+    /// Skeleton to fit, ASF, BVH or FBX [default: measured from the table, whose names a map must
     /// know]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use posing::io::fbx::{FbxChoice, read, to_bvh, to_poses};
-use posing::io::Bvh;
+use posing::io::fbx::{read, to_bvh, to_poses};
+use posing::io::{Bvh, FbxChoice};
 use posing_fuzz::{accepted, check_line, input, use_one_thread};
 
 /// Longer motions only take longer.

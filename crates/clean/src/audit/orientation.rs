@@ -25,8 +25,8 @@ pub(super) fn findings(take: &Take<'_>) -> Option<Vec<Finding>> {
     let wrong = wrong.map(|s| finding(FindingKind::UpAxis, s.sentence()));
     let mirrored = body.is_mirrored(take.xyz).then(|| {
         let what = "the body is a mirror image: its left side is where its right would be, as \
-                    toes, knees or the chest are in front; if the axes are left-handed, say so with \
-                    the option `left_handed`, else exchange the names of left and right";
+                    toes, knees or the chest are in front; if the axes are left-handed, say so \
+                    with the option `left_handed`, else exchange the names of left and right";
         finding(FindingKind::Mirrored, what.to_string())
     });
     Some(wrong.into_iter().chain(mirrored).collect())

@@ -19,12 +19,13 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
         let what = format!("{name} is a file of rotations: give it alone, without {second}");
         return Err(Error::usage(what));
     }
-    let is_fbx = MotionFormat::of(input.first_bytes()) == MotionFormat::Fbx;
+    let format = MotionFormat::of(input.first_bytes());
+    let is_fbx = format == MotionFormat::Fbx;
     let takes = (!is_fbx && !args.take.is_empty()).then_some("--take");
     if let Some(flag) = takes.or(args.first_of_tables()) {
         let what = format!(
-            "{name} is a file of rotations, and {flag} for tables: make one of it with bvh2xyz or \
-             amc2xyz"
+            "{name} is a file of rotations, and {flag} for tables: make one of it with {}2xyz",
+            format.name().to_lowercase()
         );
         return Err(Error::usage(what));
     }
