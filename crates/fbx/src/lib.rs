@@ -61,7 +61,7 @@ pub struct FbxTake {
 }
 
 impl FbxFile {
-    /// Reads the bytes of a file, binary or ASCII, within half a gigabyte; `name` is for messages.
+    /// Reads the bytes of a file, binary or ASCII; `name` is for messages.
     ///
     /// # Errors
     /// [`Error::Data`]: it is cut, damaged, too large, of another version, or has no skeleton.

@@ -4,8 +4,12 @@ use crate::{Error, Result};
 use ufbx::{AllocatorOpts, CoordinateAxes, ErrorType, FileFormat, InheritModeHandling};
 use ufbx::{LoadOpts, SceneRoot, WarningType};
 
-/// The most bytes that the scene may take, and again as many while it is loaded.
-const MEMORY: usize = 256 << 20;
+/// The most bytes that the scene of a small file may take, and again as many while it is loaded: it
+/// may have been packed well. That of a larger one may take so many times its size; a key takes
+/// some 48 bytes, and 6 to 12 in a binary file.
+const MEMORY: std::ops::RangeInclusive<usize> = 256 << 20..=2 << 30;
+const TIMES_TEXT: usize = 3;
+const TIMES_BINARY: usize = 8;
 /// Deeper hierarchies are no skeletons.
 const DEPTH: u32 = 512;
 /// Meters that a file's unit of length may have: less or more is a slip.
@@ -38,8 +42,8 @@ pub(crate) fn load(bytes: &[u8]) -> Result<(SceneRoot, Vec<String>)> {
 /// the product of its ancestors' and its own.
 fn load_as(bytes: &[u8], target_unit_meters: f64) -> Result<SceneRoot> {
     let options = LoadOpts {
-        temp_allocator: limited(),
-        result_allocator: limited(),
+        temp_allocator: limited(bytes),
+        result_allocator: limited(bytes),
         ignore_geometry: true,
         ignore_embedded: true,
         file_format: FileFormat::Fbx,
@@ -52,9 +56,13 @@ fn load_as(bytes: &[u8], target_unit_meters: f64) -> Result<SceneRoot> {
     ufbx::load_memory(bytes, options).map_err(|fault| reason(&fault))
 }
 
-fn limited() -> AllocatorOpts {
+fn limited(bytes: &[u8]) -> AllocatorOpts {
+    let times = match bytes.starts_with(b"Kaydara") {
+        true => TIMES_BINARY,
+        false => TIMES_TEXT,
+    };
     AllocatorOpts {
-        memory_limit: MEMORY,
+        memory_limit: (times * bytes.len()).clamp(*MEMORY.start(), *MEMORY.end()),
         ..AllocatorOpts::default()
     }
 }
@@ -63,7 +71,7 @@ fn limited() -> AllocatorOpts {
 fn reason(fault: &ufbx::Error) -> Error {
     let what = match fault.type_ {
         ErrorType::OutOfMemory | ErrorType::MemoryLimit | ErrorType::AllocationLimit => {
-            "is too large: reading it needs more than 256 MB of memory"
+            "is too large: reading it needs far more memory than its size"
         }
         ErrorType::NodeDepthLimit => "is damaged: its nodes are nested more than 512 deep",
         ErrorType::UnsupportedVersion => {

@@ -83,11 +83,21 @@ fn too_long(seconds: f64, rate: f64) -> Error {
 
 /// The times of all keys that move a skeleton, each once, in their order.
 fn key_times(tree: &Skeleton, stack: &AnimStack) -> Vec<f64> {
-    let curves = tree.curves(stack);
-    let times = curves.flat_map(|curve| curve.keyframes.iter().map(|key| key.time));
-    let mut times: Vec<f64> = times.filter(|t| t.is_finite()).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup_by(|later, before| *later - *before <= SAME);
+    let once = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times.dedup_by(|later, before| *later - *before <= SAME);
+    };
+    // Most curves have the same times: they are not kept a hundred times over.
+    let (mut times, mut known) = (Vec::new(), 0);
+    for curve in tree.curves(stack) {
+        let own = curve.keyframes.iter().map(|key| key.time);
+        times.extend(own.filter(|t| t.is_finite()));
+        if times.len() > 2 * known {
+            once(&mut times);
+            known = times.len();
+        }
+    }
+    once(&mut times);
     times
 }
 
