@@ -15,7 +15,7 @@ use glam::{DMat3, DVec3};
 
 /// A leg in one frame: the rig's, and the source's ankle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LegFrame {
+pub(in crate::ik) struct LegFrame {
     pub bones: TwoBones,
     /// The global rotation of the thigh.
     pub thigh: DMat3,
@@ -84,15 +84,30 @@ pub(super) fn plant(
             offsets[t].y += lift;
         }
     }
+    let (legs, slide) = carry(frames, leg, &offsets, &weights);
+    let both = |([upper, lower], [foot, toes]): ([_; 2], [_; 2])| [upper, lower, foot, toes];
+    Planted {
+        turns: legs.into_iter().zip(turns).map(both).collect(),
+        contacts: contacts.len(),
+        slide,
+    }
+}
+
+/// What turns thigh and shin, from the left, in each frame so that ankles move by `offsets`, with a
+/// leg of the length `leg`; and how far an ankle leaves its goal at most where `weights` are 1.
+/// Bones keep their lengths, and knees bend to the side to which they bend in the mean.
+pub(in crate::ik) fn carry(
+    frames: &[LegFrame],
+    leg: f64,
+    offsets: &[DVec3],
+    weights: &[f64],
+) -> (Vec<[Option<DMat3>; 2]>, f64) {
     let hinge: DVec3 = frames
         .iter()
         .map(|f| f.thigh.transpose() * f.bones.bend())
         .sum();
     let hinge = hinge.normalize_or_zero() * HINGE * leg / LEG;
-    let mut out = Planted {
-        contacts: contacts.len(),
-        ..Planted::default()
-    };
+    let (mut turns, mut slide) = (Vec::with_capacity(frames.len()), 0.0);
     for (t, frame) in frames.iter().enumerate() {
         let (offset, weight) = (offsets[t], weights[t]);
         let is_moved = offset != DVec3::ZERO && frame.source.is_finite();
@@ -105,12 +120,11 @@ pub(super) fn plant(
         let reached = reached.flatten();
         if let Some(reached) = reached.filter(|_| weight == 1.0) {
             let goal = frame.bones.ankle + offset;
-            out.slide = out.slide.max(reached.ankle.distance(goal));
+            slide = f64::max(slide, reached.ankle.distance(goal));
         }
-        let [upper, lower] = [reached.map(|r| r.upper), reached.map(|r| r.lower)];
-        out.turns.push([upper, lower, turns[t][0], turns[t][1]]);
+        turns.push([reached.map(|r| r.upper), reached.map(|r| r.lower)]);
     }
-    out
+    (turns, slide)
 }
 
 /// The median of each coordinate.

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{ArrayView1, s};
 
 /// A hierarchy, y up, centimeters.
-pub(super) struct Hierarchy {
+pub(in crate::ik) struct Hierarchy {
     pub names: Vec<String>,
     pub parents: Vec<Option<usize>>,
     /// By joint, from its parent in the parent's frame; the mean where position channels move it.
@@ -23,14 +23,14 @@ pub(super) struct Hierarchy {
 
 /// The rotations and positions of all joints in one frame.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Pose {
+pub(in crate::ik) struct Pose {
     pub rotations: Vec<DMat3>,
     pub positions: Vec<DVec3>,
 }
 
 impl Hierarchy {
     /// That of a file; `turn` carries its axes to ours.
-    pub(super) fn new(bvh: &Bvh, turn: DMat3) -> Hierarchy {
+    pub(in crate::ik) fn new(bvh: &Bvh, turn: DMat3) -> Hierarchy {
         let mut next = 0;
         let first = bvh.joints.iter().map(|joint| {
             let at = next;
@@ -51,39 +51,39 @@ impl Hierarchy {
     }
 
     /// The number of joints.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::ik) fn len(&self) -> usize {
         self.names.len()
     }
 
     /// The channels of a joint, in the file's order, and the first one's index in a frame.
-    pub(super) fn channels(&self, joint: usize) -> (&[Channel], usize) {
+    pub(in crate::ik) fn channels(&self, joint: usize) -> (&[Channel], usize) {
         (&self.joints[joint].channels, self.first[joint])
     }
 
     /// The joints that hang on a joint.
-    pub(super) fn children(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(in crate::ik) fn children(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.len()).filter(move |&j| self.parents[j] == Some(joint))
     }
 
     /// A joint and all above it, upwards.
-    pub(super) fn upwards(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(in crate::ik) fn upwards(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
         std::iter::successors(Some(joint), |&j| self.parents[j])
     }
 
     /// Whether a joint is `above` or hangs below it.
-    pub(super) fn is_below(&self, joint: usize, above: usize) -> bool {
+    pub(in crate::ik) fn is_below(&self, joint: usize, above: usize) -> bool {
         self.upwards(joint).any(|j| j == above)
     }
 
     /// The lowest joint that two hang on, which may be one of them.
-    pub(super) fn common(&self, a: usize, b: usize) -> usize {
+    pub(in crate::ik) fn common(&self, a: usize, b: usize) -> usize {
         let mut above = self.upwards(a);
         above.find(|&j| self.is_below(b, j)).unwrap_or(0)
     }
 
     /// The joints from one, or from the first that both hang on, down to another: the first is not
     /// among them.
-    pub(super) fn path(&self, from: usize, to: usize) -> Vec<usize> {
+    pub(in crate::ik) fn path(&self, from: usize, to: usize) -> Vec<usize> {
         let top = self.common(from, to);
         let mut path: Vec<usize> = self.upwards(to).take_while(|&j| j != top).collect();
         path.reverse();
@@ -91,7 +91,7 @@ impl Hierarchy {
     }
 
     /// The pose in which nothing is turned, the first joint at the origin.
-    pub(super) fn zero(&self) -> Pose {
+    pub(in crate::ik) fn zero(&self) -> Pose {
         let mut pose = Pose {
             rotations: vec![DMat3::IDENTITY; self.len()],
             positions: Vec::with_capacity(self.len()),
@@ -104,7 +104,7 @@ impl Hierarchy {
     }
 
     /// The pose of a frame. What is missing (nan) is not turned, and stands at its offset.
-    pub(super) fn pose(&self, frame: ArrayView1<'_, f64>, pose: &mut Pose) {
+    pub(in crate::ik) fn pose(&self, frame: ArrayView1<'_, f64>, pose: &mut Pose) {
         pose.rotations.clear();
         pose.positions.clear();
         for (j, joint) in self.joints.iter().enumerate() {
@@ -134,7 +134,7 @@ impl Hierarchy {
     }
 
     /// What each joint lacks in a frame.
-    pub(super) fn missing(&self, frame: ArrayView1<'_, f64>) -> Vec<Missing> {
+    pub(in crate::ik) fn missing(&self, frame: ArrayView1<'_, f64>) -> Vec<Missing> {
         let of = |(joint, &first): (&Joint, &usize)| {
             let values = frame.slice(s![first..]);
             let lacks = |is_angle: bool| {
@@ -151,7 +151,7 @@ impl Hierarchy {
     }
 
     /// Whether where a joint stands is missing.
-    pub(super) fn lacks_position(&self, joint: usize, missing: &[Missing]) -> bool {
+    pub(in crate::ik) fn lacks_position(&self, joint: usize, missing: &[Missing]) -> bool {
         let mut above = self.upwards(joint).skip(1);
         missing[joint].position || above.any(|j| missing[j].position || missing[j].rotation)
     }
@@ -159,7 +159,7 @@ impl Hierarchy {
 
 /// What a joint lacks in a frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Missing {
+pub(in crate::ik) struct Missing {
     pub rotation: bool,
     pub position: bool,
 }

@@ -10,15 +10,15 @@
 //! Joints are told by maps of names, else by the shape of the tree (`segments`, `shape`). Rest
 //! poses that are no bodies are replaced by a frame in which one stands (`rest`).
 
-mod feet;
+pub(in crate::ik) mod feet;
 mod figure;
-mod hierarchy;
+pub(in crate::ik) mod hierarchy;
 mod rest;
-mod segments;
-mod shape;
+pub(in crate::ik) mod segments;
+pub(in crate::ik) mod shape;
 mod soles;
 mod transfer;
-mod tuning;
+pub(in crate::ik) mod tuning;
 mod up_axis;
 
 pub use rest::Rest;

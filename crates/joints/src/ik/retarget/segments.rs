@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// The joints of a body, left before right.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct BodyJoints {
+pub(in crate::ik) struct BodyJoints {
     /// The name of the map, or `shape`.
     pub map: String,
     pub legs: [Limb; 2],
@@ -78,7 +78,11 @@ impl BodyJoints {
     ///
     /// # Errors
     /// [`Error::Unfit`]: nothing tells which joints are legs and arms, or what tells it cannot be.
-    pub(super) fn find(tree: &Hierarchy, map: Option<&NameMap>, option: &str) -> Result<Self> {
+    pub(in crate::ik) fn find(
+        tree: &Hierarchy,
+        map: Option<&NameMap>,
+        option: &str,
+    ) -> Result<Self> {
         if let Some(map) = map {
             return by_names(tree, map, option);
         }

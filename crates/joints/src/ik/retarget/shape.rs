@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// A leg (hip, knee, ankle) or an arm (shoulder, elbow, wrist).
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Limb {
+pub(in crate::ik) struct Limb {
     pub joints: [usize; 3],
     /// The joint of the toes, or at the hand's end.
     pub end: Option<usize>,

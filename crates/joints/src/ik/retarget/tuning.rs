@@ -3,27 +3,27 @@
 /// Contacts of the source's feet, and how the rig's are held there. Measured by a prototype on five
 /// CMU takes (walks, an acrobat, one on straight legs) and three rigs: feet slide no more than the
 /// source's where the goal is in reach, and a knee's steps grow by 2.8 degrees at most.
-pub(super) mod feet {
+pub(in crate::ik) mod feet {
     /// An ankle is in contact below this speed, cm/s, for a leg of [`LEG`].
-    pub(in super::super) const SPEED: f64 = 40.0;
+    pub(in crate::ik) const SPEED: f64 = 40.0;
     /// And lower than this over the lowest of its take, cm, likewise.
-    pub(in super::super) const HEIGHT: f64 = 6.0;
+    pub(in crate::ik) const HEIGHT: f64 = 6.0;
     /// And for as long as this, seconds.
-    pub(in super::super) const LEAST: f64 = 0.1;
+    pub(in crate::ik) const LEAST: f64 = 0.1;
     /// Over this time, seconds, what holds a foot fades before and after a contact.
-    pub(in super::super) const FADE: f64 = 0.12;
+    pub(in crate::ik) const FADE: f64 = 0.12;
     /// A leg is stretched to this share of its length at most, if it is not already.
-    pub(in super::super) const REACH: f64 = 0.9995;
+    pub(in crate::ik) const REACH: f64 = 0.9995;
     /// The weight of the side to which a knee bends in the mean against its bend in a frame, cm
     /// for a leg of [`LEG`]. Without it the knee of a straight leg pops by 14 to 19 degrees.
-    pub(in super::super) const HINGE: f64 = 2.0;
+    pub(in crate::ik) const HINGE: f64 = 2.0;
     /// A foot that is moved by less than this share of the leg is hardly moved.
-    pub(in super::super) const HARDLY: f64 = 1e-3;
+    pub(in crate::ik) const HARDLY: f64 = 1e-3;
     /// The leg of an adult, hip to ankle, cm.
-    pub(in super::super) const LEG: f64 = 80.0;
+    pub(in crate::ik) const LEG: f64 = 80.0;
     /// Legs of people, cm, longer than an adult's in inches: a source with another is in another
     /// unit, and its limits are shares of its leg.
-    pub(in super::super) const LEGS: std::ops::RangeInclusive<f64> = 42.0..=130.0;
+    pub(in crate::ik) const LEGS: std::ops::RangeInclusive<f64> = 42.0..=130.0;
 }
 
 /// How feet stand.
