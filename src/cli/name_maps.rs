@@ -1,7 +1,8 @@
 //! `--map`: a shipped map of names by its name, or a TOML file.
 
 use super::toml_file;
-use crate::pose::NameMap;
+use crate::ik::retarget::cmu_map;
+use crate::pose::{NameMap, joints};
 use crate::{Error, Place, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,6 +25,18 @@ pub fn name_map(name: &str, known: &[String]) -> Result<NameMap> {
         joints,
         ..NameMap::default()
     })
+}
+
+/// The map of a flag for the joints of a skeleton: `cmu` is that of its BVH files.
+///
+/// # Errors
+/// Those of [`name_map`].
+pub fn joint_map(name: Option<&str>) -> Result<Option<NameMap>> {
+    match name {
+        Some(name) if name.eq_ignore_ascii_case("cmu") => Ok(Some(cmu_map())),
+        Some(name) => name_map(name, &joints::cmu_names()).map(Some),
+        None => Ok(None),
+    }
 }
 
 /// The file that a flag names which names no shipped map.

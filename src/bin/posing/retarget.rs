@@ -6,19 +6,19 @@ use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
-use posing::cli::name_maps::name_map;
+use posing::cli::name_maps::joint_map;
 use posing::cli::paths::OutputPath;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, cmu_map, up_axis};
+use posing::ik::retarget::{Rest, RetargetOptions, Retargeted, Retargeter, up_axis};
 use posing::io::SkinnedMesh;
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::input::take_name;
 use posing::io::motion_file::{ReadOptions, rig_of_fbx};
 use posing::io::rotation_take::RotationTake;
 use posing::io::{Bvh, Input, MotionFormat};
+use posing::pose::NameMap;
 use posing::pose::units::UpAxis;
-use posing::pose::{NameMap, joints};
 use posing::{Error, Place, Result};
 use serde_json::{Value, json};
 use std::io::Cursor;
@@ -149,11 +149,15 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let original = rig(args, &name)?;
     let rig = Bvh::read(Input::new(&name, Cursor::new(original.clone()))?, 1.0, true)?;
     rig.notes.iter().for_each(|note| messages::info(note));
-    let rig = Retargeter::new(rig, args.out_up, map(&args.map_to)?.as_ref());
+    let rig = Retargeter::new(
+        rig,
+        args.out_up,
+        joint_map(args.map_to.as_deref())?.as_ref(),
+    );
     let job = Job {
         rig: rig.map_err(|e| e.at(Place::file(name)))?,
         original,
-        map: map(&args.map_from)?,
+        map: joint_map(args.map_from.as_deref())?,
         options,
         args,
     };
@@ -171,18 +175,6 @@ fn rig(args: &Args, name: &str) -> Result<Vec<u8>> {
         return Ok(text);
     }
     Ok(bytes)
-}
-
-/// The map of a flag.
-fn map(name: &Option<String>) -> Result<Option<NameMap>> {
-    let named = |name: &String| {
-        if name.eq_ignore_ascii_case("cmu") {
-            Ok(cmu_map())
-        } else {
-            name_map(name, &joints::cmu_names())
-        }
-    };
-    name.as_ref().map(named).transpose()
 }
 
 impl Job<'_> {
