@@ -84,6 +84,19 @@
 //! # Ok::<(), posing::Error>(())
 //! ```
 //!
+//! **Ground.** [`ik::ground`] finds the floor under a take, levels it and keeps feet from sliding.
+//!
+//! ```
+//! # use posing::prelude::*;
+//! # use posing::ik::ground::{GroundOptions, ground_rotations};
+//! # let asf = Asf::open("testdata/cmu/07/07.asf")?;
+//! # let walk = Amc::open("testdata/cmu/07/07_01.amc", &asf)?.to_bvh(120.0)?;
+//! let grounded = ground_rotations(&walk, &GroundOptions::default())?;
+//! let floor = grounded.report.floor.ok_or("never stands")?;
+//! assert!(floor.slope < 2.0 && grounded.report.slide[1] < 0.2); // degrees, centimeters
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! **Train.** The built-in model knows the joints of the CMU database. One of your own: each pose
 //! is moved to the model's space (root at the origin, no global rotation, one body size);
 //! [`cluster`] groups poses, [`sparse`] learns a dictionary by K-SVD, so that each pose is nearly a
@@ -132,7 +145,8 @@
 //! | [`label`] | which track is which point: swaps, pieces without a label |
 //! | [`inbetween`] | whole bodies over gaps, from motion that is known |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances |
-//! | [`ik`] | joint angles of a skeleton from its joints, clean rotations, other rigs |
+//! | [`ik`] | joint angles of a skeleton from its joints, clean rotations, other rigs, floors |
+//! | [`ground_file`] | takes of any format, put on their floor |
 //! | [`solve`] | joints and their angles under markers |
 //! | [`audit`] | what is wrong in a take: rate, unit, axis, gaps, swaps |
 //! | [`clean`] | whole takes of any format, cleaned, with a record beside each |
@@ -158,7 +172,7 @@
 //! | posing-label | label | core, io |
 //! | posing-inbetween | inbetween | core, io |
 //! | posing-restore | restore | core, inbetween, io, label, models |
-//! | posing-joints | ik, solve | core, draw, gait, io, label, models |
+//! | posing-joints | ground_file, ik, solve | core, draw, gait, io, label, models |
 //! | posing-clean | audit, clean, gait | core, draw, gait, io, joints, label, models, restore |
 //! | posing-gait | gait | core, draw, io |
 //! | posing-likeness | evaluate, ik, metric | core, draw, io |
@@ -276,7 +290,7 @@ pub use posing_edit::edit;
 #[doc(inline)]
 pub use posing_edit::server;
 #[doc(inline)]
-pub use posing_joints::solve;
+pub use posing_joints::{ground_file, solve};
 #[doc(inline)]
 pub use posing_label as label;
 #[doc(inline)]

@@ -4,8 +4,8 @@
 //!
 //! [`solve`] finds the joints of a person under labeled markers. [`ik`] has the solvers: a
 //! skeleton's degrees of freedom from positions of its joints ([`ik::SkeletonFit`]), rotations
-//! whose pops and noise are taken out ([`ik::rotation_cleaning`]), and motion on another rig
-//! ([`ik::retarget`]).
+//! whose pops and noise are taken out ([`ik::rotation_cleaning`]), motion on another rig
+//! ([`ik::retarget`]), and takes put on their floor ([`ik::ground`], of files [`ground_file`]).
 //!
 //! ```
 //! use posing_io::{Amc, Asf};
@@ -26,5 +26,6 @@ use posing_io as io;
 use posing_label as label;
 use posing_models::prior;
 
+pub mod ground_file;
 pub mod ik;
 pub mod solve;

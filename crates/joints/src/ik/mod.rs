@@ -4,6 +4,7 @@ pub(crate) mod bone_normalization;
 pub mod correspondence;
 pub(crate) mod fit_quality;
 pub(crate) mod frame_solver;
+pub mod ground;
 #[doc(hidden)]
 pub mod initial_pose;
 mod least_turns;
