@@ -29,6 +29,7 @@ mod files;
 mod formats;
 mod gait;
 mod gpd;
+mod ground;
 mod hostile;
 mod in_memory;
 mod inbetween;

@@ -84,7 +84,10 @@ pub const GROUPS: &[(&str, &[Entry])] = &[
             entry!("xyz2glb", xyz2glb),
         ],
     ),
-    ("Other skeletons", &[entry!("retarget", retarget)]),
+    (
+        "Other skeletons and floors",
+        &[entry!("retarget", retarget), entry!("ground", ground)],
+    ),
     (
         "Gait",
         &[entry!("gait", gait), entry!("c3d2forces", c3d2forces)],

@@ -32,6 +32,7 @@ mod fbx2bvh;
 mod fbx2xyz;
 mod gait;
 mod gpd;
+mod ground;
 mod ksvd_train;
 mod label;
 mod mesh_register;
