@@ -31,6 +31,7 @@ y up. NaN is missing; 0 is a measurement.
 `clean`       all of these, of a take or a folder
 `solve`       joints, skeleton and motion of labeled markers
 `retarget`    motion on another skeleton
+`ground`      a take on a level floor, with feet that stand
 `gait`        angles, moments, events and a page of a laboratory's trials
 `forces`      forces and centers of pressure of force plates
 `plot`        a page that plays takes, or a picture
@@ -51,7 +52,7 @@ a file that is not there `FileNotFoundError`; both are also a `posing.Error`.
 from typing import TYPE_CHECKING
 
 from posing._gait import Gait, forces, gait
-from posing._motion import Motion, Page, Recorded, align, clean, label, plot, retarget, score, solve
+from posing._motion import Motion, Page, Recorded, align, clean, ground, label, plot, retarget, score, solve
 from posing._program import Finished, PosingError, program, run
 from posing._takes import Restored, Take, audit, complete, denoise, read, write
 
@@ -74,6 +75,7 @@ __all__ = [
     "denoise",
     "forces",
     "gait",
+    "ground",
     "label",
     "plot",
     "program",

@@ -1,4 +1,4 @@
-"""Takes from labels to another rig: label, solve, retarget, clean, plot, align, score."""
+"""Takes from labels to another rig: label, solve, retarget, ground, clean, plot, align, score."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False, repr=False)
 class Recorded(Take):
-    """A take that `label` or `clean` returns.
+    """A take that `label`, `clean` or `ground` returns.
 
     Attributes
     ----------
     record : dict
-        What was done, as ``--json`` prints it: posing-json(5) says the names.
+        What was done, as ``--json`` or ``--report`` has it: posing-json(5) says the names.
     """
 
     record: dict[str, Any]
@@ -46,7 +46,7 @@ class Recorded(Take):
 
 @dataclass(eq=False, repr=False)
 class Motion(Recorded):
-    """A take of joints with its skeleton, that `solve` or `retarget` returns.
+    """A take of joints with its skeleton, that `solve`, `retarget` or `ground` returns.
 
     Attributes
     ----------
@@ -502,6 +502,89 @@ def retarget(
         (record,) = json.loads((folder / "json").read_bytes())["files"]
         take.notes[:] = done.notes
         return Motion(**vars(take), record=record, bvh=(folder / "out.bvh").read_text(), sd=None)
+
+
+def ground(
+    xyz: Data,
+    names: Sequence[str] | None = None,
+    fps: float | None = None,
+    *,
+    units: str | None = None,
+    up: str | None = None,
+    map: str | StrPath | None = None,
+    level_only: bool = False,
+    asf: StrPath | None = None,
+    **options: Any,
+) -> Recorded:
+    """Put a take on a level floor: no floating, slope or sinking, no sliding feet.
+
+    Parameters
+    ----------
+    xyz : path, Motion, Take, DataFrame, or array of shape (frames, points, 3)
+        A BVH, FBX or AMC file or a motion of `solve` or `retarget`, whose feet are held
+        where they stand; or points in centimeters, y up, which are leveled alone.
+    names : list of str, optional
+        Names of the points of an array.
+    fps : float, optional
+        Frames per second of an array, or of a file that does not say it.
+    units : {"cm", "m", "mm", "in", "asf"}, optional
+        Unit of length of a file that does not say it.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in a file that does not say it.
+    map : str or path, optional
+        Names of the joints: ``"mixamo"``, ``"cmu"`` or a TOML file. Default: those that
+        fit, else the shape of the skeleton.
+    level_only : bool
+        Do not hold feet.
+    asf : path, optional
+        Skeleton of an AMC file. Default: the file beside it.
+    **options
+        Further flags of ``posing ground``.
+
+    Returns
+    -------
+    Motion or Recorded
+        The take, in centimeters, y up; of rotations a `Motion`, whose ``bvh`` is the
+        file. ``record`` has the floor and the contacts in seconds; its ``standing`` is
+        ``"never"`` or ``"no-plane"`` for takes that are left as they are.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As for `complete`.
+
+    Examples
+    --------
+    >>> walk = posing.ground("walk.bvh")
+    >>> posing.write("walk-ground.bvh", walk)
+    >>> [(c["foot"], c["start"], c["end"]) for c in walk.record["contacts"]]
+    """
+    _check_one(xyz)
+    points = np.empty((0, 1, 3)) if isinstance(xyz, Motion) else xyz
+    with _files(points, names=names, fps=fps) as (folder, (file,)):
+        if isinstance(xyz, Motion):
+            file.write_text(xyz.bvh)
+        given = flags(
+            units=units,
+            up=up,
+            fps=fps if is_path(xyz) else None,
+            map=map,
+            level_only=level_only,
+            asf=asf,
+            report=folder / "json",
+            output=folder / "out",
+            **options,
+        )
+        done = call("ground", *given, "--", file, folder=folder)
+        record = json.loads((folder / "json").read_bytes())
+        out = folder / "out"
+        is_motion = out.read_bytes()[:9] == b"HIERARCHY"
+        of_file: dict[str, Any] = {"up": up} if is_motion else {"units": units, "up": up}
+        take = read(out, **(of_file if is_path(xyz) else {}))
+        take.notes[:] = done.notes
+        if is_motion:
+            return Motion(**vars(take), record=record, bvh=out.read_text(), sd=None)
+        return Recorded(**vars(take), record=record)
 
 
 def plot(

@@ -147,6 +147,21 @@ def test_a_recording_comes_onto_the_frames_of_another():
     assert error.value.code == 3
 
 
+def test_a_motion_stands_on_its_floor(motion, tmp_path):
+    posing.write(tmp_path / "walk.bvh", motion)
+    posing.run("ground", "-o", tmp_path / "level.bvh", tmp_path / "walk.bvh")
+    level, walk = posing.ground(motion), posing.read(tmp_path / "walk.bvh")
+    assert level.bvh == (tmp_path / "level.bvh").read_text() and level.names == walk.names
+    assert level.record["standing"] == "on-floor" and level.record["slide"][1] < 0.3
+    feet = {contact["foot"] for contact in level.record["contacts"]}
+    assert feet == {"left", "right"} and len(posing.ground(AMC, fps=120)) == 316
+    points = posing.ground(level.xyz, level.names, 60)
+    assert not isinstance(points, posing.Motion) and points.record["held"] is None
+    still = posing.ground(motion, level_only=True)
+    bones = [np.linalg.norm(m["lfemur"] - m["ltibia"], axis=1) for m in (walk, still, level)]
+    assert np.allclose(bones[0], bones[1], atol=1e-3) and np.allclose(bones[0], bones[2], atol=1e-3)
+
+
 def test_frames_of_a_motion_have_their_own_bvh(motion, tmp_path):
     for frames, rate in ((slice(10, 50), 60), (slice(0, None, 3), 20), (motion.time > 1, 60)):
         part = posing.retarget(motion, RIG)[frames]

@@ -21,6 +21,7 @@ COMMANDS = {
     posing.clean: ["clean"],
     posing.solve: ["solve"],
     posing.retarget: ["retarget"],
+    posing.ground: ["ground"],
     posing.plot: ["plot"],
     posing.align: ["align"],
     posing.score: ["score"],
