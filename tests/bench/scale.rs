@@ -14,7 +14,7 @@ mod shared;
 use ndarray::ArrayView1;
 use posing::io::npy;
 use posing::numeric::parallel;
-use posing::pose::joints::mirrored;
+use posing::pose::sides::mirrored;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use shared::Take;

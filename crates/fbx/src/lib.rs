@@ -138,9 +138,10 @@ impl FbxFile {
         };
         let names = distinct(takes.iter().map(|take| &take.name));
         takes.retain(|take| take.name == *name);
-        match takes.is_empty() {
-            true => Err(unknown("take", name, &names)),
-            false => Ok(takes),
+        if takes.is_empty() {
+            Err(unknown("take", name, &names))
+        } else {
+            Ok(takes)
         }
     }
 

@@ -173,12 +173,11 @@ impl<'a> Chain<'a> {
     fn evaluate(&self, anim: &Anim, time: f64, worlds: &mut Vec<DAffine3>) {
         worlds.clear();
         for (node, above) in &self.nodes {
-            let own = match node.is_root {
-                true => affine(&node.node_to_parent),
-                false => {
-                    let local = ufbx::evaluate_transform(anim, node, time);
-                    affine(&ufbx::transform_to_matrix(&local))
-                }
+            let own = if node.is_root {
+                affine(&node.node_to_parent)
+            } else {
+                let local = ufbx::evaluate_transform(anim, node, time);
+                affine(&ufbx::transform_to_matrix(&local))
             };
             worlds.push(above.map_or(own, |above| worlds[above] * own));
         }

@@ -57,10 +57,8 @@ fn load_as(bytes: &[u8], target_unit_meters: f64) -> Result<SceneRoot> {
 }
 
 fn limited(bytes: &[u8]) -> AllocatorOpts {
-    let times = match bytes.starts_with(b"Kaydara") {
-        true => TIMES_BINARY,
-        false => TIMES_TEXT,
-    };
+    let is_binary = bytes.starts_with(b"Kaydara");
+    let times = if is_binary { TIMES_BINARY } else { TIMES_TEXT };
     AllocatorOpts {
         memory_limit: (times * bytes.len()).clamp(*MEMORY.start(), *MEMORY.end()),
         ..AllocatorOpts::default()

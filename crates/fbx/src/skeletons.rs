@@ -128,9 +128,10 @@ pub(crate) fn ancestors(node: &Node) -> impl Iterator<Item = &Node> {
 fn children(node: &Node) -> Vec<&Node> {
     let mut all = Vec::new();
     for child in &node.children {
-        match child.is_scale_helper {
-            true => all.extend(&child.children),
-            false => all.push(child),
+        if child.is_scale_helper {
+            all.extend(&child.children);
+        } else {
+            all.push(child);
         }
     }
     all

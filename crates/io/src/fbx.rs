@@ -281,7 +281,7 @@ mod tests {
             DQuat::from_array([0; 4].map(|_| number(1.0))).normalize()
         });
         for frame in 0..frames {
-            let mut at = vec![DVec3::ZERO; 8];
+            let mut at = [DVec3::ZERO; 8];
             for (j, joint) in joints.iter().enumerate() {
                 let step = joint.parent.map(|p| (p, joint.rest - rests[p]));
                 at[j] = match step {

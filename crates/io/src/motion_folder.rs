@@ -126,9 +126,12 @@ pub fn is_results_folder(output: &Path, input: &Path) -> bool {
 /// A name as a part of a file's name: what no file name holds is written as its number.
 pub fn file_name_part(name: &str) -> String {
     let is_held = |c: char| !is_hidden_letter(c) && !"/\\:*?\"<>|%".contains(c);
-    let held = |c: char| match is_held(c) {
-        true => c.to_string(),
-        false => format!("%{:X}", u32::from(c)),
+    let held = |c: char| {
+        if is_held(c) {
+            c.to_string()
+        } else {
+            format!("%{:X}", u32::from(c))
+        }
     };
     name.chars().map(held).collect()
 }

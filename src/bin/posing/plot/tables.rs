@@ -150,9 +150,10 @@ impl PlotTable {
     ) -> Result<Vec<PlotTable>> {
         let mut tables: Vec<PlotTable> = Vec::new();
         for file in files {
-            let mut table = match has_rotations(file)? {
-                true => PlotTable::of_rotations(file, flags, fbx)?,
-                false => PlotTable::read(&flags.with_files(vec![file.clone()]))?,
+            let mut table = if has_rotations(file)? {
+                PlotTable::of_rotations(file, flags, fbx)?
+            } else {
+                PlotTable::read(&flags.with_files(vec![file.clone()]))?
             };
             if let Some(first) = tables.first() {
                 table.match_to(first)?;
