@@ -10,6 +10,7 @@ pub mod choice;
 pub(crate) mod closed_stdout;
 pub mod completions;
 pub(crate) mod csv_file;
+pub mod endings;
 #[cfg(feature = "fbx")]
 pub mod fbx_args;
 pub mod feature_table;

@@ -238,3 +238,38 @@ fn left_handed_files_are_read_as_what_they_show() {
     let audit = run("audit", &["--json", "--left-handed", text(&left)], "");
     assert!(audit.contains("\"frames\": 40"), "{audit}");
 }
+
+#[test]
+fn a_figure_that_stands_along_z_stays_on_its_feet() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("z.bvh");
+    // The walk turned by a quarter about x: z is up.
+    let bvh = run(
+        "fbx2bvh",
+        &["-q", "testdata/examples/animator/walk.fbx.gz"],
+        "",
+    );
+    let table = Numbers::read(&run("bvh2xyz", &["-q"], &bvh));
+    let flags = [
+        "-q",
+        "--up",
+        "z",
+        "--skeleton",
+        "testdata/examples/animator/walk.fbx.gz",
+    ];
+    fs::write(&path, run("xyz2bvh", &flags, &table.write())).unwrap();
+    let said = command("mirror").arg(text(&path)).assert().success();
+    let said = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    let image = run("mirror", &["-q", text(&path)], "");
+    let height = |bvh: &str| {
+        let joints = Numbers::read(&run("bvh2xyz", &["-q", "--up", "z"], bvh));
+        let head = joints
+            .points
+            .iter()
+            .position(|p| p.ends_with("Head"))
+            .unwrap();
+        joints.rows[0][3 * head + 1]
+    };
+    let own = fs::read_to_string(&path).unwrap();
+    assert!((height(&image) - height(&own)).abs() < 1e-6, "{said}");
+}

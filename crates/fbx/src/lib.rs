@@ -52,7 +52,7 @@ pub struct FbxChoice {
 /// A take of a skeleton.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FbxTake {
-    /// The name of its animation stack.
+    /// The name of its animation stack; one that repeats has `_2` and so on.
     pub name: String,
     /// The name of the skeleton.
     pub skeleton: String,
@@ -119,12 +119,20 @@ impl FbxFile {
             self.skeleton(tree)?;
         }
         let is_tree = |one: &Skeleton| tree.map_or(!one.is_aside, |name| one.name == name);
-        let mut takes = Vec::new();
+        let (mut takes, mut seen) = (Vec::new(), Vec::new());
         for (stack, anim) in self.scene.anim_stacks.iter().enumerate() {
+            // Names that repeat are counted.
+            let own = anim.element.name.to_string();
+            let before = seen.iter().filter(|name| **name == own).count();
+            seen.push(own.clone());
+            let name = match before {
+                0 => own,
+                n => format!("{own}_{}", n + 1),
+            };
             let trees = self.skeletons.iter().enumerate();
             let moved = trees.filter(|(_, one)| is_tree(one) && one.has_keys(anim));
             takes.extend(moved.map(|(tree, one)| FbxTake {
-                name: anim.element.name.to_string(),
+                name: name.clone(),
                 skeleton: one.name.clone(),
                 stack,
                 tree,

@@ -3,6 +3,7 @@
 use clap::Parser;
 use ndarray::Array2;
 use posing::cli::args::OutputArgs;
+use posing::cli::endings::{check_ending, ending, ending_of};
 use posing::cli::input::{check_single_stdin, open};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::name_map;
@@ -265,13 +266,18 @@ impl Aligned {
         poses: &Poses,
     ) -> Result<()> {
         let path = output.map(|path| &**path);
-        let ending = path.and_then(|path| path.extension());
-        let ending = ending.map(|e| e.to_string_lossy().to_lowercase());
+        let called = path.and_then(ending);
+        if b.motion().is_some() {
+            check_ending(path, &ending_of(b.format))?;
+        }
+        let is_called_so = called
+            .as_ref()
+            .is_none_or(|called| *called == ending_of(b.format));
         let is_table = matches!(
             b.format,
             MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz
         );
-        if self.is_own && (b.motion().is_some() || is_table) {
+        if self.is_own && is_called_so && (b.motion().is_some() || is_table || path.is_some()) {
             return write_bytes(path, &bytes, b.format == MotionFormat::Npy);
         }
         if b.motion().is_some() {
@@ -283,7 +289,13 @@ impl Aligned {
         }
         let new = self.poses(poses)?;
         let rate = a.rate().unwrap_or(1.0);
-        match ending.as_deref() {
+        if b.c3d().is_some() {
+            messages::info(&format!(
+                "{}: its points alone are written, without analog channels, forces and events",
+                b.table.name
+            ));
+        }
+        match called.as_deref() {
             Some("c3d") => write_bytes(path, &NewTake::new(new, rate, b.units()).c3d()?, true),
             Some("trc") => write_bytes(path, &NewTake::new(new, rate, b.units()).trc()?, false),
             _ => {

@@ -1,6 +1,7 @@
 //! Turns takes of an FBX file into BVH files.
 
 use clap::Parser;
+use posing::cli::endings::check_ending;
 use posing::cli::fbx_args::FbxArgs;
 use posing::cli::messages;
 use posing::cli::paths::{OutputPath, check_written};
@@ -43,6 +44,7 @@ pub fn work(args: &Args) -> Result<()> {
     let folder = args.output.as_deref();
     let Some(folder) = folder.filter(|output| is_results_folder(output, &path)) else {
         let text = text(args, &file, &file.take(&args.fbx.choice())?)?;
+        check_ending(args.output.as_deref(), "bvh")?;
         return write_bytes(args.output.as_deref(), &text, false);
     };
     let takes = file.takes_of(&args.fbx.choice())?;
@@ -82,7 +84,10 @@ fn text(args: &Args, file: &FbxFile, take: &FbxTake) -> Result<Vec<u8>> {
 /// Where a take goes: under the file's name, and that of the skeleton and the take where there are
 /// several.
 fn result(folder: &Path, path: &Path, take: &FbxTake, all: &[FbxTake]) -> PathBuf {
-    let name = unpacked(&name_of(path)).with_extension("");
+    let name = match path.to_str() {
+        Some("-") => "take".into(),
+        _ => unpacked(&name_of(path)).with_extension(""),
+    };
     let mut parts = vec![name.display().to_string()];
     if all.iter().any(|other| other.skeleton != take.skeleton) {
         parts.push(file_name_part(&take.skeleton));

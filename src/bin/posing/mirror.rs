@@ -2,10 +2,13 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::endings::{check_ending, ending_of};
 use posing::cli::messages;
 use posing::cli::paths::OutputPath;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
+use posing::ik::retarget::up_axis;
+use posing::io::motion_file::Source;
 use posing::io::{MotionFile, MotionFormat};
 use std::path::PathBuf;
 
@@ -19,7 +22,8 @@ use std::path::PathBuf;
 /// the mirror image is the file.
 ///
 /// Sides are told by names: Left and Right, L and R, l and r, as in LeftArm, hand_L, LFHD, lfemur.
-/// What has no other side by its name stays where it is on the body, and a line names it.
+/// What has no other side is reflected under its own name; a line names it, if a word or a letter
+/// of its own says a side. AMC files, whose axes differ from side to side, are refused.
 #[derive(Parser)]
 #[command(
     name = "mirror",
@@ -62,9 +66,29 @@ fn parse_pair(text: &str) -> std::result::Result<(String, String), String> {
 }
 
 pub fn work(args: &Args) -> Result<()> {
-    let file = MotionFile::open_by(&args.file, &args.read.rules()?)?;
+    let rules = args.read.rules()?;
+    let file = MotionFile::open_by(&args.file, &rules)?;
     let name = args.file.display();
-    let image = file.mirror_image(&args.pairs)?;
+    check_ending(args.output.as_deref(), &ending_of(file.format))?;
+    let rate = file
+        .read_as
+        .rate
+        .as_ref()
+        .filter(|rate| rate.from == Source::File);
+    if rate.is_some() {
+        file.check_rate(rules.of(&args.file, file.format).fps)?;
+    }
+    let custom = file
+        .bvh()
+        .filter(|_| file.read_as.up.from == Source::Custom);
+    let stands = custom.and_then(|bvh| up_axis(bvh, None));
+    if let Some(up) = stands.filter(|up| *up != file.units().up) {
+        let up = up.name();
+        messages::info(&format!(
+            "{name}: the figure stands along {up}, which is taken for up; --up says otherwise"
+        ));
+    }
+    let image = file.mirror_image(&args.pairs, stands)?;
     for note in &image.notes {
         messages::info(&format!("{name}: {note}"));
     }
@@ -73,8 +97,13 @@ pub fn work(args: &Args) -> Result<()> {
         names => format!("; without another side: {}", names.join(", ")),
     };
     messages::info(&format!(
-        "{name}: {} pairs change sides{alone}",
-        image.pairs
+        "{name}: {} {} sides{alone}",
+        image.pairs,
+        if image.pairs == 1 {
+            "pair changes"
+        } else {
+            "pairs change"
+        }
     ));
     let binary = matches!(
         file.format,

@@ -75,14 +75,8 @@ impl FileAuditor {
         let options = self.read.of(path, format_of(&bytes));
         let file = MotionFile::read(path, bytes, &options)?;
         let is_named = self.named.iter().any(|named| named == path);
-        match (file.rate(), options.fps.filter(|_| is_named)) {
-            (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
-                "the option `fps {fps}` contradicts {}, which has {own} frames per second; leave \
-                 it out",
-                file.table.name
-            ))),
-            _ => Ok(file),
-        }
+        file.check_rate(options.fps.filter(|_| is_named))?;
+        Ok(file)
     }
 }
 

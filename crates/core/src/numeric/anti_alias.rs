@@ -11,6 +11,8 @@ use std::f64::consts::PI;
 const HALF_BAND: f64 = 0.1;
 /// Attenuation beyond it, dB.
 const ATTENUATION: f64 = 80.0;
+/// The filter is no longer to each side than this: what is slower by far is cut.
+const LONGEST: f64 = 20_000.0;
 
 /// The filter for one ratio of rates.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +29,7 @@ impl AntiAlias {
             return None;
         }
         let half = (ATTENUATION - 7.95) / (14.36 * 2.0 * HALF_BAND * ratio) / 2.0;
+        let half = half.min(LONGEST);
         let beta = 0.1102 * (ATTENUATION - 8.7);
         let weight = |k: usize| {
             let (x, place) = (PI * ratio * k as f64, k as f64 / half);

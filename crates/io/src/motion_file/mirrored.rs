@@ -29,14 +29,15 @@ impl MotionFile {
     ///
     /// Positions are reflected at the plane x = 0 of a take that is y up; rotations along the axis
     /// of the file that parts the sides in the zero pose. All vertical planes give the same but for
-    /// a turn about the vertical.
+    /// a turn about the vertical. `up` is the axis of a BVH file that points up, where it is
+    /// another than was read.
     ///
     /// ```
     /// use posing_io::{MotionFile, motion_file::ReadOptions};
     ///
     /// let csv = b"l.x,l.y,l.z,r.x,r.y,r.z\n1.5,0,0,-2,0,7\n".to_vec();
     /// let file = MotionFile::from_bytes("two.csv", csv, &ReadOptions::default())?;
-    /// let image = file.mirror_image(&[])?;
+    /// let image = file.mirror_image(&[], None)?;
     /// assert_eq!(image.bytes, b"l.x,l.y,l.z,r.x,r.y,r.z\n2,0,7,-1.5,0,0\n");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -44,11 +45,15 @@ impl MotionFile {
     /// # Errors
     /// [`Error::Data`]: there are no names of sides, one of `pairs` is not there, or the format
     /// (AMC) has rotations whose axes differ from side to side.
-    pub fn mirror_image(&self, pairs: &[(String, String)]) -> Result<MirrorImage> {
+    pub fn mirror_image(
+        &self,
+        pairs: &[(String, String)],
+        up: Option<UpAxis>,
+    ) -> Result<MirrorImage> {
         if self.all.is_some() {
             // Computed points are reflected too.
             let (path, bytes) = (Path::new(&self.table.name), self.to_bytes()?);
-            return MotionFile::read_whole(path, bytes, &self.options)?.mirror_image(pairs);
+            return MotionFile::read_whole(path, bytes, &self.options)?.mirror_image(pairs, up);
         }
         let bad = |what: String| Error::data(Place::file(&self.table.name), what);
         let names: Vec<String> = match &self.original {
@@ -69,7 +74,7 @@ impl MotionFile {
         match &self.original {
             Original::Bvh(bytes, bvh) => {
                 let images = bvh.mirror_images(&images);
-                let axis = bvh.lateral_axis(&images, vertical(self.units.up));
+                let axis = bvh.lateral_axis(&images, vertical(up.unwrap_or(self.units.up)));
                 let unit = self.units.unit.centimeters();
                 let bytes = bvh.mirrored_bytes(bytes, &images, axis, unit);
                 self.told(bytes, &names, &images)

@@ -245,6 +245,22 @@ impl MotionFile {
         self.read_as.rate.as_ref().map(|rate| rate.value)
     }
 
+    /// Fails where `fps` contradicts the rate that the file says.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: it does.
+    #[doc(hidden)]
+    pub fn check_rate(&self, fps: Option<f64>) -> Result<()> {
+        match (self.rate(), fps) {
+            (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
+                "the option `fps {fps}` contradicts {}, which has {own} frames per second; leave \
+                 it out",
+                self.table.name
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// Its points, in centimeters, y up.
     pub fn poses(&self) -> &Poses {
         &self.table.poses

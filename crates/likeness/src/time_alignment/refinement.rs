@@ -188,7 +188,13 @@ fn deviations(right: &[[f64; 2]], inverse: [[f64; 2]; 2], drifts: bool) -> [f64;
         (0..2).for_each(|i| squares[i] += step[i] * step[i]);
     }
     let free = used.len() as f64 - if drifts { 2.0 } else { 1.0 };
+    if used.is_empty() {
+        return [0.0; 2]; // the speeds are the same
+    }
+    if free <= 2.0 {
+        return [f64::INFINITY; 2]; // what the sums over so few blocks must add up to says nothing
+    }
     // Few blocks tell it badly: that of Student's t.
-    let few = used.len() as f64 / (free - 2.0).max(0.5);
+    let few = used.len() as f64 / (free - 2.0);
     squares.map(|sum| (sum * few).sqrt())
 }

@@ -169,7 +169,8 @@ impl PlotTable {
         let options = ReadOptions {
             fps: flags.fps,
             units: Some(units.unit),
-            up: Some(units.up),
+            up: flags.up,
+            left_handed: flags.left_handed,
             take: fbx.take.clone(),
             skeleton: fbx.skeleton.clone(),
             ..ReadOptions::default()

@@ -1,6 +1,7 @@
 //! Frames, rate and speed of a file of rotations.
 
 use super::Args;
+use posing::cli::endings::{check_ending, ending_of};
 use posing::cli::messages;
 use posing::cli::streams::write_bytes;
 use posing::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions};
@@ -29,6 +30,11 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
         );
         return Err(Error::usage(what));
     }
+    if let [_, second, ..] = &args.take[..] {
+        let what = format!("--take: an FBX file is trimmed take by take; leave {second} out");
+        return Err(Error::usage(what));
+    }
+    check_ending(args.output.as_deref(), &ending_of(format))?;
     let options = ReadOptions {
         fps: args.input.fps,
         units: args.input.units,
@@ -42,6 +48,7 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
     };
     let bytes = input.read_all(LARGEST_MOTION_FILE)?;
     let file = MotionFile::read(&files[0], bytes, &options)?;
+    file.check_rate(args.input.fps)?;
     (file.notes.iter()).for_each(|note| messages::info(&format!("{name}: {note}")));
     let trimmed = trimmed(args, &file).map_err(|e| e.at(Place::file(&name)))?;
     write_bytes(args.output.as_deref(), &trimmed, false)
@@ -59,6 +66,9 @@ fn trimmed(args: &Args, file: &MotionFile) -> Result<Vec<u8>> {
     let channels = file.motion().map_or(0, |motion| motion.ncols());
     if frames.len() as f64 / step * channels as f64 > MOST_VALUES {
         return Err("would have too many frames at that rate and speed".into());
+    }
+    if step > MOST_LEFT_OUT {
+        return Err(format!("would keep fewer than one frame in {MOST_LEFT_OUT}").into());
     }
     let mut timing = Retiming::even(frames.len(), step);
     timing.low_pass = args.butterworth.map(|hz| low_pass(hz, rate)).transpose()?;
@@ -87,6 +97,8 @@ fn cut(args: &Args, file: &MotionFile, frames: Range<usize>) -> Result<Vec<u8>> 
     Ok(bytes)
 }
 
+/// The most frames that one of the result may stand for.
+const MOST_LEFT_OUT: f64 = 100.0;
 /// More values are not resampled to: 1 GiB.
 const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 
