@@ -8,7 +8,7 @@ use ufbx::{LoadOpts, SceneRoot, WarningType};
 /// may have been packed well. That of a larger one may take so many times its size; a key takes
 /// some 48 bytes, and 6 to 12 in a binary file.
 const MEMORY: std::ops::RangeInclusive<usize> = 256 << 20..=2 << 30;
-const TIMES_TEXT: usize = 3;
+const TIMES_TEXT: usize = 2;
 const TIMES_BINARY: usize = 8;
 /// Deeper hierarchies are no skeletons.
 const DEPTH: u32 = 512;
@@ -77,7 +77,7 @@ fn reason(fault: &ufbx::Error) -> Error {
         }
         ErrorType::EmptyFile => "is an empty FBX file",
         // What a damaged file comes to is found in many places.
-        _ => "ends early or is damaged",
+        _ => "is an FBX file that ends early or is damaged",
     };
     what.into()
 }
