@@ -125,7 +125,8 @@ impl SkinnedMesh {
     /// carries the file's axes to y up, and `rate` is in frames a second.
     ///
     /// # Errors
-    /// [`crate::Error::Unfit`]: it has no frames, or values that are missing, which glTF cannot say.
+    /// [`crate::Error::Unfit`]: it has no frames, or values that are missing, which glTF cannot
+    /// say.
     pub fn of_bvh(name: &str, bvh: &Bvh, turn: DMat3, rate: f64) -> Result<SkinnedMesh> {
         if bvh.motion.is_empty() {
             return Err("has no frames".into());

@@ -266,10 +266,8 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     };
     let (own, asked) = (extension(input), extension(output));
     if asked.as_deref() == Some("fbx") {
-        return Err(Error::usage(format!(
-            "{}: FBX is read and not written; the result is BVH, so call it .bvh",
-            output.display()
-        )));
+        let what = "FBX is read and not written; the result is BVH, so call it .bvh";
+        return Err(Error::data(Place::file(output.display().to_string()), what));
     }
     let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
         return Ok(None);
