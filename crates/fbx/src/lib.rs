@@ -77,7 +77,7 @@ impl FbxFile {
         })
     }
 
-    /// Its skeletons, in the file's order; those that are small beside the largest, or never move
+    /// The file's skeletons, in its order; those that are small beside the largest, or never move
     /// where others do, are [aside](Skeleton::is_aside).
     pub fn skeletons(&self) -> &[Skeleton] {
         &self.skeletons
@@ -227,7 +227,7 @@ fn distinct<'a>(names: impl Iterator<Item = &'a String>) -> Vec<String> {
     out
 }
 
-/// Of several things one is to be chosen with an option.
+/// The error that asks for a choice among several things by an option.
 fn several(what: &str, option: &str, names: &[String]) -> Error {
     let names = listed(names);
     format!("has several {what}: {names}; choose one with the option `{option} NAME`").into()

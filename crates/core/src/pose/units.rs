@@ -145,7 +145,7 @@ impl UpAxis {
         })
     }
 
-    /// The same axis of a file whose axes are left-handed (`is_left`) or right-handed.
+    /// This axis in a file whose axes are left-handed (`is_left`) or right-handed.
     ///
     /// ```
     /// use glam::DVec3;

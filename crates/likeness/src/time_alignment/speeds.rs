@@ -22,7 +22,7 @@ pub(super) struct Speeds {
     pub rate: f64,
     /// From the first frame to the last.
     pub seconds: f64,
-    /// Of each point, and perhaps of pairs, over seconds since the first frame.
+    /// Speeds of each point, and perhaps of pairs, over seconds since the first frame.
     pub tracks: Vec<Vec<CubicSpline>>,
 }
 

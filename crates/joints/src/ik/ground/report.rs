@@ -6,9 +6,9 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Standing {
-    /// It stands on one floor.
+    /// The take stands on one floor.
     OnFloor,
-    /// It never stands: it is left as it is.
+    /// The take never stands: it is left as it is.
     Never,
     /// It stands at heights that are of no one plane: it is left as it is.
     NoPlane,
@@ -32,7 +32,7 @@ pub struct Contact {
 pub struct FloorReport {
     /// How high it was at the first frame, in the middle of the take's way.
     pub height: f64,
-    /// Its slope, degrees.
+    /// The floor's slope, degrees.
     pub slope: f64,
     /// Where it rises to: degrees from z toward x, y up.
     pub direction: f64,
