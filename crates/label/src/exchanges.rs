@@ -2,7 +2,8 @@
 //! to each other's position, and back.
 //!
 //! A limb is a chain of pairs, left and right. In each frame each pair is as it is named or
-//! exchanged, and the cheapest sequence of these states is found (Viterbi's algorithm):
+//! exchanged, with all points on it that are no joints, and the cheapest sequence of these states is
+//! found (Viterbi's algorithm):
 //!
 //! ```text
 //! step of a point over g frames     |Δx|² / 2σ²    σ² = (g V h)² + 2 r
@@ -16,7 +17,7 @@ use super::tuning::exchanges::*;
 use crate::numeric::statistics::median;
 use crate::pose::joints::parents_by_name;
 use crate::pose::sides::mirrored;
-use crate::pose::{point_at, ranges};
+use crate::pose::{is_other, point_at, ranges};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
@@ -51,17 +52,22 @@ pub fn exchanges(
     noise: f64,
 ) -> Vec<Exchange> {
     let mut found = Vec::new();
-    for pairs in limbs(names) {
+    for (pairs, followers) in limbs(names, xyz) {
         for run in runs {
             let limb = Limb {
                 xyz,
                 pairs: &pairs,
+                followers: &followers,
                 frames: run.clone(),
                 rate,
                 noise,
             };
             let states = limb.supported(limb.states());
-            for (k, points) in pairs.iter().enumerate() {
+            for (k, points) in pairs
+                .iter()
+                .enumerate()
+                .chain(followers.iter().map(|(k, p)| (*k, p)))
+            {
                 let is_exchanged = |t: &usize| states[t - run.start] >> k & 1 == 1;
                 let exchanged = ranges(run.clone().filter(is_exchanged)).into_iter();
                 found.extend(exchanged.map(|frames| Exchange {
@@ -75,11 +81,52 @@ pub fn exchanges(
     found
 }
 
-/// The pairs of left and right points, joined to limbs by the bones between them.
-fn limbs(names: &[String]) -> Vec<Vec<[usize; 2]>> {
+/// Pairs of left and right points.
+type Pairs = Vec<[usize; 2]>;
+/// Such pairs, each with the index of that which it follows.
+type Followers = Vec<(usize, [usize; 2])>;
+
+/// The pairs of left and right points, joined to limbs by the bones between them, and what follows
+/// them: pairs of points that are no joints follow the pair that they are nearest to.
+fn limbs(names: &[String], xyz: ArrayView2<'_, f64>) -> Vec<(Pairs, Followers)> {
+    let (joints, others): (Vec<usize>, Vec<usize>) =
+        (0..names.len()).partition(|p| !is_other(&names[*p]));
+    let mut limbs = chains(names, &joints);
+    if limbs.is_empty() {
+        limbs = chains(names, &others);
+        return limbs.into_iter().map(|pairs| (pairs, Vec::new())).collect();
+    }
+    let mut out: Vec<(Pairs, Followers)> = limbs.into_iter().map(|l| (l, Vec::new())).collect();
+    for left in others {
+        let Some(right) = mirrored(names, left).filter(|_| is_left(&names[left])) else {
+            continue;
+        };
+        let all = out.iter().enumerate().flat_map(|(n, (pairs, _))| {
+            let far = move |pair: &[usize; 2]| median_distance(xyz, left, pair[0]);
+            pairs
+                .iter()
+                .enumerate()
+                .map(move |(k, pair)| (far(pair), n, k))
+        });
+        if let Some((_, n, k)) = all.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            out[n].1.push((k, [left, right]));
+        }
+    }
+    out
+}
+
+/// The median distance of two points, cm; infinite where it is never seen.
+fn median_distance(xyz: ArrayView2<'_, f64>, a: usize, b: usize) -> f64 {
+    let frames = (0..xyz.nrows()).step_by(xyz.nrows().div_ceil(SAMPLED).max(1));
+    let apart = frames.map(|t| point_at(xyz, t, a).distance(point_at(xyz, t, b)));
+    median(apart.filter(|d| d.is_finite()).collect()).unwrap_or(f64::INFINITY)
+}
+
+/// The pairs among some points, joined by the bones between them.
+fn chains(names: &[String], points: &[usize]) -> Vec<Pairs> {
     let parents = parents_by_name(names);
-    let mut limbs: Vec<Vec<[usize; 2]>> = Vec::new();
-    for left in 0..names.len() {
+    let mut limbs: Vec<Pairs> = Vec::new();
+    for &left in points {
         let Some(right) = mirrored(names, left).filter(|_| is_left(&names[left])) else {
             continue;
         };
@@ -103,6 +150,7 @@ fn is_left(name: &str) -> bool {
 struct Limb<'a> {
     xyz: ArrayView2<'a, f64>,
     pairs: &'a [[usize; 2]],
+    followers: &'a [(usize, [usize; 2])],
     frames: Range<usize>,
     /// Frames a second.
     rate: f64,
@@ -120,15 +168,21 @@ impl Limb<'_> {
                 n => CHANGE + FURTHER_CHANGE * f64::from(n - 1),
             }
         });
-        let mut tracks: Vec<PairTrack> = (self.pairs.iter())
-            .map(|pair| PairTrack::new(self, *pair))
+        let pairs = self.pairs.iter().copied().enumerate();
+        let mut tracks: Vec<(usize, PairTrack)> = pairs
+            .chain(self.followers.iter().copied())
+            .map(|(k, pair)| (k, PairTrack::new(self, pair)))
             .collect();
         let mut cost = changes.row(0).to_vec();
         let mut cheapest: Vec<Vec<usize>> = Vec::with_capacity(self.frames.len());
         for t in self.frames.clone() {
-            let steps: Vec<[[f64; 2]; 2]> = (tracks.iter_mut())
-                .map(|track| track.step(self, t))
-                .collect();
+            let mut steps = vec![[[0.0; 2]; 2]; self.pairs.len()];
+            for (k, track) in &mut tracks {
+                let more = track.step(self, t);
+                for (sum, more) in steps[*k].iter_mut().zip(more) {
+                    (0..2).for_each(|to| sum[to] += more[to]);
+                }
+            }
             let step = |from: usize, to: usize| {
                 let of_pair = |(k, s): (usize, &[[f64; 2]; 2])| s[from >> k & 1][to >> k & 1];
                 steps.iter().enumerate().map(of_pair).sum::<f64>()
@@ -282,7 +336,7 @@ mod tests {
     #[test]
     fn limbs_are_chains_of_pairs() {
         assert_eq!(
-            limbs(&names()),
+            chains(&names(), &[0, 1, 2, 3, 4, 5, 6, 7, 8]),
             [vec![[1, 4], [2, 5], [3, 6]], vec![[7, 8]]]
         );
     }

@@ -22,6 +22,8 @@ pub(crate) mod exchanges {
     pub(crate) const FEWEST_SEEN: usize = 2;
     /// Pairs of a limb, at most: the states of a frame double with each.
     pub(crate) const MOST_PAIRS: usize = 5;
+    /// Frames in which distances are measured, at most about.
+    pub(crate) const SAMPLED: usize = 100;
 }
 
 /// How likely a distance is.

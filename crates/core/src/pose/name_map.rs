@@ -6,6 +6,16 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
+/// The end of the names of points that are none of the model's.
+const OTHER: &str = " (other)";
+
+/// Whether a name is one that [`NameMap::model_names`] gives to a point that is none of the
+/// model's.
+#[doc(hidden)]
+pub fn is_other(name: &str) -> bool {
+    name.ends_with(OTHER)
+}
+
 /// The maps that posing ships, by name.
 static SHIPPED: LazyLock<Vec<NameMap>> = LazyLock::new(|| {
     let maps: BTreeMap<String, BTreeMap<String, String>> =
@@ -188,7 +198,7 @@ impl NameMap {
             let mut columns = columns.iter();
             match columns.find(|(_, column)| **column == p) {
                 Some((model, _)) => model.to_string(),
-                None => format!("{point} (other)"),
+                None => format!("{point}{OTHER}"),
             }
         };
         points.iter().enumerate().map(name).collect()
