@@ -5,10 +5,11 @@
 use super::complete::Complete;
 use super::denoise::Denoise;
 use super::gap::{Gap, empty_gaps, find_gaps};
+use super::keypoints::Keypoints;
 use super::noise_estimation::point_noise;
 use super::steady_distances::SteadyDistances;
 use super::take::{Method, PointMapping, Take, TakeResult};
-use super::tuning::clean::{MOST_SD, SURE_SD};
+use super::tuning::clean::{MOST_SD, SURE_SD, USUAL_NOISE};
 use super::tuning::noise_estimation::NOISE_LIMIT;
 use ndarray::ArrayView2;
 use std::cell::OnceCell;
@@ -77,6 +78,26 @@ impl Clean {
         }
     }
 
+    /// Restores points of which no bones tell the noise.
+    fn restore_points(
+        &self,
+        mapping: Option<&PointMapping<'_>>,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> TakeResult {
+        let noise = point_noise(take.xyz, take.runs);
+        let level = noise.typical().sqrt();
+        let mut out = if level > self.noise_limit && noise.is_noise(take.rate) {
+            self.denoise().restore_take(mapping, take, done)
+        } else {
+            self.complete().restore_take(mapping, take, done)
+        };
+        if out.noise == 0.0 && level > self.noise_limit {
+            out.doubtful_noise = Some(level);
+        }
+        out
+    }
+
     /// Whether the fill of a gap is likely far off: its standard deviation is larger than is
     /// wanted, or would be if it were off by what it breaks `steady` distances of its point.
     fn is_unsure<'s>(
@@ -87,7 +108,9 @@ impl Clean {
     ) -> bool {
         let sd = typical_sd(gap, out);
         let broken_by = || steady(gap.point).broken_by(gap, out);
-        sd > self.max_sd || sd > SURE_SD && broken_by() > 3.0_f64.sqrt() * self.max_sd
+        // Where the points themselves are off by more, so may fills be.
+        let most = self.max_sd * (out.noise_left / USUAL_NOISE).max(1.0);
+        sd > most || sd > SURE_SD && broken_by() > 3.0_f64.sqrt() * most
     }
 }
 
@@ -110,16 +133,14 @@ impl Method for Clean {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> TakeResult {
-        let noise = point_noise(take.xyz, take.runs);
-        let level = noise.typical().sqrt();
-        let mut out = if level > self.noise_limit && noise.is_noise(take.rate) {
-            self.denoise().restore_take(mapping, take, done)
-        } else {
-            self.complete().restore_take(mapping, take, done)
+        let joints = mapping.filter(|mapping| mapping.is_mapped);
+        let found = joints.and_then(|m| Some((m, Keypoints::find(take, self.noise_limit)?)));
+        let mut out = match found {
+            Some((mapping, keypoints)) => {
+                keypoints.restore(mapping, (&self.complete(), &self.denoise()), done)
+            }
+            None => self.restore_points(mapping, take, done),
         };
-        if out.noise == 0.0 && level > self.noise_limit {
-            out.doubtful_noise = Some(level);
-        }
         let gaps = find_gaps(take.xyz, take.runs);
         // Of each point once: it may have hundreds of gaps.
         let measured: Vec<OnceCell<SteadyDistances>> = vec![OnceCell::new(); take.xyz.ncols() / 3];

@@ -8,6 +8,7 @@ use super::adapted_prior::AdaptedPrior;
 use super::adaptive_smoothing::SmoothedTake;
 use super::bone_lengths;
 use super::denoised_frame::DenoisedFrame;
+use super::exchanged::{Exchanged, put_back};
 use super::gap::{Gap, bare_frames, fill_gaps, find_gaps, hold_feet, put_filled};
 use super::model_estimates::ModelEstimates;
 use super::noise_estimation::{point_noise, typical_noise};
@@ -15,9 +16,8 @@ use super::outliers::spikes_by_time;
 use super::sifted_take::SiftedTake;
 use super::take::{Method, PointMapping, Take, TakeResult, restore_each_frame, without};
 use super::tuning::{denoise::*, noise_estimation::NOISE_LIMIT};
-use crate::label::exchanges::{Exchange, exchanges};
-use crate::pose::{Status, point_at};
-use ndarray::{Array2, ArrayView2};
+use crate::pose::Status;
+use ndarray::ArrayView2;
 
 /// How to denoise.
 ///
@@ -87,9 +87,8 @@ impl Method for Denoise {
     ) -> TakeResult {
         // 1. What is exchanged left and right, put back.
         let captured = take.xyz;
-        let exchanged = self.exchanges(take);
-        let (xyz, emptied) = put_back(captured, &exchanged);
-        let take = &take.with_xyz(xyz.view());
+        let exchanged = self.put_back(take);
+        let take = &take.with_xyz(exchanged.xyz.view());
         // 2. The outliers, and the paths of the other points, smoothed.
         let SiftedTake {
             mut outliers,
@@ -99,7 +98,7 @@ impl Method for Denoise {
         } else {
             SiftedTake::whole(mapping, take, self.noise)
         };
-        let each = outliers.iter_mut().zip(&emptied);
+        let each = outliers.iter_mut().zip(&exchanged.emptied);
         each.for_each(|(all, more)| all.extend(more));
         // 3. The model for the body that the smoothed frames show, and what it expects in each.
         let (mean, noise_left) = (smoothed.mean.view(), smoothed.noise_left());
@@ -116,32 +115,16 @@ impl Method for Denoise {
             let is_doubtful = level > NOISE_LIMIT && !measured.is_noise(take.rate);
             out.doubtful_noise = is_doubtful.then_some(level);
         }
-        out.exchanged = exchanged.iter().map(|e| e.frames.len()).sum();
+        out.exchanged = exchanged.count;
         put_denoised(&mut out, captured, &smoothed, expected.as_ref());
         // 5. Outliers filled, and what was missing where that is wanted.
         self.fill(&mut out, captured, take, &outliers, adapted.as_ref());
-        out.vacate(&emptied);
+        out.vacate(&exchanged.emptied);
         // 6. The bones of the limbs, of one length each.
         let bones = mapping.map_or(Vec::new(), PointMapping::limb_bones);
         bone_lengths::hold(&mut out, &bones);
         out
     }
-}
-
-/// Gives exchanged points of `xyz` (frames, 3 J) their own positions. Beside the frames, the points
-/// of each that were measured as another alone, and are now missing.
-fn put_back(xyz: ArrayView2<'_, f64>, exchanged: &[Exchange]) -> (Array2<f64>, Vec<Vec<usize>>) {
-    let mut mended = xyz.to_owned();
-    exchanged.iter().for_each(|e| e.put_back(&mut mended));
-    let mut emptied = vec![Vec::new(); xyz.nrows()];
-    for e in exchanged {
-        for t in e.frames.clone() {
-            let is_seen = |xyz, p| point_at(xyz, t, p).is_finite();
-            let is_emptied = |p: &&usize| is_seen(xyz, **p) && !is_seen(mended.view(), **p);
-            emptied[t].extend(e.points.iter().filter(is_emptied));
-        }
-    }
-    (mended, emptied)
 }
 
 /// Writes smoothed points, drawn to what the model expects by as much as they are noisy.
@@ -190,16 +173,16 @@ fn put_denoised(
 }
 
 impl Denoise {
-    /// Left and right exchanged; nothing where outliers are not wanted.
-    fn exchanges(&self, take: &Take<'_>) -> Vec<Exchange> {
+    /// The take with left and right as they are; as captured where outliers are not wanted.
+    fn put_back(&self, take: &Take<'_>) -> Exchanged {
         if !self.outliers {
-            return Vec::new();
+            return Exchanged::none(take.xyz);
         }
         // Spikes are on the way to the other side at times.
         let seen = without(take.xyz, &spikes_by_time(take, self.noise));
         let noise = self.noise;
         let noise = noise.unwrap_or_else(|| typical_noise(seen.view(), take.runs));
-        exchanges(take.names, seen.view(), take.runs, take.rate, noise)
+        put_back(&take.with_xyz(seen.view()), take.xyz, noise)
     }
 
     /// Fills the outliers of a denoised take; with [`Denoise::fill`] its missing points too.

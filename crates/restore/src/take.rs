@@ -297,6 +297,8 @@ pub(crate) struct TakeResult {
     pub vacated: Vec<(usize, usize)>,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
+    /// Standard deviation of the noise that stays in a coordinate of keypoints, cm; 0 for others.
+    pub noise_left: f64,
     /// What the noise is at most, where it cannot be told from motion: standard deviation of a
     /// coordinate, cm.
     pub doubtful_noise: Option<f64>,

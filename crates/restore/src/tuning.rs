@@ -14,6 +14,8 @@ pub(crate) mod clean {
     /// (three draws each), no frame is over 10 cm off where it is less than 1, one in a thousand up
     /// to 3, and one in four from 3 to 5.
     pub(crate) const MOST_SD: f64 = 3.0;
+    /// That holds where points are off by no more themselves, cm.
+    pub(crate) const USUAL_NOISE: f64 = 0.5;
     /// Distances that change by no more over a take are steady, cm; frames in which they are
     /// measured, at most about, and at least.
     pub(crate) const STEADY: f64 = 6.0;
