@@ -167,8 +167,8 @@ impl JointArgs {
             None => SkeletonKind::Measured(estimate_skeleton(poses)?),
             Some(map) => {
                 let named = named_skeleton(poses, map, order)?;
+                sd = sd.map(|sd| named.with_middles(&sd));
                 *poses = named.poses;
-                sd = sd.map(|sd| with_middles(&sd, &named.middles));
                 SkeletonKind::Named(Box::new(named.template))
             }
         };
@@ -205,18 +205,6 @@ impl TakeSkeleton {
             _ => None,
         }
     }
-}
-
-/// Deviations (frames, points) with those of points in the middle of others, which are as sure as
-/// the least sure of these.
-fn with_middles(sd: &Array2<f64>, middles: &[Vec<usize>]) -> Array2<f64> {
-    let (frames, points) = sd.dim();
-    Array2::from_shape_fn((frames, points + middles.len()), |(t, p)| {
-        match p.checked_sub(points) {
-            None => sd[[t, p]],
-            Some(n) => middles[n].iter().fold(f64::NAN, |z, &c| z.max(sd[[t, c]])),
-        }
-    })
 }
 
 /// Names the points of a table as the joints of a skeleton that stand for the same of CMU's; not

@@ -1119,7 +1119,7 @@ fn centers_stand_beside_their_result() {
     let args = ["in", "-o", "out", "--solve=anatomical"];
     let (_, said) = folder.clean(&args);
     assert_eq!(fate(&said, "walk.c3d"), "copied", "{said}");
-    let own = folder.at("out/walk.c3d.centers.csv");
+    let own = folder.at("out/walk.centers.csv");
     let centers = fs::read_to_string(&own).unwrap();
     let head = centers.lines().next().unwrap();
     assert!(
@@ -1128,7 +1128,7 @@ fn centers_stand_beside_their_result() {
     );
     let record = folder.record("out/walk.c3d");
     assert_eq!(record["solved"]["centers"], "plug-in gait");
-    assert_eq!(record["solved"]["output"]["file"], "walk.c3d.centers.csv");
+    assert_eq!(record["solved"]["output"]["file"], "walk.centers.csv");
     let result = folder.at("out/walk.c3d");
     let solved = command("solve")
         .args(["-q", "--joints", "anatomical", "--sd", text(&result)])
@@ -1145,5 +1145,5 @@ fn centers_stand_beside_their_result() {
     // A skeleton takes their place.
     fs::write(&own, &centers).unwrap();
     folder.clean(&["in", "-o", "out", "--solve"]);
-    assert!(folder.at("out/walk.c3d.bvh").exists() && !own.exists());
+    assert!(folder.at("out/walk.bvh").exists() && !own.exists());
 }

@@ -122,7 +122,7 @@ fn a_static_take_in_the_folder_names_tracks_of_a_set_that_nobody_taught() {
     are_named(&night.result("walk.csv"), "", &walk, nowhere);
     let record = night.record("walk.csv");
     assert_eq!(record["named"]["by"], "still.csv");
-    assert!(night.at("solved/walk.csv.bvh").exists());
+    assert!(night.at("solved/walk.bvh").exists());
     // Another run does nothing, until the labeled take beside it is another.
     let outcome = |json: &Value| {
         let files = json["files"].as_array().unwrap();
@@ -135,7 +135,7 @@ fn a_static_take_in_the_folder_names_tracks_of_a_set_that_nobody_taught() {
     assert_eq!((code, outcome(&json)), (3, "copied".into()));
     let findings = night.record("walk.csv")["summary"]["findings"].to_string();
     assert!(findings.contains("its tracks have no names"), "{findings}");
-    assert!(!night.at("solved/walk.csv.bvh").exists());
+    assert!(!night.at("solved/walk.bvh").exists());
     // Nothing names it, so its names stay.
     let names = night.result("walk.csv").points;
     assert!(names.iter().all(|name| name.starts_with('*')), "{names:?}");
@@ -205,7 +205,7 @@ fn people_who_come_one_after_another_are_not_one() {
         };
         assert!(seen("1:") == 0 || seen("2:") == 0, "frame {t}");
     }
-    assert!(!night.at("solved/relay.csv.bvh").exists());
+    assert!(!night.at("solved/relay.bvh").exists());
     let record = night.record("relay.csv");
     assert_eq!(record["labels"]["named"]["people"], 2);
 }
@@ -232,7 +232,7 @@ fn who_leaves_and_returns_is_one() {
     let named = night.record("walk.csv")["labels"]["named"].clone();
     assert_eq!(named["people"], 1, "{named}");
     assert_eq!(named["labels"].as_array().unwrap().len(), gait.points.len());
-    assert!(night.at("solved/walk.csv.bvh").exists());
+    assert!(night.at("solved/walk.bvh").exists());
 }
 
 #[test]

@@ -228,7 +228,7 @@ fn clean_writes_skeletons_beside_its_results() {
     };
     let (code, said) = clean(&["--solve"]);
     assert_eq!(code, Some(0), "{said}");
-    let bvh = fs::read(path("out/walk.csv.bvh")).unwrap();
+    let bvh = fs::read(path("out/walk.bvh")).unwrap();
     // What solve makes of the result.
     let (result, own) = (path("out/walk.csv"), path("own.bvh"));
     command("solve")
@@ -241,19 +241,19 @@ fn clean_writes_skeletons_beside_its_results() {
     assert!(record.contains("\"set\": \"cmu41\""), "{record}");
     assert!(!record.contains("no marker"), "{record}");
     // It is there as long as it is asked for, and nobody's file is written over.
-    fs::remove_file(path("out/walk.csv.bvh")).unwrap();
+    fs::remove_file(path("out/walk.bvh")).unwrap();
     assert_eq!(clean(&["--solve"]).0, Some(0));
-    assert_eq!(fs::read(path("out/walk.csv.bvh")).unwrap(), bvh);
+    assert_eq!(fs::read(path("out/walk.bvh")).unwrap(), bvh);
     assert!(clean(&["--solve"]).1.contains("unchanged"));
-    fs::write(path("out/walk.csv.bvh"), "mine").unwrap();
+    fs::write(path("out/walk.bvh"), "mine").unwrap();
     let (code, said) = clean(&["--solve", "--again"]);
     assert!(
         code == Some(1) && said.contains("in the place of a skeleton"),
         "{said}"
     );
-    assert_eq!(fs::read(path("out/walk.csv.bvh")).unwrap(), b"mine");
+    assert_eq!(fs::read(path("out/walk.bvh")).unwrap(), b"mine");
     // Markers of no set are told.
-    fs::remove_file(path("out/walk.csv.bvh")).unwrap();
+    fs::remove_file(path("out/walk.bvh")).unwrap();
     let (code, said) = clean(&["--solve=opencap"]);
     assert!(
         code == Some(3) && said.contains("skeleton: none: too few markers: the set opencap knows"),

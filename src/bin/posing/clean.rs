@@ -53,6 +53,12 @@ use std::path::{Path, PathBuf};
 /// --motion), if gaps simulated there say that this helps. In BVH files feet are not held to the
 /// ground then.
 ///
+/// Joints from video (MediaPipe, OpenPose, COCO, Human3.6M, and others that a map names) whose
+/// bones change their lengths as noise does are cleaned of slow noise too: sides that were
+/// exchanged are put back, each track is filtered by how fast it moves when, bones keep to one
+/// length, and feet stay where they stand. Their gaps may be as much less sure than --max-sd says
+/// as the points are noisier than half a centimeter.
+///
 /// A folder is searched for such files; its results keep their places below DIR. Beside each
 /// result, RESULT.json says what it was made from, how the file was taken, what was found, and how
 /// each gap was filled. A file whose result is there and whose capture, settings and model are the
@@ -80,10 +86,11 @@ pub struct Args {
     output: OutputPath,
     #[command(flatten)]
     json: JsonArgs,
-    /// Also solve takes of markers: skeleton and motion as RESULT.bvh beside each result, as solve
-    /// --bvh has them, one for each of several people (NAME-Ann.bvh); by a marker set's name or
-    /// file [default: of each take the one that knows most of its markers]. The word anatomical:
-    /// joint centers as RESULT.centers.csv, as solve --joints anatomical --sd has them
+    /// Also solve takes of markers: skeleton and motion as NAME.bvh beside each result NAME.c3d, as
+    /// solve --bvh has them, one for each of several people (NAME-Ann.bvh); by a marker set's name
+    /// or file [default: of each take the one that knows most of its markers]. Joints get the
+    /// skeleton that xyz2bvh gives them. The word anatomical: joint centers as NAME.centers.csv, as
+    /// solve --joints anatomical --sd has them
     #[arg(
         long,
         value_name = "NAME|FILE|anatomical",

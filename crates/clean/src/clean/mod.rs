@@ -6,6 +6,7 @@ mod earlier_result;
 mod finding_groups;
 mod findings;
 mod held;
+mod joint_skeleton;
 mod label_file;
 mod labeled_beside;
 mod labels;

@@ -10,6 +10,8 @@ use super::sources::{Job, is_of_rotations};
 use crate::Result;
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, skeleton_of};
 use crate::io::{Input, MotionFile, MotionFormat};
+use crate::pose::{PointNaming, Poses, joints};
+use crate::restore::keypoint_noise;
 use std::sync::Arc;
 
 /// A file on its way to a result.
@@ -100,7 +102,7 @@ impl<'a> Opened<'a> {
         let Opened { run, bytes, format } = self;
         run.earlier.may_be_replaced(run.settings.again)?;
         if let Some(skeletons) = run.skeletons(format) {
-            skeletons.check(&run.earlier)?;
+            skeletons.check(&run.earlier, &run.job.named)?;
         }
         let is_utf16 = bytes.is_utf16();
         let bytes = bytes.read_all(LARGEST_MOTION_FILE)?;
@@ -121,6 +123,29 @@ impl<'a> Run<'a> {
     /// The labeled takes in the folder of the capture.
     pub(super) fn labeled_beside(&self) -> Arc<LabeledTakes> {
         self.beside.of(&self.job.input, &self.settings.read)
+    }
+
+    /// How the points of a take are called by the model; without one, by CMU's names.
+    pub(super) fn naming(&self, poses: &Poses) -> PointNaming {
+        let known = match &self.settings.model {
+            Some((model, ..)) => &model.meta.points,
+            None => &joints::cmu_names(),
+        };
+        match &self.settings.map {
+            Some(map) => PointNaming::Map(map.clone()),
+            None => PointNaming::of(&poses.points, poses.xyz.view(), known),
+        }
+    }
+
+    /// Whether the points are joints whose noise cleaning removes as that of keypoints.
+    pub(super) fn has_keypoints(&self, file: &MotionFile) -> bool {
+        let (settings, poses) = (self.settings, file.poses());
+        let naming = self.naming(poses);
+        let limit = settings.unless_noise_stays(settings.method.noise_limit);
+        let is_mapped = settings.model.is_some() && matches!(naming, PointNaming::Map(_));
+        is_mapped
+            && !self.job.keeps_rotations(file.format)
+            && keypoint_noise(poses, &naming.model_names(&poses.points)).is_some_and(|n| n > limit)
     }
 
     /// How a skeleton is made beside the result, if one is asked for; none of rotations.

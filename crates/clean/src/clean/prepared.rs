@@ -39,7 +39,12 @@ impl<'a> Opened<'a> {
         }
         let mut before = audit_motion(&file, &settings.limits);
         name_options(&mut before, settings.option_names);
-        let (mut file, labels) = relabeled(settings.labels.as_ref(), file, named)?;
+        // Their sides are put back with their noise, and no marker tells more.
+        let labels = settings
+            .labels
+            .as_ref()
+            .filter(|_| !run.has_keypoints(&file));
+        let (mut file, labels) = relabeled(labels, file, named)?;
         if settings.held_is_missing {
             empty_held(&mut file)?;
         }

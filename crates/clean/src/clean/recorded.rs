@@ -63,7 +63,7 @@ impl Written<'_> {
         let written = if take.labels.report.named.is_none() && are_nameless(&take.file) {
             Err("its tracks have no names".into())
         } else {
-            skeletons.write(&take.run.earlier, &take.file, &self.restored.points)
+            skeletons.write(&self.restored)
         };
         match written {
             Ok(solved) => {

@@ -5,7 +5,7 @@ use super::held::held_of;
 use super::prepared::Prepared;
 use super::rotations::CleanedFile;
 use crate::ik::rotation_cleaning::{RotationCleaning, clean_rotations};
-use crate::pose::{PointNaming, joints};
+use crate::pose::PointNaming;
 use crate::restore::body_size::check_body_size;
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Place, Result};
@@ -31,7 +31,7 @@ impl Prepared<'_> {
     /// # Errors
     /// Those of restoring; a body of no person's size; a filter that does not fit the rate.
     pub(super) fn restored(&self) -> Result<Restored<'_>> {
-        let naming = self.naming();
+        let naming = self.run.naming(&self.file.table.poses);
         let keeps = self.keeps_rotations();
         let (mut points, rotations) = match self.file.motion().filter(|_| keeps) {
             Some(motion) => self.clean_rotations(motion)?,
@@ -47,18 +47,6 @@ impl Prepared<'_> {
             rotations,
             low_pass,
         })
-    }
-
-    fn naming(&self) -> PointNaming {
-        let (settings, poses) = (self.run.settings, &self.file.table.poses);
-        let known = match &settings.model {
-            Some((model, ..)) => &model.meta.points,
-            None => &joints::cmu_names(),
-        };
-        match &settings.map {
-            Some(map) => PointNaming::Map(map.clone()),
-            None => PointNaming::of(&poses.points, poses.xyz.view(), known),
-        }
     }
 
     fn clean_rotations(

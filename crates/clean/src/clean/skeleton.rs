@@ -2,16 +2,17 @@
 //! centers as a table.
 
 use super::earlier_result::EarlierResult;
+use super::joint_skeleton::SolvedJoints;
 use super::name_source::digest;
 use super::person::picture;
 use super::record::Fingerprint;
+use super::restored::Restored;
 use crate::gait::GivenValues;
-use crate::io::motion_folder::file_name_part;
+use crate::io::Output;
+use crate::io::motion_folder::{EXTENSIONS, file_name_part, unpacked};
 use crate::io::output::write_file;
-use crate::io::{MotionFile, Output};
 use crate::label::people::people_by_name;
-use crate::pose::{Poses, Status};
-use crate::restore::Restoration;
+use crate::pose::{FillMethod, NameMap, PointNaming, Poses, Status};
 use crate::solve::{JointSet, MarkerSet, SolveSettings, solve};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
@@ -34,11 +35,16 @@ const FRAMES_OF_SD: usize = 30;
 /// The ends of the names of skeletons and of centers.
 const ENDS: [&str; 2] = [".bvh", ".centers.csv"];
 
-/// Where what has such an end goes.
-fn beside(output: &Path, end: &str) -> PathBuf {
-    let mut name = output.as_os_str().to_owned();
+/// A path with more at its end.
+fn with_end(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
     name.push(end);
     PathBuf::from(name)
+}
+
+/// What stands beside a result is called after it without its ending: `walk.bvh` beside `walk.c3d`.
+pub(super) fn stem(output: &Path) -> PathBuf {
+    unpacked(output).with_extension("")
 }
 
 impl SkeletonSettings {
@@ -57,17 +63,26 @@ impl SkeletonSettings {
         })
     }
 
-    /// Where the skeleton or the centers of a result go.
-    pub(super) fn path(&self, output: &Path) -> PathBuf {
-        beside(output, self.end())
+    /// Where the skeleton or the centers go, called after this.
+    pub(super) fn path(&self, named: &Path) -> PathBuf {
+        with_end(named, self.end())
     }
 
     /// Where those of one of several people go.
-    fn path_of_person(&self, output: &Path, person: &str) -> PathBuf {
-        let name = output.file_name().unwrap_or_default().to_string_lossy();
-        let stem = stem_of(&name);
-        let person = file_name_part(person);
-        output.with_file_name(format!("{stem}-{person}{}", self.end()))
+    fn path_of_person(&self, named: &Path, person: &str) -> PathBuf {
+        let end = format!("-{}{}", file_name_part(person), self.end());
+        with_end(named, &end)
+    }
+
+    /// The map of names by which more of the points are joints than are markers: then the skeleton
+    /// is theirs.
+    fn map_of_joints<'n>(&self, points: &[String], naming: &'n PointNaming) -> Option<&'n NameMap> {
+        let is_for_markers = self.set.is_some() || self.joints == JointSet::Anatomical;
+        let PointNaming::Map(map) = naming else {
+            return None;
+        };
+        let joints = map.columns(points).len();
+        (!is_for_markers && joints > MarkerSet::known(points)).then_some(map)
     }
 
     fn end(&self) -> &'static str {
@@ -85,8 +100,8 @@ impl SkeletonSettings {
     }
 
     /// Fails where a file of somebody else stands at the path of the skeleton.
-    pub(super) fn check(&self, earlier: &EarlierResult<'_>) -> Result<()> {
-        self.check_path(earlier, &self.path(earlier.output))
+    pub(super) fn check(&self, earlier: &EarlierResult<'_>, named: &Path) -> Result<()> {
+        self.check_path(earlier, &self.path(named))
     }
 
     fn check_path(&self, earlier: &EarlierResult<'_>, path: &Path) -> Result<()> {
@@ -104,30 +119,23 @@ impl SkeletonSettings {
     ///
     /// # Errors
     /// Those of [`solve`]; [`Error::Usage`]: several takes. [`Error::Io`]: writing fails.
-    pub(super) fn write(
-        &self,
-        earlier: &EarlierResult<'_>,
-        file: &MotionFile,
-        points: &Restoration<'_>,
-    ) -> Result<Value> {
+    pub(super) fn write(&self, restored: &Restored<'_>) -> Result<Value> {
+        let file = &restored.take.file;
+        let run = &restored.take.run;
+        let (earlier, named) = (&run.earlier, &run.job.named);
         if file.poses().takes().len() > 1 {
             return Err(Error::usage("several takes, and a skeleton is of one"));
         }
         let all = (0..file.poses().points.len()).map(|p| (p, file.poses().points[p].clone()));
         let people = people_by_name(&file.poses().points);
         if people.len() < 2 {
-            return self.write_person(
-                &self.path(earlier.output),
-                file,
-                points,
-                &all.collect::<Vec<_>>(),
-            );
+            return self.write_person(&self.path(named), restored, &all.collect::<Vec<_>>());
         }
         let one = |(person, own): &(String, Vec<(usize, String)>)| {
-            let path = self.path_of_person(earlier.output, person);
+            let path = self.path_of_person(named, person);
             let mut report = match self.check_path(earlier, &path) {
                 Err(e) => json!({"none": e.to_string(), "in_the_way": true}),
-                Ok(()) => match self.write_person(&path, file, points, own) {
+                Ok(()) => match self.write_person(&path, restored, own) {
                     Err(e @ Error::Io { .. }) => return Err(e),
                     written => written.unwrap_or_else(|e| json!({"none": e.to_string()})),
                 },
@@ -143,16 +151,20 @@ impl SkeletonSettings {
     fn write_person(
         &self,
         path: &Path,
-        file: &MotionFile,
-        points: &Restoration<'_>,
+        restored: &Restored<'_>,
         own: &[(usize, String)],
     ) -> Result<Value> {
+        let Restored { take, points, .. } = restored;
+        let file = &take.file;
         let columns: Vec<usize> = own.iter().flat_map(|(p, _)| 3 * p..3 * p + 3).collect();
         let poses = Poses {
             points: own.iter().map(|(_, name)| name.clone()).collect(),
             xyz: points.xyz().select(Axis(1), &columns),
             ..file.poses().clone()
         };
+        if let Some(map) = self.map_of_joints(&poses.points, &restored.naming) {
+            return write_joints(path, restored, own, &poses, map);
+        }
         let is_centers = self.joints == JointSet::Anatomical;
         let of_points = (poses.frames(), poses.points.len());
         let doubt = |(t, k): (usize, usize)| match points.status(t, own[k].0) {
@@ -192,6 +204,29 @@ impl SkeletonSettings {
     }
 }
 
+/// Solves the joints of one person, and writes their skeleton and motion.
+fn write_joints(
+    path: &Path,
+    restored: &Restored<'_>,
+    own: &[(usize, String)],
+    poses: &Poses,
+    map: &NameMap,
+) -> Result<Value> {
+    let points = &restored.points;
+    let sd = |(t, k): (usize, usize)| match points.method(t, own[k].0) {
+        // A foot that stands is to stand.
+        Some(FillMethod::Contact) => 0.0,
+        _ => points.sd(t, own[k].0),
+    };
+    let sd = Array2::from_shape_fn((poses.frames(), own.len()), sd);
+    let rate = restored.take.file.rate();
+    let rate = rate.ok_or("no rate, which BVH needs")?;
+    let mut solved = SolvedJoints::of(poses, map, &sd, rate)?;
+    write_file(path, &solved.bvh.to_bytes(1.0))?;
+    solved.report["output"] = json!(Fingerprint::read(path)?);
+    Ok(solved.report)
+}
+
 /// What a record says of the skeleton of each person.
 pub(super) fn people_of(solved: &Value) -> Vec<Value> {
     match solved["people"].as_array() {
@@ -229,29 +264,21 @@ pub(super) fn remove_old(earlier: &EarlierResult<'_>) {
 
 /// Whether a file is a skeleton or centers that stand beside a result.
 pub(super) fn is_skeleton(path: &Path) -> bool {
-    let name = path.to_string_lossy();
-    let mut stems = ENDS.iter().filter_map(|end| name.strip_suffix(end));
-    let Some(stem) = stems.next() else {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let Some(stem) = ENDS.iter().find_map(|end| name.strip_suffix(end)) else {
         return false;
     };
-    is_own(&EarlierResult::read(Path::new(stem)), path) || is_of_person(path)
-}
-
-/// What the skeletons of people are called after: the result's name, without the ending that most
-/// captures have.
-fn stem_of(name: &str) -> &str {
-    let end = name.len().saturating_sub(".c3d".len());
-    match name.get(end..) {
-        Some(ending) if ending.eq_ignore_ascii_case(".c3d") => &name[..end],
-        _ => name,
-    }
-}
-
-/// Whether a file is the skeleton of one of several people of a result in its folder.
-fn is_of_person(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    // The result's name stands before one of the dashes.
-    let stems = name.match_indices('-').map(|(at, _)| &name[..at]);
-    let mut results = stems.flat_map(|stem| ["", ".c3d", ".C3D"].map(|end| format!("{stem}{end}")));
-    results.any(|result| is_own(&EarlierResult::read(&path.with_file_name(result)), path))
+    // The result's name ends there, or at a dash before one of several people.
+    let stems = stem.match_indices('-').map(|(at, _)| &stem[..at]);
+    let ends = EXTENSIONS
+        .iter()
+        .flat_map(|e| [format!(".{e}"), format!(".{e}.gz")]);
+    let ends: Vec<String> = ends.chain([String::new(), ".C3D".to_string()]).collect();
+    let is_of = |stem: &str| {
+        let result = |end: &String| path.with_file_name(format!("{stem}{end}"));
+        ends.iter()
+            .map(result)
+            .any(|result| is_own(&EarlierResult::read(&result), path))
+    };
+    stems.chain([stem]).any(is_of)
 }

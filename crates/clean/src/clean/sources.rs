@@ -3,14 +3,14 @@
 use super::earlier_result::EarlierResult;
 use super::files_beside;
 use super::record::record_path;
-use super::skeleton::{SkeletonSettings, is_skeleton};
+use super::skeleton::{SkeletonSettings, is_skeleton, stem};
 use crate::io::command_files::CommandFiles;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
 };
 use crate::io::{MotionFormat, TableFormat};
 use crate::{Error, Place, Result};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Other formats that somebody may ask for.
@@ -67,6 +67,8 @@ pub(crate) struct Job {
     pub input: PathBuf,
     /// The result.
     pub output: PathBuf,
+    /// What a skeleton beside it is called after.
+    pub named: PathBuf,
     /// The format of the result, by the flag or its name; `None`: that of the capture.
     pub to: Option<OutputFormat>,
 }
@@ -145,6 +147,7 @@ impl Jobs {
             name: input.display().to_string(),
             input: input.to_path_buf(),
             output: output.to_path_buf(),
+            named: stem(output),
             to: match to {
                 Some(to) => Some(to),
                 None => by_extension(input, output)?,
@@ -183,12 +186,26 @@ impl Jobs {
                 out.jobs.push(Job {
                     name: within.display().to_string(),
                     input,
+                    named: stem(&output),
                     output,
                     to,
                 });
             }
         }
+        out.tell_names_apart();
         out
+    }
+
+    /// Where results differ in their endings alone, or one is called as a skeleton would be, the
+    /// skeletons are called after the whole names.
+    fn tell_names_apart(&mut self) {
+        let mut stems: HashMap<PathBuf, usize> = HashMap::new();
+        for job in &self.jobs {
+            *stems.entry(job.named.clone()).or_default() += 1;
+        }
+        for job in self.jobs.iter_mut().filter(|job| stems[&job.named] > 1) {
+            job.named.clone_from(&job.output);
+        }
     }
 
     /// The files of motion below a folder but not below `results`, with their paths within it.
@@ -214,13 +231,19 @@ impl Jobs {
         for Job { input, .. } in &self.jobs {
             files.read(format!("the capture {}", input.display()), input)?;
         }
-        for Job { input, output, .. } in &self.jobs {
+        for job in &self.jobs {
+            let Job {
+                input,
+                output,
+                named,
+                ..
+            } = job;
             let called = format!("{}, the result of {},", output.display(), input.display());
             match self.folder {
                 Some(_) => files.write(called, output)?,
                 None => files.check_not_read(&called, output)?,
             }
-            let skeleton = skeletons.map(|settings| settings.path(output));
+            let skeleton = skeletons.map(|settings| settings.path(named));
             for path in files_beside(output).into_iter().chain(skeleton) {
                 files.write(path.display().to_string(), &path)?;
             }

@@ -24,7 +24,7 @@ pub struct NamedSkeleton {
     /// The take, with points in the middle of others that the skeleton goes by, at its end.
     pub poses: Poses,
     /// The columns of the others, for each such point.
-    pub middles: Vec<Vec<usize>>,
+    middles: Vec<Vec<usize>>,
     /// The skeleton.
     pub template: BvhTemplate,
 }
@@ -59,6 +59,20 @@ pub fn named_skeleton(poses: &Poses, map: &NameMap, order: [Axis; 3]) -> Result<
         poses: builder.with_middles(),
         template: BvhTemplate::new(bvh, DMat3::IDENTITY)?,
     })
+}
+
+impl NamedSkeleton {
+    /// Deviations (frames, points) with those of points in the middle of others, which are as sure
+    /// as the least sure of these.
+    pub fn with_middles(&self, sd: &Array2<f64>) -> Array2<f64> {
+        let (frames, points) = sd.dim();
+        Array2::from_shape_fn((frames, points + self.middles.len()), |(t, p)| {
+            match p.checked_sub(points) {
+                None => sd[[t, p]],
+                Some(n) => (self.middles[n].iter()).fold(f64::NAN, |z, &c| z.max(sd[[t, c]])),
+            }
+        })
+    }
 }
 
 /// A point of the body: a column of the table, or the middle of several.

@@ -326,6 +326,12 @@ impl MarkerSet {
             .max_by_key(|set| count(set))
     }
 
+    /// How many of some points are markers that the built-in set knows which knows most.
+    #[doc(hidden)]
+    pub fn known(points: &[String]) -> usize {
+        MarkerSet::of(points).map_or(0, |set| set.markers(points).len())
+    }
+
     /// Whether it knows a marker of this name.
     pub(crate) fn knows(&self, name: &str) -> bool {
         self.lines.contains_key(&plain(name))
