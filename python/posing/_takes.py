@@ -275,7 +275,7 @@ def read(
     """Read a file of any format: C3D, TRC, BVH, FBX, AMC, NPY, NPZ, tables.
 
     The first lines tell the format, not the name. Tables are those of posing,
-    Motive, Vicon Nexus, Qualisys, Anipose, DeepLabCut and pandas. What a file
+    Motive, Vicon, Qualisys, Anipose, DeepLabCut and pandas. What a file
     does not say is asked for: the error names the keyword. BVH files, AMC files
     and tables of posing are in centimeters, y up, unless keywords say otherwise.
 

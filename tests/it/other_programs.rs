@@ -387,3 +387,28 @@ fn field_files_of_other_programs_are_read() {
         assert!(far <= 0.002, "{name}: {far}");
     }
 }
+
+#[test]
+fn rigid_bodies_of_tracker_keep_their_rotations() {
+    let tracker = "Objects\n100\n,,Wand:Wand,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n\
+                   ,,deg,deg,deg,mm,mm,mm\n1,0,1.50,2,3,10,20,30\n2,0,1.50,2,3,10,20,31\n";
+    let table = run("csv2xyz", &["-q", "--up", "z", "-"], tracker);
+    let wanted = "Wand.x,Wand.y,Wand.z,Wand.rx,Wand.ry,Wand.rz";
+    assert!(
+        table.starts_with(&format!("take,time,{wanted}\n")),
+        "{table}"
+    );
+    assert!(
+        table.contains(",0,1,3,-2,1.50,2,3\n") && table.contains(",0.01,1,3.1,-2,"),
+        "{table}"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let [input, output] = ["in.csv", "out.csv"].map(|name| folder.path().join(name));
+    fs::write(&input, tracker).unwrap();
+    run(
+        "clean",
+        &["-q", "--up", "z", text(&input), "-o", text(&output)],
+        "",
+    );
+    assert_eq!(fs::read_to_string(output).unwrap(), tracker);
+}

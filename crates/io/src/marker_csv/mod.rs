@@ -7,6 +7,7 @@ pub(crate) mod point_table;
 mod qualisys;
 mod qualisys_6d;
 mod qualisys_head;
+mod tracker;
 
 pub use motive::MotivePoints;
 
@@ -83,3 +84,6 @@ pub fn read(
         )),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,9 +4,12 @@
 //!
 //! Older programs of Vicon write `TRAJECTORIES`, the rate with `Hz`, and no unit. Rows may be
 //! parted by tabs.
+//!
+//! Rigid bodies are those of Objects, where there are no markers.
 
+use super::tracker;
 use crate::marker_rows::{MarkerRows, Stated};
-use crate::marker_take::MarkerTake;
+use crate::marker_take::{CarriedColumns, MarkerTake};
 use crate::point_titles::PointTitles;
 use crate::row_cells::texts_of;
 use crate::text::Lines;
@@ -17,30 +20,42 @@ use std::io::BufRead;
 /// Reads the file.
 pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
     let name = lines.name.clone();
-    let mut others: Vec<String> = Vec::new();
+    let (mut markers, mut objects) = (None, None);
+    let (mut others, mut next): (Vec<String>, Option<String>) = (Vec::new(), None);
     loop {
-        let Some(line) = lines.next_line()? else {
+        let title = match next.take() {
+            Some(title) => title,
+            None => match lines.next_line()? {
+                Some(line) if is_section(line) => line.trim_matches(BLANK).to_string(),
+                Some(_) => continue,
+                None => break,
+            },
+        };
+        if markers.is_none() && title.eq_ignore_ascii_case("Trajectories") {
+            markers = Some(section(&mut lines, &mut next, keep_whole, false)?);
+            continue;
+        }
+        if markers.is_none() && objects.is_none() && title.eq_ignore_ascii_case(tracker::OBJECTS) {
+            objects = Some(section(&mut lines, &mut next, keep_whole, true));
+        }
+        if others.len() < 8 {
+            others.push(title);
+        }
+    }
+    let mut take = match (markers, objects) {
+        (Some(take), _) => take,
+        (None, Some(take)) => {
+            others.retain(|title| !title.eq_ignore_ascii_case(tracker::OBJECTS));
+            take?
+        }
+        (None, None) => {
             let what = format!(
                 "has no section Trajectories, only {}: export the trajectories too",
                 others.join(", ")
             );
             return Err(Error::data(Place::file(name), what));
-        };
-        let title = line.trim_matches(BLANK);
-        if title.eq_ignore_ascii_case("Trajectories") {
-            break;
         }
-        if is_section(line) && others.len() < 8 {
-            others.push(title.to_string());
-        }
-    }
-    let (mut take, next) = trajectories(&mut lines, keep_whole)?;
-    others.extend(next);
-    while let Some(line) = lines.next_line()? {
-        if is_section(line) && others.len() < 8 {
-            others.push(line.trim_matches(BLANK).to_string());
-        }
-    }
+    };
     if !others.is_empty() {
         let what = format!(
             "its other sections are not converted: {}",
@@ -51,28 +66,34 @@ pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<M
     Ok(take)
 }
 
-/// Reads the section of markers, up to the title of the next section, which is given too. Blank
-/// lines may stand between its rows.
-fn trajectories(
+/// Reads the section of markers, or that of rigid bodies, up to the title of the next section,
+/// which becomes `next`. Blank lines may stand between its rows.
+fn section(
     lines: &mut Lines<impl BufRead>,
+    next: &mut Option<String>,
     keep_whole: bool,
-) -> Result<(MarkerTake, Option<String>)> {
+    is_of_objects: bool,
+) -> Result<MarkerTake> {
     let Head {
         rate,
         titles,
         separator,
         ahead,
-    } = Head::read(lines)?;
+        notes,
+    } = Head::read(lines, next, is_of_objects)?;
     let units = titles.unit().map_err(|e| e.at(lines.here()))?;
     let width = titles.width;
     let at: Vec<usize> = titles.points.iter().flat_map(|(_, at)| *at).collect();
+    let labels: Vec<String> = titles.points.iter().map(|(name, _)| name.clone()).collect();
+    let turns = tracker::rotations(&titles).filter(|_| is_of_objects);
+    let (names, turns): (Vec<String>, Vec<usize>) = turns.unzip();
+    let mut carried = CarriedColumns::new(names.iter().map(String::as_str), &labels);
     let mut rows = MarkerRows::default();
     let mut number = lines.number - ahead.len() as u64 + 1;
     let mut ahead = ahead.into_iter();
     let mut is_whole = lines.whole;
     // How many whole rows lack cells of points, and the line of the first.
     let (mut short, mut first_short) = (0, 0);
-    let mut next = None;
     let last_point = at.iter().copied().max().unwrap_or_default();
     loop {
         let line = match ahead.next() {
@@ -83,7 +104,7 @@ fn trajectories(
             },
         };
         if is_section(&line) {
-            next = Some(line.trim_matches(BLANK).to_string());
+            *next = Some(line.trim_matches(BLANK).to_string());
             break;
         }
         if line.trim_matches(BLANK).is_empty() {
@@ -104,24 +125,31 @@ fn trajectories(
         let chosen = at.iter().map_while(|&c| cells.get(c).map(|c| &**c));
         let pushed = rows.push(number, cells.first().map(|c| &**c), None, chosen);
         pushed.map_err(|e| e.at(place))?;
+        let cell = |at: &usize| cells.get(*at).map_or("", |cell| &**cell);
+        carried.push(number, turns.iter().map(cell));
         number += 1;
     }
     let stated = Stated {
-        labels: titles.points.iter().map(|(name, _)| name.clone()).collect(),
+        labels,
         rate: Some(rate),
         units,
+        notes,
         ..Stated::default()
     };
     let mut take = rows.take(&lines.name, stated, is_whole, keep_whole)?;
     take.cells.separator = titles.separator;
     take.cells.move_points(|cell| at[cell]);
+    // Frames that the file leaves out have no row.
+    let rows = take.cells.lines.iter().flatten().count();
+    carried.rows.truncate(rows);
+    take.carried = carried;
     if short > 0 {
         take.notes.push(format!(
             "has {short} rows of fewer than {width} cells, first in line {first_short}: what they \
              lack is missing"
         ));
     }
-    Ok((take, next))
+    Ok(take)
 }
 
 /// What stands above the rows of the section of markers.
@@ -132,10 +160,15 @@ struct Head {
     separator: u8,
     /// The first row, which is read already: the older programs have no row of units.
     ahead: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl Head {
-    fn read(lines: &mut Lines<impl BufRead>) -> Result<Head> {
+    fn read(
+        lines: &mut Lines<impl BufRead>,
+        next: &mut Option<String>,
+        is_of_objects: bool,
+    ) -> Result<Head> {
         let rate = lines.next_line()?.and_then(section_rate);
         let bad = |lines: &Lines<_>, what: &str| Error::data(lines.here(), what);
         let rate = rate.ok_or_else(|| bad(lines, "expected the rate of the trajectories"))?;
@@ -144,14 +177,31 @@ impl Head {
             let Some(line) = lines.next_line()? else {
                 break;
             };
+            if is_of_objects && is_section(line) {
+                *next = Some(line.trim_matches(BLANK).to_string());
+                break;
+            }
             head.push(line.to_string());
+        }
+        if let Some(axes) = head.get_mut(1).filter(|_| is_of_objects) {
+            *axes = tracker::plain_axes(axes);
         }
         let of_head: Vec<&str> = head.iter().map(String::as_str).collect();
         let titles = PointTitles::of_markers(&of_head).filter(|t| !t.points.is_empty());
-        let titles = titles.ok_or_else(|| {
-            let what = "expected the names of the markers above X, Y, Z and their unit";
+        let mut titles = titles.ok_or_else(|| {
+            let what = if is_of_objects {
+                "expected the names of the objects above RX, RY, RZ, TX, TY, TZ"
+            } else {
+                "expected the names of the markers above X, Y, Z and their unit"
+            };
             bad(lines, what)
         })?;
+        if is_of_objects {
+            let names = titles.points.iter_mut().map(|(name, _)| name);
+            names.for_each(|name| *name = tracker::name_of_object(name).to_string());
+        }
+        let units = of_head.get(2).filter(|_| is_of_objects);
+        let notes = units.and_then(|row| tracker::unit_note(row));
         let Some(separator) = titles.separator.byte() else {
             return Err(bad(lines, "expected cells that commas or tabs part"));
         };
@@ -160,6 +210,7 @@ impl Head {
             separator,
             ahead: head.get(titles.rows..).unwrap_or_default().to_vec(),
             titles,
+            notes: notes.into_iter().collect(),
         })
     }
 }
