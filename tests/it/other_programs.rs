@@ -412,3 +412,48 @@ fn rigid_bodies_of_tracker_keep_their_rotations() {
     );
     assert_eq!(fs::read_to_string(output).unwrap(), tracker);
 }
+
+#[test]
+fn a_long_table_is_the_wide_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let at_path = |name: &str| folder.path().join(name);
+    let (mut wide, mut long) = (
+        "frame".to_string(),
+        "point,z,y,x,frame,likelihood\n".to_string(),
+    );
+    (0..6).for_each(|p| wide += &format!(",p{p}_x,p{p}_y,p{p}_z"));
+    wide += "\n";
+    for t in 0..60 {
+        wide += &t.to_string();
+        for p in 0..6 {
+            let [x, y, z] = [0, 1, 2].map(|c| format!("{:.4}", moving(t, 6)[3 * p + c]));
+            let is_seen = p != 2 || !(20..24).contains(&t);
+            wide += &if is_seen {
+                format!(",{x},{y},{z}")
+            } else {
+                ",,,".into()
+            };
+            if is_seen {
+                long += &format!("p{p},{z},{y},{x},{t},0.5\n");
+            }
+        }
+        wide += "\n";
+    }
+    let flags = ["-q", "--units", "cm", "--up", "z", "--fps", "30"];
+    let [wide_table, long_table] =
+        [&wide, &long].map(|input| Numbers::read(&run("csv2xyz", &flags, input)));
+    assert_eq!(wide_table.points, long_table.points);
+    assert_eq!(wide_table.far(&long_table).0, 0.0);
+    fs::write(at_path("long.csv"), &long).unwrap();
+    let (input, output) = (at_path("long.csv"), at_path("out.csv"));
+    run(
+        "clean",
+        &[&flags[..], &[text(&input), "-o", text(&output)]].concat(),
+        "",
+    );
+    let cleaned = fs::read_to_string(output).unwrap();
+    assert_eq!(Numbers::read(&cleaned).points, long_table.points);
+    assert!(!cleaned.contains(",,"), "{cleaned}");
+    let said = fails("complete", &["-q"], long.as_bytes(), 1);
+    assert!(said.contains("convert it with csv2xyz"), "{said}");
+}

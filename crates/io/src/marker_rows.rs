@@ -9,7 +9,7 @@ use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 
 /// The most columns of coordinates in a row.
-const MOST_COLUMNS: usize = 100_000;
+pub(crate) const MOST_COLUMNS: usize = 100_000;
 /// The most frames: 11 hours at 250 a second.
 const MOST_FRAMES: usize = 10_000_000;
 /// The most values, frames times columns: 2 GiB.
@@ -76,26 +76,60 @@ impl MarkerRows {
         time: Option<&str>,
         cells: impl Iterator<Item = &'a str>,
     ) -> Result<()> {
-        let next = self.first + self.ends.len() as u64;
-        let number = frame.map_or(Ok(next), frame_number)?;
-        if self.ends.is_empty() {
-            self.first = number;
-        } else {
-            let absent = number.checked_sub(next).ok_or_else(|| {
-                format!("frame {number} follows frame {}, expected {next}", next - 1)
-            })?;
-            if absent >= (MOST_FRAMES - self.ends.len()) as u64 {
-                return Err(format!("there are more than {MOST_FRAMES} frames").into());
-            }
-            let frames = self.ends.len() + absent as usize;
-            self.ends.resize(frames, self.values.len());
-            self.lines.resize(frames, None);
-        }
+        self.begin(frame.map(frame_number).transpose()?)?;
         if let Some(cell) = time {
             self.times.push(self.ends.len(), cell);
         }
         self.lines.push(Some(line));
         self.push_cells(cells)
+    }
+
+    /// Adds a frame of coordinates (3 P; NaN is missing), which stands in no line of its own; see
+    /// [`MarkerRows::push`]. What is missing does not count among what the rows hold.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`]: frames that do not rise, or more than fit.
+    pub(crate) fn push_values(
+        &mut self,
+        frame: Option<u64>,
+        time: Option<&str>,
+        values: &[f64],
+    ) -> Result<()> {
+        if let Some(number) = frame.filter(|n| *n > u64::from(u32::MAX)) {
+            return Err(format!("{number} is too large for the number of a frame").into());
+        }
+        self.begin(frame)?;
+        if let Some(cell) = time {
+            self.times.push(self.ends.len(), cell);
+        }
+        self.lines.push(None);
+        if values.len() > MOST_COLUMNS {
+            return Err(format!("the frame has more than {MOST_COLUMNS} columns").into());
+        }
+        let start = self.values.len();
+        self.values.extend_from_slice(values);
+        self.end(start, values.iter().filter(|v| !v.is_nan()).count())
+    }
+
+    /// Begins a frame, of this number if it has one. Frames that are left out before it have no
+    /// points.
+    fn begin(&mut self, number: Option<u64>) -> Result<()> {
+        let next = self.first + self.ends.len() as u64;
+        let number = number.unwrap_or(next);
+        if self.ends.is_empty() {
+            self.first = number;
+            return Ok(());
+        }
+        let absent = number
+            .checked_sub(next)
+            .ok_or_else(|| format!("frame {number} follows frame {}, expected {next}", next - 1))?;
+        if absent >= (MOST_FRAMES - self.ends.len()) as u64 {
+            return Err(format!("there are more than {MOST_FRAMES} frames").into());
+        }
+        let frames = self.ends.len() + absent as usize;
+        self.ends.resize(frames, self.values.len());
+        self.lines.resize(frames, None);
+        Ok(())
     }
 
     fn push_cells<'a>(&mut self, cells: impl Iterator<Item = &'a str>) -> Result<()> {
@@ -106,12 +140,17 @@ impl MarkerRows {
             }
             self.values.push(coordinate(cell)?);
         }
-        self.rows += 1;
-        self.cells = self.values.len() - start;
+        let count = self.values.len() - start;
         // A separator at the end of a row is no cell.
-        let is_behind = self.cells % 3 == 1 && self.values.last().is_some_and(|v| v.is_nan());
-        self.cells -= usize::from(is_behind);
-        self.all_cells += self.cells;
+        let is_behind = count % 3 == 1 && self.values.last().is_some_and(|v| v.is_nan());
+        self.end(start, count - usize::from(is_behind))
+    }
+
+    /// Ends a frame whose values begin at `start` and fill so many cells.
+    fn end(&mut self, start: usize, cells: usize) -> Result<()> {
+        self.rows += 1;
+        self.cells = cells;
+        self.all_cells += cells;
         while self.values.len() > start && self.values.last().is_some_and(|v| v.is_nan()) {
             self.values.pop();
         }
@@ -313,7 +352,7 @@ fn frame_number(text: &str) -> Result<u64> {
 }
 
 /// A coordinate; NaN where it is missing.
-fn coordinate(cell: &str) -> Result<f64> {
+pub(crate) fn coordinate(cell: &str) -> Result<f64> {
     let cell = cell.trim();
     if is_missing(cell) {
         Ok(f64::NAN)

@@ -19,6 +19,8 @@ pub enum MotionFormat {
     NexusCsv,
     /// A table of points of another program: NAME_x, NAME_y, NAME_z, or names above x, y, z.
     PointTable,
+    /// A row for each point in each frame, as CSV. It is read, and written as a pose table.
+    LongTable,
     /// OpenSim's .mot and .sto: columns over time.
     OpenSim,
     /// BVH: a skeleton and its rotations.
@@ -44,6 +46,7 @@ names!(MotionFormat {
     QualisysTsv = "Qualisys TSV",
     NexusCsv = "Vicon Nexus CSV",
     PointTable = "points CSV",
+    LongTable = "long CSV",
     OpenSim = "OpenSim",
     Bvh = "BVH",
     Amc = "AMC",
@@ -93,6 +96,7 @@ impl MotionFormat {
             _ => match of_lines(text) {
                 Some(TextStart::OpenSim) => MotionFormat::OpenSim,
                 Some(TextStart::Nexus) => MotionFormat::NexusCsv,
+                Some(TextStart::Long) => MotionFormat::LongTable,
                 Some(TextStart::Points) => MotionFormat::PointTable,
                 Some(TextStart::PoseTable) | None => MotionFormat::Csv,
             },
@@ -133,7 +137,7 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
         MotionFormat::NexusCsv => {
             "is a Vicon Nexus CSV file: convert it with csv2xyz, with the option `up z`"
         }
-        MotionFormat::PointTable => {
+        MotionFormat::PointTable | MotionFormat::LongTable => {
             "is a table of points of another program: convert it with csv2xyz, with the option \
              `units`, the option `up` and the option `fps`"
         }

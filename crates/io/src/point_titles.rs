@@ -296,7 +296,7 @@ fn words_of(name: &str) -> Vec<String> {
 }
 
 /// How the first row is parted: by what stands in it most often.
-fn separator_of(line: &str) -> Option<Separator> {
+pub(crate) fn separator_of(line: &str) -> Option<Separator> {
     let count = |separator: &Separator| {
         let byte = separator.byte();
         line.bytes().filter(|b| Some(*b) == byte).count()
@@ -412,7 +412,7 @@ impl<'a> TitledAxis<'a> {
 }
 
 /// A title without a unit in brackets, and the unit.
-fn without_unit(title: &str) -> (&str, Option<&str>) {
+pub(crate) fn without_unit(title: &str) -> (&str, Option<&str>) {
     for (open, close) in [('(', ')'), ('[', ']')] {
         let inner = title.strip_suffix(close).and_then(|t| t.rsplit_once(open));
         if let Some((title, unit)) = inner {
@@ -423,9 +423,39 @@ fn without_unit(title: &str) -> (&str, Option<&str>) {
 }
 
 /// The number of an axis; w, the fourth number of a quaternion, is 3.
-fn axis_of(title: &str) -> Option<usize> {
+pub(crate) fn axis_of(title: &str) -> Option<usize> {
     let is = |axis: &&str| title.eq_ignore_ascii_case(axis);
     ["x", "y", "z", "w"].iter().position(is)
+}
+
+/// The seconds of the unit of a column of times, by its title. Timestamps without a unit may be of
+/// any: milliseconds, nanoseconds.
+pub(crate) fn seconds_of(title: &str) -> Option<f64> {
+    let plain: String = title.to_ascii_lowercase();
+    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
+    match plain.as_str() {
+        "timestamps" if title.trim().eq_ignore_ascii_case("timestamps") => None,
+        "time" | "times" | "t" | "timesec" | "timeseconds" | "timeins" | "seconds"
+        | "timestamps" | "timestampsec" | "timestampseconds" => Some(1.0),
+        "timems" | "timemsec" | "timemilliseconds" | "milliseconds" | "timestampms" => Some(1e-3),
+        _ => None,
+    }
+}
+
+/// Whether a column counts frames, by its title.
+pub(crate) fn is_frame(title: &str) -> bool {
+    let plain: String = title.to_ascii_lowercase();
+    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
+    let names = [
+        "frame",
+        "frames",
+        "fnum",
+        "framenumber",
+        "frameno",
+        "framenum",
+        "index",
+    ];
+    names.contains(&plain.as_str())
 }
 
 /// Whether a row has axes below names: x and y at least.

@@ -1,5 +1,6 @@
 //! Tables of text of other programs, known by their first lines.
 
+use super::long_titles::LongTitles;
 use super::point_titles::{MOST_ROWS, PointTitles};
 
 /// The most lines of an OpenSim header.
@@ -14,6 +15,8 @@ pub(crate) enum TextStart {
     OpenSim,
     /// Sections of Vicon Nexus.
     Nexus,
+    /// A row for each point in each frame.
+    Long,
     /// Points, of three dimensions or two, whose columns are not named as those of a pose table.
     Points,
     /// Points as a pose table has them.
@@ -56,6 +59,9 @@ fn of_rows(rows: &[&str]) -> Option<TextStart> {
     }
     if is_section(first) && rows.get(1).is_some_and(|row| section_rate(row).is_some()) {
         return Some(TextStart::Nexus);
+    }
+    if LongTitles::read(first).is_some() {
+        return Some(TextStart::Long);
     }
     PointTitles::read(rows).map(|_| TextStart::Points)
 }
@@ -138,6 +144,8 @@ mod tests {
             ("a.x,a.y\n", Some(TextStart::PoseTable)),
             ("time,a.x,a.y,a.z", None),
             ("bodyparts,a,a\ncoords,x,y\n", Some(TextStart::Points)),
+            ("x,y,z,Marker,Frame\n", Some(TextStart::Long)),
+            ("x,y,z,marker\n", None),
             ("fnum,a_x,a_y,a_z\n", Some(TextStart::Points)),
             ("t,a.X,a.Y,a.Z\r\n", Some(TextStart::Points)),
             (",a,a,a\n,x,y,z\n", Some(TextStart::Points)),

@@ -12,15 +12,16 @@ use posing::io::{
 ///
 /// Reads Motive CSV, Vicon CSV (Nexus' Trajectories or Tracker's Objects), Qualisys TSV (3D and
 /// 6D), tables whose columns are NAME_x, NAME_y, NAME_z (or NAME.X, "NAME x"; Anipose), or names
-/// above x, y, z (pandas, DeepLabCut), NPY arrays and NPZ archives of positions, and OpenSim's
-/// .mot and .sto; the first lines tell which. Writes a pose table in centimeters, y up: a row per
-/// frame, three columns per point, empty where the file has an empty cell, NaN or null. Other
-/// columns are carried along: all of .mot and .sto, which hold no points, and the rotations of
-/// Qualisys 6D and Tracker as NAME.rx, NAME.ry, NAME.rz, in degrees as in the file, or NAME.qx to
-/// NAME.qw. Zeros stay: a position of exactly 0 0 0, which some programs write for a missing one,
-/// is reported. What a file does not say is asked for: --up (Motive's default is y, QTM's and
-/// Vicon's z), --units (Motive and Vicon say theirs, QTM exports millimeters), --fps. From Motive
-/// come the measured markers or, without any, the expected ones or the bones: --points chooses.
+/// above x, y, z (pandas, DeepLabCut), long tables (a row per point and frame), NPY arrays and NPZ
+/// archives of positions, and OpenSim's .mot and .sto; the first lines tell which. Writes a pose
+/// table in centimeters, y up: a row per frame, three columns per point, empty where the file has
+/// an empty cell, NaN or null. Other columns are carried along: all of .mot and .sto, which hold
+/// no points, and the rotations of Qualisys 6D and Tracker as NAME.rx, NAME.ry, NAME.rz, in
+/// degrees as in the file, or NAME.qx to NAME.qw. Zeros stay: a position of exactly 0 0 0, which
+/// some programs write for a missing one, is reported. What a file does not say is asked for: --up
+/// (Motive's default is y, QTM's and Vicon's z), --units (Motive and Vicon say theirs, QTM exports
+/// millimeters), --fps. From Motive come the measured markers or, without any, the expected ones
+/// or the bones: --points chooses.
 #[derive(Parser)]
 #[command(
     name = "csv2xyz",

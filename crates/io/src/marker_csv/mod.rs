@@ -1,6 +1,7 @@
 //! Tables of markers of other programs, known by their first lines: Motive's CSV, Qualisys' TSV,
 //! Vicon Nexus' CSV, and tables whose titles are NAME_x, NAME_y, NAME_z or names above x, y, z.
 
+mod long_table;
 mod motive;
 mod nexus;
 pub(crate) mod point_table;
@@ -53,6 +54,7 @@ pub fn read(
         MotionFormat::MotiveCsv => motive::read(&first(&mut lines)?, lines, points, keep_whole),
         MotionFormat::QualisysTsv => qualisys::read(&first(&mut lines)?, lines, keep_whole),
         MotionFormat::NexusCsv => nexus::read(lines, keep_whole),
+        MotionFormat::LongTable => long_table::read(lines, keep_whole),
         MotionFormat::PointTable => point_table::read(lines, keep_whole),
         // Another program's table may have a pose table's titles, but not its unit and axis.
         MotionFormat::Csv if is_pose_table => point_table::read(lines, keep_whole),

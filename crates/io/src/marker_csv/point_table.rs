@@ -3,7 +3,7 @@
 
 use crate::marker_rows::{MarkerRows, Stated};
 use crate::marker_take::{CarriedColumns, MarkerTake};
-use crate::point_titles::{MOST_ROWS, PointTitles};
+use crate::point_titles::{MOST_ROWS, PointTitles, is_frame, seconds_of};
 use crate::pose::Poses;
 use crate::row_cells::texts_of;
 use crate::text::{Lines, decimal, excerpt, parse_number};
@@ -248,36 +248,6 @@ impl Table<'_> {
 pub(crate) fn rate_of_times(times: &[f64]) -> Option<f64> {
     let rows = times.iter().map(|t| (Some(*t), None));
     Poses::without_points(rows).rate()
-}
-
-/// The seconds of the unit of a column of times, by its title. Timestamps without a unit may be of
-/// any: milliseconds, nanoseconds.
-fn seconds_of(title: &str) -> Option<f64> {
-    let plain: String = title.to_ascii_lowercase();
-    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
-    match plain.as_str() {
-        "timestamps" if title.trim().eq_ignore_ascii_case("timestamps") => None,
-        "time" | "times" | "t" | "timesec" | "timeseconds" | "timeins" | "seconds"
-        | "timestamps" | "timestampsec" | "timestampseconds" => Some(1.0),
-        "timems" | "timemsec" | "timemilliseconds" | "milliseconds" | "timestampms" => Some(1e-3),
-        _ => None,
-    }
-}
-
-/// Whether a column counts frames, by its title.
-fn is_frame(title: &str) -> bool {
-    let plain: String = title.to_ascii_lowercase();
-    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
-    let names = [
-        "frame",
-        "frames",
-        "fnum",
-        "framenumber",
-        "frameno",
-        "framenum",
-        "index",
-    ];
-    names.contains(&plain.as_str())
 }
 
 #[cfg(test)]

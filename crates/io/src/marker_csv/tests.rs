@@ -10,6 +10,96 @@ fn fails(text: &str, part: &str) {
     assert!(said.contains(part), "{said}");
 }
 
+const LONG: &str = "frame,marker,x,y,z\n1,b,1,2,3\n1,a,4,5,6\n2,b,7,8,9\n4,a,-1,,0\n";
+
+#[test]
+fn long_tables_may_have_any_order() {
+    let wanted = take(LONG).unwrap();
+    assert_eq!(
+        (wanted.points.join(" "), wanted.first_frame),
+        ("b a".into(), 1)
+    );
+    assert_eq!(wanted.xyz.row(0).to_vec(), [1., 2., 3., 4., 5., 6.]);
+    assert_eq!(wanted.xyz.dim(), (4, 6));
+    assert!(wanted.xyz.row(2).iter().all(|v| v.is_nan()) && wanted.xyz[[3, 4]].is_nan());
+    assert_eq!((wanted.xyz[[3, 3]], wanted.xyz[[1, 2]]), (-1.0, 9.0));
+    assert_eq!(
+        (wanted.rate, wanted.units, wanted.times),
+        (None, None, None)
+    );
+    // Other separators, titles and orders of the columns and the rows.
+    let lines: Vec<Vec<&str>> = LONG.lines().map(|line| line.split(',').collect()).collect();
+    for (titles, separator, order) in [
+        ("z;Frame_Number;y;keypoint;x", ";", [4, 0, 3, 1, 2]),
+        ("Joint_Name\tz\ty\tx\tframe", "\t", [1, 4, 3, 2, 0]),
+    ] {
+        let mut rows: Vec<String> = (lines[1..].iter())
+            .map(|cells| order.map(|c| cells[c]).join(separator))
+            .collect();
+        rows.swap(1, 2);
+        let other = take(&format!("{titles}\n{}", rows.join("\n"))).unwrap();
+        assert_eq!(other.points, ["b", "a"]);
+        let same = other.xyz.iter().zip(&wanted.xyz);
+        assert!(
+            same.into_iter().all(|(a, b)| a.to_bits() == b.to_bits()),
+            "{titles}"
+        );
+    }
+}
+
+#[test]
+fn long_tables_tell_times_units_people_and_what_stays() {
+    let text = "index,time_ms,person,joint,x (mm),y (mm),z (mm),likelihood\n\
+                0,0,Ann,hip,1,2,3,0.5\n1,0,Ben,hip,4,5,6,0.5\n2,20,Ann,hip,1,2,3,0.5\n";
+    let read = take(text).unwrap();
+    assert_eq!(read.points, ["Ann:hip", "Ben:hip"]);
+    assert_eq!((read.units.as_deref(), read.rate), (Some("mm"), Some(50.0)));
+    assert_eq!((read.times, read.xyz.nrows()), (Some(vec![0.0, 0.02]), 2));
+    assert_eq!(
+        read.notes,
+        ["its other columns are not converted: index, likelihood"]
+    );
+    // The times of frames that are left out follow.
+    let read = take("frame,time,name,x,y,z\n1,0.5,a,1,2,3\n2,0.6,a,1,2,3\n4,0.8,a,1,2,3\n");
+    let read = read.unwrap();
+    assert_eq!((read.xyz.nrows(), read.rate), (4, Some(10.0)));
+    let times = read.times.unwrap();
+    assert!(
+        (times[2] - 0.7).abs() < 1e-9 && (times[3] - 0.8).abs() < 1e-9,
+        "{times:?}"
+    );
+}
+
+#[test]
+fn faults_of_long_tables_have_a_place() {
+    fails(
+        &format!("{LONG}2,b,1,1,1\n"),
+        "x.csv:6: has b of this frame a second time, after line 4",
+    );
+    fails(&LONG.replace("7,8", "7,u"), "x.csv:4: expected a number");
+    fails(
+        &LONG.replace("2,b", "2.5,b"),
+        "x.csv:4: expected a frame's number, found \"2.5\"",
+    );
+    fails(
+        &LONG.replace("7,8,9", "7,8,9,3"),
+        "x.csv:4: expected 5 cells, found 6",
+    );
+    fails("frame,point,x,y,z\n", "x.csv: has no frames");
+    fails(
+        &LONG[..LONG.len() - 4],
+        "ends within a row, after 3 whole ones; the option",
+    );
+    let cut = LONG.trim_end().as_bytes()[..LONG.len() - 4].to_vec();
+    let input = Input::new("x.csv", std::io::Cursor::new(cut)).unwrap();
+    assert_eq!(read(input, None, true).unwrap().xyz.nrows(), 2);
+    let far = "frame,point,x,y,z\n0,a,1,2,3\n4000000000,a,1,2,3\n";
+    fails(far, "x.csv:3: there are more than");
+    // Many points that stand once each would fill the memory.
+    let many: String = (0..9000).map(|i| format!("{i},p{i},1,2,3\n")).collect();
+    fails(&format!("frame,point,x,y,z\n{many}"), "points in all rows");
+}
+
 const OBJECTS: &str = "Objects\n100\n,,Global Angle (Quaternion) Wand:Wand,,,,,,,Cart:Lid,,,,,,\n\
     Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ,RX,RY,RZ,RW,TX,TY,TZ\n\
     ,,,,,,mm,mm,mm,,,,,mm,mm,mm\n\

@@ -217,6 +217,10 @@ impl MotionFile {
                 let original = Original::Text(bytes, Box::new(take.clone()));
                 of_markers(path, format, &take, original, options)
             }
+            MotionFormat::LongTable => {
+                let take = marker_csv::read(input()?, None, keep)?;
+                of_made(path, format, take, options)
+            }
             MotionFormat::Bvh => {
                 let units = custom_units(options);
                 let bvh = Bvh::read(input()?, units.unit.centimeters(), keep)?;
@@ -491,6 +495,18 @@ fn of_markers(
         original,
         all: None,
     })
+}
+
+/// A take whose format is not written: its way back is into a pose table.
+fn of_made(
+    path: &Path,
+    format: MotionFormat,
+    take: MarkerTake,
+    options: &ReadOptions,
+) -> Result<MotionFile> {
+    let mut file = of_markers(path, format, &take, Original::Table, options)?;
+    file.units = Units::CM_Y;
+    Ok(file)
 }
 
 fn of_bvh(
