@@ -275,8 +275,9 @@ def read(
     """Read a file of any format: C3D, TRC, BVH, FBX, AMC, NPY, NPZ, tables.
 
     The first lines tell the format, not the name. Tables are those of posing,
-    Motive, Vicon, Qualisys, Anipose, DeepLabCut and pandas. What a file
-    does not say is asked for: the error names the keyword. BVH files, AMC files
+    Motive, Vicon, Qualisys, Anipose, DeepLabCut and pandas; JSON has keypoints of
+    MediaPipe or OpenPose. What a file does not say
+    is asked for: the error names the keyword. BVH files, AMC files
     and tables of posing are in centimeters, y up, unless keywords say otherwise.
 
     Parameters

@@ -8,10 +8,11 @@ use std::path::Path;
 /// Endings of motion files that no reader here knows.
 const OTHERS: [&str; 2] = ["glb", "gltf"];
 
-/// The ending of files of a format; FBX becomes BVH.
+/// The ending of files of a format; FBX becomes BVH, keypoints become a table.
 pub fn ending_of(format: MotionFormat) -> String {
     match format {
         MotionFormat::Fbx => "bvh".into(),
+        MotionFormat::Keypoints => "csv".into(),
         other => {
             let name = other.name().to_lowercase();
             name.rsplit(' ').next().unwrap_or_default().into()

@@ -86,6 +86,14 @@ impl MarkerFileArgs {
         // A file of another format is named.
         input.look_ahead()?;
         let take = read(input, self.keep_whole)?;
+        self.convert_take(&take, &take_name(&path), model_outputs)
+    }
+
+    /// Writes the positions of a take, called `name`, as [`MarkerFileArgs::convert`] does.
+    ///
+    /// # Errors
+    /// Those of [`MarkerFileArgs::convert`].
+    pub fn convert_take(&self, take: &MarkerTake, name: &str, model_outputs: bool) -> Result<()> {
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         let mut positions = take.only_positions();
@@ -95,28 +103,28 @@ impl MarkerFileArgs {
             report_zeros(&positions)
         }
         if !model_outputs {
-            report_model_outputs(&take);
+            report_model_outputs(take);
         }
         // Columns alone stay as they are.
         let units = if take.points.is_empty() {
             Units::CM_Y
         } else {
-            let units = self.units.table_units(&take)?;
+            let units = self.units.table_units(take)?;
             let up = units.up.handed(self.left_handed);
             Units { up, ..units }
         };
-        let poses = positions.to_poses(units, self.rate(&take)?, &take_name(&path))?;
+        let poses = positions.to_poses(units, self.rate(take)?, name)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
         let carried = take.carried_rows();
         let mut added = carried.columns();
         if model_outputs {
-            added.extend(model_outputs::columns(&take));
+            added.extend(model_outputs::columns(take));
         }
         write_table(&self.out, [Units::CM_Y; 2], &table, xyz, &added, |frame| {
             let mut cells = carried.cells(frame);
             if model_outputs {
-                cells.extend(model_outputs::cells(&take, frame));
+                cells.extend(model_outputs::cells(take, frame));
             }
             cells
         })

@@ -34,6 +34,7 @@ mod hostile;
 mod in_memory;
 mod inbetween;
 mod json;
+mod keypoints;
 mod kinematics;
 mod label;
 mod leaks;

@@ -40,6 +40,7 @@ pub mod fbx;
 mod foreign_format;
 mod frame_times;
 pub mod input;
+pub mod keypoints;
 mod long_titles;
 pub mod marker_csv;
 mod marker_rows;

@@ -21,6 +21,8 @@ pub enum MotionFormat {
     PointTable,
     /// A row for each point in each frame, as CSV. It is read, and written as a pose table.
     LongTable,
+    /// JSON of OpenPose's or MediaPipe's keypoints. It is read, and written as CSV.
+    Keypoints,
     /// OpenSim's .mot and .sto: columns over time.
     OpenSim,
     /// BVH: a skeleton and its rotations.
@@ -47,6 +49,7 @@ names!(MotionFormat {
     NexusCsv = "Vicon Nexus CSV",
     PointTable = "points CSV",
     LongTable = "long CSV",
+    Keypoints = "keypoints JSON",
     OpenSim = "OpenSim",
     Bvh = "BVH",
     Amc = "AMC",
@@ -92,6 +95,7 @@ impl MotionFormat {
             _ if is("# AST") || is("# ASF") || is(":version") => MotionFormat::Asf,
             _ if is("PathFileT") => MotionFormat::Trc,
             _ if is("Format Ve") => MotionFormat::MotiveCsv,
+            _ if is_json(text) => MotionFormat::Keypoints,
             _ if is("NO_OF_FRA") || is("FILE_VERS") => MotionFormat::QualisysTsv,
             _ => match of_lines(text) {
                 Some(TextStart::OpenSim) => MotionFormat::OpenSim,
@@ -145,8 +149,9 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
             "is an OpenSim file (.mot, .sto), which holds columns and no points: csv2xyz makes a \
              table of them"
         }
-        MotionFormat::Csv if start.trim_ascii_start().starts_with(b"{") => {
-            "is a JSON file: save its positions as CSV, which csv2xyz reads"
+        MotionFormat::Keypoints => {
+            "is a JSON file: csv2xyz converts keypoints of OpenPose or MediaPipe, with the option \
+             `fps`; save other positions as CSV"
         }
         MotionFormat::Csv if is_binary(start) => {
             "is a binary file of no format that is read (the second byte of a C3D file is 0x50): \
@@ -161,6 +166,16 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
 /// around it are numbers, never text alone.
 pub(crate) fn is_c3d(start: &[u8]) -> bool {
     matches!(start, [_, 0x50, ..]) && is_binary(&start[..start.len().min(12)])
+}
+
+/// Whether a text that begins so is JSON, a list or an object: no title of a table is one.
+fn is_json(text: &[u8]) -> bool {
+    let mut letters = text.iter().copied().filter(|b| !b.is_ascii_whitespace());
+    match (letters.next(), letters.next()) {
+        (Some(b'{'), Some(b'"' | b'}')) => true,
+        (Some(b'['), Some(next)) => b"[]{\"-n".contains(&next) || next.is_ascii_digit(),
+        _ => false,
+    }
 }
 
 /// Whether these first bytes tell the format: no later ones would change it.

@@ -68,6 +68,10 @@ printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' ''
 for t in $(seq 0 99); do echo "$t,,0.$((100 + t)),1,2"; done >> motive.csv
 printf '%s\n' Trajectories 100 ',,Ann:A,,' 'Frame,Sub Frame,X,Y,Z' ',,mm,mm,mm' '1,0,1,2,3' '2,0,2,3,4' > nexus.csv
 printf '%s\n' A_x,A_y,A_z,A_error 1,2,3,.1 2,3,4,.1 > anipose.csv
+mkdir openpose; for t in 0 1; do
+  printf '{"people":[{"pose_keypoints_3d":[%s0,0,0,0]}]}' "$(seq -s, 96)," > openpose/walk_00000000000${t}_keypoints.json
+done
+printf '[{"pose_world_landmarks":[%s{"x":0,"y":-0.6,"z":0}]}]' "$(seq 32 | sed 's/.*/{"x":0.1,"y":-0.&,"z":0},/')" > mediapipe.json
 printf '%s\n' knee 'nRows=2' 'nColumns=2' 'inDegrees=yes' endheader 'time\tknee_angle' '0\t10' '0.01\t11' | sed 's/\\t/\t/' > angles.mot
 printf 'NO_OF_FRAMES\t1\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tA\n1\t0\t1\t2\t3\n' > qualisys.tsv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml

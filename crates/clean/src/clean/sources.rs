@@ -177,7 +177,7 @@ impl Jobs {
                 // Exports of one take in two formats.
                 let other = to
                     .map(OutputFormat::name)
-                    .or(is_fbx(&unpacked(&within)).then_some("bvh"));
+                    .or_else(|| becomes(&ending(&unpacked(&within))));
                 if let (Some(other), true) = (other, taken.contains(&output)) {
                     let name = name_of(&within);
                     output.set_file_name(format!("{}.{other}", name.display()));
@@ -282,20 +282,14 @@ fn is_result(path: &Path) -> bool {
 /// The format that the name of a result asks for, where it is another than that of the capture's
 /// name.
 fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
-    let extension = |path: &Path| {
-        let path = unpacked(path);
-        path.extension()
-            .map(|e| e.to_string_lossy().to_ascii_lowercase())
-    };
-    let (own, asked) = (extension(input), extension(output));
-    if asked.as_deref() == Some("fbx") {
-        let what = "FBX is read and not written; the result is BVH, so call it .bvh";
+    let [own, asked] = [input, output].map(|path| ending(&unpacked(path)));
+    if let Some(other) = becomes(&asked) {
+        let [read, made] = [&asked, other].map(str::to_uppercase);
+        let what =
+            format!("{read} is read and not written; the result is {made}, so call it .{other}");
         return Err(Error::data(Place::file(output.display().to_string()), what));
     }
-    let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
-        return Ok(None);
-    };
-    if is_fbx(&unpacked(input)) && asked == "bvh" {
+    if asked.is_empty() || asked == own || becomes(&own) == Some(&asked) {
         return Ok(None);
     }
     let format = OutputFormat::of_name(&asked);
@@ -310,19 +304,28 @@ fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
     }
 }
 
-/// Whether a file is called FBX, which is never written: its rotations become BVH.
-fn is_fbx(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("fbx"))
+/// The ending of a path, in small letters.
+fn ending(path: &Path) -> String {
+    let ending = path.extension().unwrap_or_default();
+    ending.to_string_lossy().to_ascii_lowercase()
+}
+
+/// The ending of what a file becomes whose ending, `own`, is that of a format which is not written.
+fn becomes(own: &str) -> Option<&'static str> {
+    match own {
+        "fbx" => Some("bvh"),
+        "json" => Some("csv"),
+        _ => None,
+    }
 }
 
 /// The path of a result of another format.
 fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
     let plain = unpacked(path);
-    match to {
-        Some(to) => plain.with_extension(to.name()),
-        None if is_fbx(&plain) => plain.with_extension("bvh"),
-        None => path.to_path_buf(),
+    match (to, becomes(&ending(&plain))) {
+        (Some(to), _) => plain.with_extension(to.name()),
+        (None, Some(other)) => plain.with_extension(other),
+        (None, None) => path.to_path_buf(),
     }
 }
 

@@ -133,14 +133,15 @@ names!(UpAxis {
 });
 
 impl UpAxis {
-    /// The axis of a word in a file, such as `+Z`. One that points down is none: programs write
-    /// `-Z` where z is up.
+    /// The axis of a word in a file, such as `+Z`, or in what is documented of it: `y down`. `-Z`
+    /// is none: programs write it where z is up.
     #[doc(hidden)]
     pub fn of_word(word: &str) -> Option<UpAxis> {
         Some(match word.trim().to_ascii_lowercase().as_str() {
             "+x" | "x" => UpAxis::X,
             "+y" | "y" => UpAxis::Y,
             "+z" | "z" => UpAxis::Z,
+            "y down" => UpAxis::MinusY,
             _ => return None,
         })
     }

@@ -32,7 +32,7 @@ use super::row::TableOptions;
 use super::table::Table;
 use super::table_archive::is_table;
 use super::zeros::empty_zeros;
-use super::{marker_csv, opensim, trc};
+use super::{keypoints, marker_csv, opensim, trc};
 use crate::pose::{
     JointAngles, JointChannels, LengthUnit, Poses, Units, UpAxis, joints, kinematics,
 };
@@ -216,6 +216,9 @@ impl MotionFile {
                 };
                 let original = Original::Text(bytes, Box::new(take.clone()));
                 of_markers(path, format, &take, original, options)
+            }
+            MotionFormat::Keypoints => {
+                of_made(path, format, keypoints::read(input()?, keep)?, options)
             }
             MotionFormat::LongTable => {
                 let take = marker_csv::read(input()?, None, keep)?;

@@ -51,7 +51,7 @@ impl ReadRules {
 }
 
 /// The words for formats: the last word of each format's name, or all of it.
-const FORMATS: [&str; 13] = [
+const FORMATS: [&str; 14] = [
     "c3d",
     "trc",
     "bvh",
@@ -61,6 +61,7 @@ const FORMATS: [&str; 13] = [
     "tsv",
     "npy",
     "npz",
+    "json",
     "motive-csv",
     "points-csv",
     "qualisys-tsv",

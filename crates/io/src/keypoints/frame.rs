@@ -1,0 +1,205 @@
+//! A frame of keypoints in any of the layouts.
+
+use super::layouts::Kind;
+use crate::Result;
+use serde_json::Value;
+
+const WORLD: [&str; 2] = ["poseworldlandmarks", "worldlandmarks"];
+const IN_PICTURES: [&str; 1] = ["poselandmarks"];
+const LANDMARKS: [&str; 3] = ["landmarks", "landmark", "keypoints"];
+const NUMBER: [&str; 5] = ["frame", "frameid", "frameidx", "frameindex", "framenumber"];
+const VISIBILITY: [&str; 3] = ["visibility", "score", "confidence"];
+
+/// What is said of points in the plane alone.
+pub(super) const PLANAR: &str = "has keypoints in two dimensions (x and y without z): positions in \
+                                 space are expected, as OpenPose's 3d and MediaPipe's \
+                                 pose_world_landmarks have them";
+
+/// A frame.
+#[derive(Debug, Default)]
+pub(super) struct Frame {
+    /// The number that it says.
+    pub number: Option<u64>,
+    /// The people that have points.
+    pub people: Vec<Person>,
+    /// What the points are.
+    pub kind: Kind,
+    /// Whether there are points in the plane alone.
+    pub is_planar: bool,
+    /// Whether there are hands or faces too.
+    pub has_more: bool,
+}
+
+/// A person in a frame.
+#[derive(Debug)]
+pub(super) struct Person {
+    /// The number by which it is known from frame to frame.
+    pub id: Option<u64>,
+    /// The positions, NaN where missing.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl Frame {
+    /// Reads a frame: null, a list of landmarks or of people's, or an object that has them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unfit`]: it is of no layout that is known, or only in the plane.
+    pub(super) fn read(value: &Value) -> Result<Frame> {
+        let landmarks = match value {
+            Value::Null => return Ok(Frame::default()),
+            Value::Object(_) => {
+                if let Some(people) = value.get("people").and_then(Value::as_array) {
+                    return Frame::of_openpose(value, people);
+                }
+                Frame::landmarks_in(value)?
+            }
+            list => Some((Kind::Landmarks, list)),
+        };
+        let mut frame = Frame {
+            number: number(value),
+            ..Frame::default()
+        };
+        if let Some((kind, list)) = landmarks {
+            frame.people = people(list)?;
+            frame.kind = kind;
+        }
+        Ok(frame)
+    }
+
+    /// The landmarks of an object; `None`: nobody was found in the frame.
+    fn landmarks_in(value: &Value) -> Result<Option<(Kind, &Value)>> {
+        let found = |keys: &[&str]| field(value, keys).map(|list| (list, !is_empty(list)));
+        match (found(&WORLD), found(&LANDMARKS), found(&IN_PICTURES)) {
+            (Some((world, true)), ..) => Ok(Some((Kind::World, world))),
+            (_, Some((list, true)), _) => Ok(Some((Kind::Landmarks, list))),
+            (None, None, Some((_, true))) => Err(
+                "has pose_landmarks alone, whose x and y are parts of the picture's width and \
+                 height: dump pose_world_landmarks, which are positions in space"
+                    .into(),
+            ),
+            (None, None, None) => Err(
+                "has keypoints of no layout that is read (OpenPose's people, \
+                                       MediaPipe's pose_world_landmarks or lists of 33 landmarks): \
+                                       save its positions as CSV, which csv2xyz reads"
+                    .into(),
+            ),
+            _ => Ok(None),
+        }
+    }
+
+    fn of_openpose(value: &Value, people: &[Value]) -> Result<Frame> {
+        let mut frame = Frame {
+            number: number(value),
+            kind: Kind::OpenPose,
+            ..Frame::default()
+        };
+        let is_filled = |list: Option<&Value>| list.is_some_and(|list| !is_empty(list));
+        for person in people {
+            let flat = ["pose_keypoints_2d", "pose_keypoints"];
+            frame.is_planar |= flat.iter().any(|key| is_filled(person.get(key)));
+            let others = ["face", "hand_left", "hand_right"];
+            let others = others.map(|part| person.get(format!("{part}_keypoints_3d")));
+            frame.has_more |= others.into_iter().any(is_filled);
+            let numbers = person.get("pose_keypoints_3d").and_then(Value::as_array);
+            let Some(numbers) = numbers.filter(|numbers| !numbers.is_empty()) else {
+                continue;
+            };
+            let (points, rest) = numbers.as_chunks::<4>();
+            let point = |four: &[Value; 4]| {
+                let [x, y, z, c] = four.each_ref().map(Value::as_f64);
+                let is_seen = c.is_some_and(|c| c != 0.0);
+                [x, y, z].map(|v| v.filter(|_| is_seen).unwrap_or(f64::NAN))
+            };
+            if !rest.is_empty() {
+                return Err("has pose_keypoints_3d that are not four numbers a point".into());
+            }
+            // An id is a list of one number, -1 where people are not tracked.
+            let id = person.get("person_id").map(|id| id.get(0).unwrap_or(id));
+            frame.people.push(Person {
+                id: id.and_then(Value::as_u64),
+                points: points.iter().map(point).collect(),
+            });
+        }
+        Ok(frame)
+    }
+}
+
+/// Whether this is a point: an object with x, or a list of numbers.
+fn is_point(value: &Value) -> bool {
+    match value {
+        Value::Object(_) => value.get("x").is_some(),
+        Value::Array(list) => list.first().is_some_and(Value::is_number),
+        _ => false,
+    }
+}
+
+/// The people of a list of landmarks, or of a list of such lists.
+fn people(list: &Value) -> Result<Vec<Person>> {
+    let each = unwrapped(list).as_array().map_or(&[][..], Vec::as_slice);
+    let is_one = each.first().is_none_or(is_point);
+    let each = if is_one {
+        std::slice::from_ref(list)
+    } else {
+        each
+    };
+    let person = |list: &Value| {
+        let points = unwrapped(list)
+            .as_array()
+            .ok_or("has landmarks that are no list")?;
+        let points = points.iter().map(landmark).collect::<Result<_>>()?;
+        Ok(Person { id: None, points })
+    };
+    let each = each.iter().filter(|list| !is_empty(unwrapped(list)));
+    each.map(person).collect()
+}
+
+/// The list of landmarks in an object that only holds it.
+fn unwrapped(list: &Value) -> &Value {
+    field(list, &["landmark", "landmarks"]).unwrap_or(list)
+}
+
+/// The position of a landmark.
+fn landmark(value: &Value) -> Result<[f64; 3]> {
+    let number = |at: usize, keys: &[&str]| match value {
+        Value::Array(list) => list.get(at),
+        _ => field(value, keys),
+    };
+    let [x, y, z] = [["x"], ["y"], ["z"]];
+    let [x, y, z] = [(0, x), (1, y), (2, z)].map(|(at, key)| number(at, &key));
+    if x.is_some() && z.is_none() {
+        return Err(PLANAR.into());
+    }
+    let is_hidden = number(3, &VISIBILITY).and_then(Value::as_f64) == Some(0.0);
+    let position = [x, y, z].map(|v| v.and_then(Value::as_f64).unwrap_or(f64::NAN));
+    match value {
+        Value::Null => Ok([f64::NAN; 3]),
+        _ if !is_point(value) && x.is_none() => Err("has landmarks without x, y, z".into()),
+        _ if is_hidden => Ok([f64::NAN; 3]),
+        _ => Ok(position),
+    }
+}
+
+/// The number of a frame.
+fn number(value: &Value) -> Option<u64> {
+    field(value, &NUMBER).and_then(Value::as_u64)
+}
+
+fn is_empty(value: &Value) -> bool {
+    match value {
+        Value::Null => true,
+        Value::Array(list) => list.is_empty(),
+        Value::Object(fields) => fields.is_empty(),
+        _ => false,
+    }
+}
+
+/// The field of one of these names; theirs are in small letters, without what parts words.
+pub(super) fn field<'a>(value: &'a Value, keys: &[&str]) -> Option<&'a Value> {
+    let fields = value.as_object()?;
+    let is_it = |name: &str| {
+        let letters = name.chars().filter(char::is_ascii_alphanumeric);
+        let plain: String = letters.map(|c| c.to_ascii_lowercase()).collect();
+        keys.contains(&plain.as_str())
+    };
+    fields.iter().find(|(name, _)| is_it(name)).map(|(_, v)| v)
+}

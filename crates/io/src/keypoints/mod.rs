@@ -1,0 +1,19 @@
+//! Keypoints of pose estimators as JSON: OpenPose's `--write_json`, a frame per file, and lists of
+//! MediaPipe's landmarks as scripts dump them, a take per file.
+//!
+//! Positions in space are read: `pose_keypoints_3d`, whose points with a confidence of 0 are
+//! missing, and `pose_world_landmarks`. By MediaPipe's documentation these are in meters, their
+//! origin is the middle of the hips, and z grows away from the camera; x and y go with the
+//! picture's, y down. OpenPose documents neither unit nor axis.
+
+mod file;
+mod folder;
+mod frame;
+mod frames;
+mod layouts;
+
+pub use file::read;
+pub use folder::read_folder;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,286 @@
+use super::{read, read_folder};
+use crate::{Input, MarkerTake, Result};
+use serde_json::{Value, json};
+use std::fs;
+
+fn take_of(text: &str, keep_whole: bool) -> Result<MarkerTake> {
+    let bytes = std::io::Cursor::new(text.as_bytes().to_vec());
+    read(Input::new("x.json", bytes)?, keep_whole)
+}
+
+fn take(value: &Value) -> Result<MarkerTake> {
+    take_of(&value.to_string(), false)
+}
+
+fn fails(text: &str, part: &str) {
+    let said = take_of(text, false).unwrap_err().to_string();
+    assert!(said.contains(part), "{said}");
+    assert!(!said.contains('\n'), "{said}");
+}
+
+/// A coordinate of a point in a frame.
+fn at(t: usize, p: usize, c: usize) -> f64 {
+    (t * 100 + p) as f64 * 0.125 - c as f64
+}
+
+/// MediaPipe's landmarks in a frame.
+fn landmarks(t: usize) -> Value {
+    let one = |p| json!({"x": at(t, p, 0), "y": at(t, p, 1), "z": at(t, p, 2), "visibility": 0.5});
+    (0..33).map(one).collect()
+}
+
+/// A person of OpenPose's in a frame.
+fn person(t: usize, points: usize, id: i64) -> Value {
+    let numbers = (0..points).flat_map(|p| [at(t, p, 0), at(t, p, 1), at(t, p, 2), 1.0]);
+    json!({"person_id": [id], "pose_keypoints_3d": numbers.collect::<Vec<_>>()})
+}
+
+#[test]
+fn landmarks_are_the_same_in_every_layout() {
+    let numbers = |t| -> Value {
+        let one = |p| json!([at(t, p, 0), at(t, p, 1), at(t, p, 2), 0.5]);
+        (0..33).map(one).collect()
+    };
+    let every: [&dyn Fn(usize) -> Value; 7] = [
+        &landmarks,
+        &numbers,
+        &|t| json!([landmarks(t)]),
+        &|t| json!({"landmark": landmarks(t)}),
+        &|t| json!({"pose_world_landmarks": landmarks(t), "pose_landmarks": [[0.5]]}),
+        &|t| json!({"frame": t, "poseWorldLandmarks": {"landmark": landmarks(t)}}),
+        &|t| json!({"worldLandmarks": [landmarks(t)], "landmarks": [[{"x": 0.1}]]}),
+    ];
+    for (i, layout) in every.into_iter().enumerate() {
+        let frames: Vec<Value> = (0..3).map(layout).collect();
+        for value in [
+            json!(frames),
+            json!({"version": 1, "frames": frames, "fps": 25}),
+        ] {
+            let read = take(&value).unwrap();
+            assert_eq!((read.points.len(), &*read.points[25]), (33, "left_knee"));
+            let same = |((t, c), v): ((usize, usize), &f64)| *v == at(t, c / 3, c % 3);
+            assert!(read.xyz.indexed_iter().all(same), "layout {i}");
+            assert_eq!((read.xyz.nrows(), read.first_frame), (3, 1));
+            assert_eq!(read.rate, value.is_object().then_some(25.0));
+            let said = (read.units.as_deref(), read.up.as_deref());
+            let is_world = i > 3;
+            assert_eq!(
+                said,
+                if is_world {
+                    (Some("m"), Some("y down"))
+                } else {
+                    (None, None)
+                }
+            );
+            assert_eq!(read.up_axis().is_some(), is_world);
+            assert_eq!(read.notes.len(), usize::from(is_world));
+        }
+        // A file that is one frame.
+        if i > 2 {
+            assert_eq!(
+                take(&layout(2)).unwrap().xyz[[0, 3]],
+                at(2, 1, 0),
+                "layout {i}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_hidden_or_nobody_is_missing_and_no_frame_is_lost() {
+    let mut hidden = landmarks(1);
+    hidden[4]["visibility"] = json!(0);
+    hidden[5] = Value::Null;
+    hidden[6]["y"] = Value::Null;
+    let read = take(&json!([landmarks(0), hidden, null, [], {"landmarks": null}, landmarks(5)]));
+    let read = read.unwrap();
+    assert_eq!(read.xyz.nrows(), 6);
+    let missing = |t: usize| read.xyz.row(t).iter().filter(|v| v.is_nan()).count();
+    assert_eq!([0, 1, 2, 3, 4, 5].map(missing), [0, 7, 99, 99, 99, 0]);
+    // Frames that are left out by their numbers.
+    let numbered = |t: usize| json!({"frame_idx": t, "pose_world_landmarks": landmarks(t)});
+    let read = take(&json!([numbered(3), numbered(5)])).unwrap();
+    assert_eq!((read.xyz.nrows(), read.first_frame), (3, 4));
+    assert!(read.xyz.row(1).iter().all(|v| v.is_nan()));
+    assert!(read.notes[1].contains("leaves out the numbers of 1 frames"));
+    fails(
+        &json!([numbered(5), numbered(3)]).to_string(),
+        "frame 2: frame 3 follows frame 5",
+    );
+    let far = json!([numbered(0), {"frame": 1_u64 << 60, "worldLandmarks": landmarks(0)}]);
+    fails(&far.to_string(), "too large for the number of a frame");
+    let far = json!([numbered(0), {"frame": 900_000, "worldLandmarks": landmarks(0)}]);
+    fails(&far.to_string(), "only 66 points in all rows");
+}
+
+#[test]
+fn people_are_told_apart_by_their_ids() {
+    let frame = |people: &[Value]| json!({"version": 1.3, "people": people});
+    for (points, name) in [(25, "RHeel"), (18, "LEar")] {
+        let mut one = person(0, points, -1);
+        one["pose_keypoints_3d"][3] = json!(0);
+        let read = take(&json!([frame(&[one]), frame(&[])])).unwrap();
+        assert_eq!(
+            (read.points.len(), &**read.points.last().unwrap()),
+            (points, name)
+        );
+        assert_eq!((read.units, read.up), (None, None));
+        assert_eq!(
+            read.xyz.iter().filter(|v| !v.is_nan()).count(),
+            3 * (points - 1)
+        );
+    }
+    let both = [person(0, 25, 4), person(9, 25, 7)];
+    let second = frame(&[person(1, 25, 7)]);
+    let read = take(&json!([frame(&both), second])).unwrap();
+    assert_eq!((read.points.len(), &*read.points[25]), (50, "person7:Nose"));
+    assert_eq!(
+        (read.xyz[[0, 75]], read.xyz[[1, 75]]),
+        (at(9, 0, 0), at(1, 0, 0))
+    );
+    assert!(read.xyz[[1, 0]].is_nan());
+    let nameless = frame(&[person(0, 25, -1), person(1, 25, -1)]);
+    fails(
+        &json!([nameless]).to_string(),
+        "frame 1: has 2 people without numbers",
+    );
+    fails(
+        &json!([[landmarks(0), landmarks(1)]]).to_string(),
+        "num_poses=1",
+    );
+    let twice = frame(&[person(0, 25, 1), person(1, 25, 1)]);
+    fails(&json!([twice]).to_string(), "has a person_id twice");
+    let other = json!([frame(&[person(0, 25, 0)]), frame(&[person(0, 18, 0)])]);
+    fails(
+        &other.to_string(),
+        "frame 2: has 18 keypoints, those before 25",
+    );
+    fails(
+        &frame(&[person(0, 15, 0)]).to_string(),
+        "expected BODY_25 (25) or COCO (18)",
+    );
+    let other = json!([frame(&[person(0, 25, 0)]), landmarks(0)]);
+    fails(&other.to_string(), "those before 25");
+    let odd = json!({"people": [{"pose_keypoints_3d": [1, 2, 3]}]});
+    fails(&odd.to_string(), "not four numbers a point");
+    // Hands are told.
+    let mut hands = person(0, 25, 0);
+    hands["hand_left_keypoints_3d"] = json!([1, 2, 3, 1]);
+    assert!(take(&frame(&[hands])).unwrap().notes[0].contains("hands and faces"));
+}
+
+#[test]
+fn what_is_not_in_space_is_refused_or_told() {
+    let flat = json!({"people": [{"pose_keypoints_2d": [1, 2, 0.5], "pose_keypoints_3d": []}]});
+    fails(&flat.to_string(), "x.json: has keypoints in two dimensions");
+    let flat: Value = (0..33)
+        .map(|p| json!({"x": p, "y": p, "visibility": 1}))
+        .collect();
+    fails(
+        &json!([{"frame_id": 0, "keypoints": flat}]).to_string(),
+        "in two dimensions",
+    );
+    let picture = json!([{"pose_landmarks": landmarks(0)}]).to_string();
+    fails(&picture, "frame 1: has pose_landmarks alone");
+    let inside: Value = (0..33)
+        .map(|p| json!([p as f64 / 40.0, 0.5, -0.1]))
+        .collect();
+    let read = take(&json!([inside])).unwrap();
+    assert!(
+        read.notes[0].contains("picture's width"),
+        "{:?}",
+        read.notes
+    );
+}
+
+#[test]
+fn hostile_texts_end_with_one_line() {
+    fails("[]", "nobody's keypoints");
+    fails("{\"a\": 1}", "no layout that is read");
+    fails("[3]", "frame 1: has landmarks that are no list");
+    fails("[[3, 4]]", "frame 1: has landmarks");
+    fails("[{\"frame\": 3}]", "no layout that is read");
+    fails(
+        "[[{\"x\": 1, \"y\": 2, \"z\": 3}]]",
+        "has 1 keypoints, expected MediaPipe's 33",
+    );
+    fails("[\n[{\"x\": NaN}]]", "x.json:2: is no JSON");
+    fails("{\"frames\": \"many\"}", "expected frames of keypoints");
+    fails("[null] [null]", "trailing characters");
+    fails(&"[".repeat(100_000), "ends early");
+    let deep = format!("[{}{}]", "[".repeat(9000), "]".repeat(9000));
+    fails(&deep, "frame 1: is no frame: recursion limit");
+    let large = format!("[[{}0]]", "0,".repeat(1 << 21));
+    fails(&large, "bytes of a frame");
+    let bytes = std::io::Cursor::new(b"[\n\"\xff\"]".to_vec());
+    let said = read(Input::new("x.json", bytes).unwrap(), false).unwrap_err();
+    assert!(said.to_string().starts_with("x.json: is no UTF-8"));
+}
+
+#[test]
+fn a_file_that_ends_early_gives_its_whole_frames_where_asked() {
+    let frames: Vec<Value> = (0..3).map(landmarks).collect();
+    for whole in [
+        json!(frames).to_string(),
+        json!({"frames": frames}).to_string(),
+    ] {
+        let cut = &whole[..whole.len() - 300];
+        fails(
+            cut,
+            "ends early, within its JSON; of a list of frames, the option `keep_whole`",
+        );
+        let read = take_of(cut, true).unwrap();
+        assert_eq!((read.xyz.nrows(), read.notes.len()), (2, 1));
+        assert_eq!(read.xyz, take(&json!(frames[..2])).unwrap().xyz);
+        // What is whole is read alike.
+        assert_eq!(
+            take_of(&whole, true).unwrap(),
+            take_of(&whole, false).unwrap()
+        );
+        // Any cut is one line, never a panic.
+        for end in (0..whole.len()).step_by(97) {
+            let _one_line = take_of(&whole[..end], true).map_err(|e| e.to_string());
+        }
+    }
+}
+
+#[test]
+fn a_folder_has_a_frame_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let write = |name: &str, value: &Value| fs::write(path.join(name), value.to_string()).unwrap();
+    assert!(
+        read_folder(path)
+            .unwrap_err()
+            .to_string()
+            .contains("is a directory")
+    );
+    let frame = |t| json!({"people": [person(t, 25, -1)]});
+    for t in [9, 10, 12] {
+        write(&format!("walk_{t:012}_keypoints.json"), &frame(t));
+    }
+    write("about.json", &json!({}));
+    let read = read_folder(path).unwrap();
+    assert_eq!((read.xyz.nrows(), read.first_frame), (4, 10));
+    assert_eq!(
+        [0, 1, 3].map(|t| read.xyz[[t, 0]]),
+        [9, 10, 12].map(|t| at(t, 0, 0))
+    );
+    assert!(read.xyz.row(2).iter().all(|v| v.is_nan()));
+    assert!(
+        read.notes[0].contains("leaves out 1 files"),
+        "{:?}",
+        read.notes
+    );
+    // A fault names the file.
+    fs::write(path.join("walk_11_keypoints.json"), "{\"people\": [").unwrap();
+    let said = read_folder(path).unwrap_err().to_string();
+    assert!(
+        said.contains("walk_11_keypoints.json:1: ends early"),
+        "{said}"
+    );
+    fs::remove_file(path.join("walk_11_keypoints.json")).unwrap();
+    write("run_000000000001_keypoints.json", &frame(1));
+    let said = read_folder(path).unwrap_err().to_string();
+    assert!(said.contains("several takes, run and walk"), "{said}");
+}
