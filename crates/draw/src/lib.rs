@@ -3,8 +3,8 @@
 //! Drawings: figures as SVG, pages that play takes and meshes, pages of text.
 //!
 //! [`figure`] draws poses side by side as SVG; [`player`] writes one HTML page without other files
-//! that plays takes, with what happened to each point in time; [`scene`] and [`mesh_scene`] are
-//! what the pages show.
+//! that plays takes, with what happened to each point in time; [`scene`], [`pair`] and
+//! [`mesh_scene`] are what the pages show.
 //!
 //! ```
 //! use ndarray::array;
@@ -31,6 +31,7 @@ pub mod href;
 pub mod html;
 pub mod mesh_scene;
 pub mod mesh_sequences;
+pub mod pair;
 #[doc(hidden)]
 pub mod plain_page;
 pub mod player;

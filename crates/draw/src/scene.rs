@@ -3,6 +3,7 @@
 //! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same
 //! [`Scene`].
 
+use crate::pair::{Paired, TakePair};
 pub use crate::pose::FillMethod;
 use crate::pose::Poses;
 pub use crate::pose::Status;
@@ -99,9 +100,36 @@ pub struct Scene<'a> {
     pub table: Option<Table>,
     /// The credit line for the data, at the end.
     pub credit: Option<&'a str>,
+    /// The two takes that the figures are, to be compared: each has its own bones.
+    pub pair: Option<&'a TakePair>,
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    /// The scene of two takes, on `runs` of their timeline: those of [`pair_runs`].
+    pub fn of_pair(pair: &'a TakePair, runs: &'a [Run<'a>]) -> Scene<'a> {
+        let figure = |take: &'a Paired| Figure {
+            name: &take.name,
+            xyz: take.xyz.view(),
+            status: take.status.as_ref().map(|s| s.view()),
+            sd: take.sd.as_ref().map(|sd| sd.view()),
+            method: take.method.as_ref().map(|m| m.view()),
+        };
+        Scene {
+            points: &pair.points,
+            rate: runs.first().map_or(1.0, |run| run.rate),
+            figures: pair.takes.iter().map(figure).collect(),
+            runs,
+            pair: Some(pair),
+            ..Scene::default()
+        }
+    }
+
+    /// The pairs of points to join of a figure.
+    pub(crate) fn bones_of(&self, figure: usize) -> &'a [(usize, usize)] {
+        let own = self.pair.and_then(|pair| pair.takes.get(figure));
+        own.map_or(self.bones, |take| &take.bones)
+    }
+
     /// The number of frames (0 without figures).
     pub fn frames(&self) -> usize {
         self.figures.first().map_or(0, |figure| figure.xyz.nrows())
@@ -218,6 +246,17 @@ pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
     };
     let runs = poses.timed_runs(&poses.rates());
     runs.into_iter().map(run).collect()
+}
+
+/// The runs of two takes.
+pub fn pair_runs(pair: &TakePair) -> Vec<Run<'_>> {
+    let runs = pair.runs.iter().map(|run| Run {
+        name: &run.name,
+        first: run.first,
+        time: run.time,
+        rate: run.rate,
+    });
+    runs.collect()
 }
 
 #[cfg(test)]

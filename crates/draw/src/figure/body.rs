@@ -105,7 +105,7 @@ impl Picture<'_, '_> {
             .min(3);
         let thick = (scale * 2.4).clamp(1.4, 7.0) * (1.0 + 0.5 * above as f64);
         let mut parts: Vec<(f64, String)> = Vec::new();
-        for bone in self.scene.bones {
+        for bone in self.scene.bones_of(figure) {
             let (Some(a), Some(b)) = (seen[bone.0], seen[bone.1]) else {
                 continue;
             };

@@ -85,12 +85,13 @@ function tell() {
   part("strips").style.setProperty("--at", state.frame / Math.max(1, frames - 1));
   const several = scene.runs.length > 1 && take;
   part("clock").replaceChildren(
-    time.toFixed(3) + " s ", make("small", "", `frame ${number}${several ? " · " + take : ""}`));
+    time.toFixed(3) + " s ", make("small", "", ownFrames(state.frame) || `frame ${number}${several ? " · " + take : ""}`));
   part("clock").title = several ? take : "";
   for (const panel of panels) {
-    const gone = figures[panel.figures[0]].counts[state.frame * 6 + MISSING];
-    panel.missing.textContent = gone ? `${gone} of ${points} missing` : figures[panel.figures[0]].note;
+    const { counts, count, note } = figures[panel.figures[0]], gone = counts[state.frame * 6 + MISSING];
+    panel.missing.textContent = gone ? `${gone} of ${count} missing` : note;
   }
+  tellPair();
   tellCurves();
   keepHover();
 }
@@ -143,6 +144,7 @@ function tip() {
 }
 
 function readOwnLink(link) {
+  if (link.has("beside") && scene.pair && state.overlay) actions.overlay();
   if (scene.points.includes(link.get("trail"))) setTrail(scene.points.indexOf(link.get("trail")));
 }
 
@@ -156,7 +158,8 @@ function start() {
   });
   part("trail").addEventListener("change", event => setTrail(+event.target.value));
   makeStrips();
+  makePair();
   makeCurves();
-  startPlayback(() => { readInk(); strips.forEach(([canvas, f]) => drawStrip(canvas, f)); staleCurves(); ask(); });
+  startPlayback(() => { readInk(); strips.forEach(([canvas, f]) => drawStrip(canvas, f)); drawApart(); staleCurves(); ask(); });
 }
 start();

@@ -241,7 +241,7 @@ function makeSigns() {
   if (sd && (has[INFERRED] || has[1])) sign("block faint", has[INFERRED] ? "inferred" : "changed", "± 2 sd");
   if (has[3]) sign("cross", "rejected", "rejected");
   if (has[MISSING]) sign("block faint", "missing", "missing");
-  if (figures.length > 1) sign("line solid", "behind", "the others");
+  if (figures.length > 1) sign("line solid", "behind", scene.pair ? figures[1 - curves.figure].name : "the others");
   part("signs").replaceChildren(...signs);
 }
 
@@ -263,7 +263,7 @@ function makeCurves() {
   seek(part("plot"), share => curves.from + share * (curves.to - curves.from));
   const first = test => figures.findIndex(figure => test(figure.has));
   chooseFigure([first(has => has[INFERRED] || has[1]), first(has => has[MISSING]), 0].find(f => f >= 0));
-  chooseJoint((gaps.list.find(gap => gap.frames < frames) || { point: 0 }).point);
+  chooseJoint((apart.list[0] || gaps.list.find(gap => gap.frames < frames) || { point: 0 }).point);
 }
 
 /** After each frame: the line at the time, and what is there. */
@@ -275,5 +275,5 @@ function tellCurves() {
   part("curves").style.setProperty("--at", (state.frame - curves.from) / Math.max(1, curves.to - curves.from));
   const place = [...xyz.subarray(3 * i, 3 * i + 3)].map((v, c) => "xyz"[c] + " " + v.toFixed(1)).join("  ");
   const said = has.slice(1).some(Boolean) ? account(curves.figure, i) : "";
-  part("reading").replaceChildren(make("div", "", status[i] === MISSING ? "–" : place + " cm"), make("div", "", said));
+  part("reading").replaceChildren(make("div", "", Number.isNaN(xyz[3 * i]) ? "–" : place + " cm"), make("div", "", said));
 }

@@ -5,6 +5,7 @@
 //! points that were changed, filled or rejected are there: run lengths of frames without and with
 //! one in turn, point by point, and base64 of 16-bit numbers.
 
+use crate::pair::{PointDifference, TakePair};
 use crate::scene::{FillMethod, Scene, Status};
 use crate::scene_geometry::{SceneGeometry, Side};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -57,6 +58,7 @@ pub(crate) fn embedded(
         "size": rounded(geometry.size),
         "azimuth": rounded(geometry.azimuth()),
         "runs": runs(scene, kept.len(), every),
+        "pair": scene.pair.map(|pair| embedded_pair(pair, kept, every)),
         "figures": figures,
     })
 }
@@ -115,6 +117,32 @@ fn embedded_figure(
         "method": of.method.map(|m| methods(m, kept)),
         "sd": of.sd.map(|sd| deviations(points.len(), kept, |t, p| stated(sd[[t, p]], t, p))),
     })
+}
+
+/// What the script reads of two takes: of each its bones, the points that it has and its own frames
+/// (null where these are those of the page), and the differences in centimeters.
+fn embedded_pair(pair: &TakePair, kept: &[usize], every: usize) -> Value {
+    let takes = pair.takes.iter().map(|take| {
+        let frames = kept.iter().map(|t| take.frames[*t]);
+        json!({
+            "bones": take.bones,
+            "has": take.has,
+            "frames": (!pair.is_frame_by_frame).then(|| frames.collect::<Vec<_>>()),
+        })
+    });
+    let differences = pair.differences.as_ref().map(|told| {
+        let of_frame = |t: &usize| {
+            told.frames[*t].map(|d| json!([rounded(d.rms), rounded(d.largest), d.point]))
+        };
+        let of_point = |d: &PointDifference| {
+            json!([d.point, rounded(d.rms), rounded(d.largest), d.frame / every])
+        };
+        json!({
+            "frames": kept.iter().map(of_frame).collect::<Value>(),
+            "points": told.points.iter().map(of_point).collect::<Value>(),
+        })
+    });
+    json!({ "takes": takes.collect::<Value>(), "differences": differences })
 }
 
 /// Run lengths of how each point was filled: 0 where it was not, else 1 more than the index in

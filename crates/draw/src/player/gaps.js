@@ -1,7 +1,8 @@
 
-// The body of `player(root, scene)`, of poses: the list of the gaps of the figure whose curves are shown.
+// The body of `player(root, scene)`, of poses: lists of rows to click, and that of the gaps of the figure whose curves are shown.
 
-const gaps = { list: [], by: "Length", down: true };
+/** A list: its items, what it is sorted by, the section that it stands in, its columns, and where a row leads. */
+const gaps = { list: [], by: "Length", down: true, section: "gaps", columns: gapColumns, go: goToGap };
 /** More rows than anyone reads make the page slow. */
 const LISTED = 300;
 /** How long before a gap its row leads to, seconds. */
@@ -22,15 +23,15 @@ function gapColumns() {
   ].filter(Boolean);
 }
 
-function sortGaps() {
-  const value = gapColumns().find(([name]) => name === gaps.by)?.[1] || (gap => gap.seconds), sign = gaps.down ? -1 : 1;
+function sortRows({ list, by, down, columns }) {
+  const value = columns().find(([name]) => name === by)?.[1] || (item => item.seconds), sign = down ? -1 : 1;
   // What has no number comes last either way; equals are in the order of time.
   const compare = (a, b) => {
     const [u, v] = [value(a), value(b)];
     if (typeof u === "string") return sign * u.localeCompare(v, undefined, { numeric: true });
     return Number.isNaN(u) || Number.isNaN(v) ? Number.isNaN(u) - Number.isNaN(v) : sign * (u - v);
   };
-  gaps.list.sort((a, b) => compare(a, b) || a.first - b.first || a.point - b.point);
+  list.sort((a, b) => compare(a, b) || a.first - b.first || a.point - b.point);
 }
 
 function makeGaps() {
@@ -39,22 +40,22 @@ function makeGaps() {
   const count = gaps.list.length;
   part("gaps").querySelector("h2").textContent =
     `${count} ${count === 1 ? "gap" : "gaps"}` + (figures.length > 1 ? " in " + figures[curves.figure].name : "");
-  fillRows();
+  fillRows(gaps);
 }
 
-function fillRows() {
-  sortGaps();
-  const columns = gapColumns(), table = part("rows").firstChild, head = make("tr");
+function fillRows(listed) {
+  sortRows(listed);
+  const columns = listed.columns(), section = part(listed.section), table = section.querySelector("table"), head = make("tr");
   for (const [name, , , kind] of columns) {
-    const cell = make("th", kind), button = make("button", "", name), chosen = gaps.by === name;
+    const cell = make("th", kind), button = make("button", "", name), chosen = listed.by === name;
     cell.scope = "col";
-    if (chosen) cell.setAttribute("aria-sort", gaps.down ? "descending" : "ascending");
+    if (chosen) cell.setAttribute("aria-sort", listed.down ? "descending" : "ascending");
     button.title = "Sort";
     press(button, () => {
-      // Long and unsure gaps come first, names and times in their order.
-      gaps.down = chosen ? !gaps.down : /^(Length|Frames|sd)/.test(name);
-      gaps.by = name;
-      fillRows();
+      // What is long, unsure or far apart comes first, names and times in their order.
+      listed.down = chosen ? !listed.down : /^(Length|Frames|sd|Largest|RMS)/.test(name);
+      listed.by = name;
+      fillRows(listed);
       const again = [...table.tHead.querySelectorAll("button")].find(b => b.textContent === name);
       again.focus();
     });
@@ -62,25 +63,25 @@ function fillRows() {
     head.append(cell);
   }
   table.tHead.replaceChildren(head);
-  table.tBodies[0].replaceChildren(...gaps.list.slice(0, LISTED).map((gap, i) => rowOf(gap, columns, i)));
-  const more = gaps.list.length - LISTED;
-  part("rest").textContent = more > 0 ? `${more} more are not listed; sort by another column to see others.` : "";
+  table.tBodies[0].replaceChildren(...listed.list.slice(0, LISTED).map((item, i) => rowOf(item, columns, i, listed.go)));
+  const more = listed.list.length - LISTED;
+  section.querySelector(".rest").textContent = more > 0 ? `${more} more are not listed; sort by another column to see others.` : "";
 }
 
 /** A row: one of its buttons can be reached with tab, the others with the arrows from there. */
-function rowOf(gap, columns, i) {
+function rowOf(item, columns, i, go) {
   const row = make("tr");
   columns.forEach(([, value, text = String, kind], c) => {
     const cell = make("td", kind);
-    if (c) cell.textContent = text(value(gap));
+    if (c) cell.textContent = text(value(item));
     else {
-      const button = make("button", "", text(value(gap)));
+      const button = make("button", "", text(value(item)));
       button.tabIndex = i ? -1 : 0;
       cell.append(button);
     }
     row.append(cell);
   });
-  press(row, () => { mark(row); goToGap(gap); });
+  press(row, () => { mark(row); go(item); });
   row.addEventListener("keydown", event => {
     const next = { ArrowDown: row.nextSibling, ArrowUp: row.previousSibling }[event.key];
     if (!(event.key === "ArrowDown" || event.key === "ArrowUp")) return;

@@ -23,9 +23,12 @@ const KEYS: &str = include_str!("keys.html");
 const LINKS: &str = include_str!("links.html");
 const TRAIL: &str = include_str!("trail.html");
 const CURVES: &str = include_str!("curves.html");
+const DIFFERENCES: &str = include_str!("differences.html");
 /// What the list of keys and links says of poses alone.
 const OWN_KEYS: &str = "<dt>hover, click</dt><dd>name a point; leave its trail</dd>";
 const OWN_LINKS: &str = "<code>&amp;trail=NAME</code>, ";
+/// What they say of two takes, which begin over each other.
+const PAIR_LINKS: &str = "<code>&amp;beside</code>, <code>&amp;trail=NAME</code>, ";
 /// What it says of curves, which a player in a report has not.
 const CURVE_KEYS: &str = "<dt>click, drag in curves</dt><dd>go to that time</dd>";
 const PAGE_STYLE: &str = concat!(
@@ -61,7 +64,12 @@ pub static SCRIPT: LazyLock<String> = LazyLock::new(|| {
 /// [`Error::Usage`]: a rate that is not above 0, a bone without its points, figures of different
 /// shapes, runs out of order; `every` is 0.
 pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
-    let (player, remarks) = player_and_remarks(scene, every, " data-alone", CURVES)?;
+    let (differences, links) = match scene.pair {
+        Some(_) => (DIFFERENCES, PAIR_LINKS),
+        None => ("", OWN_LINKS),
+    };
+    let below = format!("{CURVES}{differences}");
+    let (player, remarks) = player_and_remarks(scene, every, " data-alone", &below)?;
     Ok(whole_page(&Page {
         title: scene.title,
         note: scene.note,
@@ -70,7 +78,7 @@ pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
         player: &player,
         remarks: &remarks,
         keys: &format!("{OWN_KEYS}\n{CURVE_KEYS}"),
-        links: OWN_LINKS,
+        links,
         style: PAGE_STYLE,
         script: &SCRIPT,
     }))
@@ -165,6 +173,7 @@ fn player_and_remarks(
 /// Remarks on frames left out and on flat figures.
 fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) -> String {
     let mut remarks = Vec::new();
+    remarks.extend(scene.pair.iter().flat_map(|pair| pair.remarks.clone()));
     remarks.extend(frames_left_out(every, scene.frames()));
     for (figure, of) in scene.figures.iter().enumerate() {
         let flat = geometry.flat_axes(figure);

@@ -20,8 +20,10 @@ pub enum Part {
     View,
     /// Curves of a joint.
     Curves,
-    /// The list of gaps.
+    /// Lists of rows to click, and that of the gaps.
     Gaps,
+    /// The differences of two takes.
+    Pair,
     /// Panels of poses, what is under the mouse, trails.
     Controls,
 }
@@ -30,8 +32,8 @@ use Part::*;
 
 impl Part {
     /// The parts, in the order in which they stand in a script.
-    const ALL: [Part; 10] = [
-        Time, Camera, Playback, Gestures, Edge, Fills, View, Curves, Gaps, Controls,
+    const ALL: [Part; 11] = [
+        Time, Camera, Playback, Gestures, Edge, Fills, View, Curves, Gaps, Pair, Controls,
     ];
 
     /// The part without what it uses.
@@ -46,6 +48,7 @@ impl Part {
             View => include_str!("view.js"),
             Curves => include_str!("curves.js"),
             Gaps => include_str!("gaps.js"),
+            Pair => include_str!("pair.js"),
             Controls => include_str!("controls.js"),
         }
     }
@@ -59,8 +62,8 @@ impl Part {
             Edge => &[Camera],
             Fills => &[Time, View],
             View => &[Time, Camera, Edge, Fills],
-            Curves | Gaps => &[Controls],
-            Controls => &[Playback, View, Curves, Gaps],
+            Curves | Gaps | Pair => &[Controls],
+            Controls => &[Playback, View, Curves, Gaps, Pair],
         }
     }
 }

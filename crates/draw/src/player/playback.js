@@ -131,7 +131,7 @@ function startPlayback(redraw) {
   part("stage").hidden = false;
   part("scrub").max = frames - 1;
   part("scrub").addEventListener("input", event => { play(false); show(+event.target.value); });
-  part("overlay").hidden = figures.length < 2;
+  part("overlay").hidden = figures.length < 2 || !!scene.pair;
   for (const id in actions) press(part(id), actions[id]);
   readInk();
   makePanels();

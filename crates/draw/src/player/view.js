@@ -30,39 +30,52 @@ function unrolled(lists) {
   return codes;
 }
 
+/** Whether one of two takes has no such point at all, or has ended: nothing is missing then. */
+function isAbsent(f, i) {
+  const take = scene.pair && scene.pair.takes[f];
+  return take && (!take.has[i % points] || take.frames && take.frames[Math.floor(i / points)] === null);
+}
+
 /** The status of every point in every frame; what has no coordinates is missing. */
-function statuses(figure, xyz) {
+function statuses(figure, f, xyz) {
   const status = unrolled(figure.status || []);
-  for (let i = 0; i < status.length; i++) if (Number.isNaN(xyz[3 * i])) status[i] = MISSING;
+  for (let i = 0; i < status.length; i++) if (Number.isNaN(xyz[3 * i]) && !isAbsent(f, i)) status[i] = MISSING;
   return status;
 }
 
-const figures = scene.figures.map(source => {
-  const xyz = decode(source), status = statuses(source, xyz);
+const figures = scene.figures.map((source, f) => {
+  const xyz = decode(source), status = statuses(source, f, xyz), take = scene.pair && scene.pair.takes[f];
   const counts = new Uint16Array(frames * 6);
   for (let i = 0; i < status.length; i++) counts[Math.floor(i / points) * 6 + status[i]]++;
   const has = STATUS.map((_, s) => status.includes(s));
-  return { name: source.name, note: source.note || "", xyz, status, ...fills(source), counts, has, shown: true };
+  const bones = take ? take.bones : scene.bones, count = take ? take.has.filter(Boolean).length : points;
+  return { name: source.name, note: source.note || "", xyz, status, ...fills(source), counts, has, bones, count, shown: true };
 });
 
 // ---- where the figure goes, smoothed, for the camera to go with it ----
 
-/** Where a frame's figure is: its middle, height and radius; null where nothing is seen. */
-function spread(t) {
-  const xyz = figures[scene.reference].xyz, xs = [], zs = [];
+/** Where figures are in a frame: their middle, height and radius; null where nothing is seen. */
+function spread(list, t) {
+  const xs = [], zs = [];
   let top = -Infinity;
-  for (let i = t * points * 3; i < (t + 1) * points * 3; i += 3) {
-    if (Number.isNaN(xyz[i])) continue;
-    xs.push(xyz[i]); zs.push(xyz[i + 2]);
-    top = Math.max(top, xyz[i + 1]);
-  }
+  for (const { xyz } of list)
+    for (let i = t * points * 3; i < (t + 1) * points * 3; i += 3) {
+      if (Number.isNaN(xyz[i])) continue;
+      xs.push(xyz[i]); zs.push(xyz[i + 2]);
+      top = Math.max(top, xyz[i + 1]);
+    }
   if (!xs.length) return null;
   // Medians, and not the farthest point: a stray one must not carry the camera away.
   const x = quantile(xs, .5), z = quantile(zs, .5);
   return { x, z, top, radius: 1.2 * quantile(xs.map((_, i) => Math.hypot(xs[i] - x, zs[i] - z)), .95) };
 }
 
-const path = journey(figures.length ? spread : () => null);
+const around = list => journey(list.length ? t => spread(list, t) : () => null);
+let path = around(scene.pair ? figures : figures.slice(scene.reference, scene.reference + 1));
+
+/** Two takes side by side are followed each by itself, at one scale. */
+const ways = scene.pair && [...figures.map(figure => around([figure])), path];
+if (ways) for (const size of ["height", "radius"]) ways[0][size] = ways[1][size] = Math.max(ways[0][size], ways[1][size]);
 
 // ---- drawing ----
 
@@ -80,10 +93,10 @@ const isMarker = point => scene.markers !== null && point >= scene.markers;
 const boneSide = ([a, b]) => scene.sides[b] !== "m" ? scene.sides[b] : scene.sides[a];
 
 function drawShadow(ctx, project, figure, frame) {
-  const { xyz } = figures[figure], base = frame * points * 3;
+  const { xyz, bones } = figures[figure], base = frame * points * 3;
   ctx.strokeStyle = ink.shadow; ctx.globalAlpha = .16; ctx.lineCap = "round"; ctx.beginPath();
   let scale = 1;
-  for (const [a, b] of scene.bones) {
+  for (const [a, b] of bones) {
     const i = base + 3 * a, j = base + 3 * b;
     if (isMarker(b) || Number.isNaN(xyz[i]) || Number.isNaN(xyz[j])) continue;
     const p = project(xyz[i], scene.ground, xyz[i + 2]), q = project(xyz[j], scene.ground, xyz[j + 2]);
@@ -131,7 +144,7 @@ function drawDot(ctx, x, y, radius, color, status) {
 function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, behind = false) {
   // Overlaid figures are drawn thinner and thinner, so that the first still frames the last.
   const thickness = scale => Math.min(9, Math.max(1.6, 2.4 * scale)) * (1 + .5 * Math.min(above, 3));
-  const { xyz, status } = figures[figure], at = new Array(points), parts = [];
+  const { xyz, status, bones } = figures[figure], at = new Array(points), parts = [];
   for (let p = 0; p < points; p++) {
     const i = 3 * (frame * points + p);
     if (Number.isNaN(xyz[i])) continue;
@@ -139,7 +152,7 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
     parts.push([at[p][2] + .03 * scene.size, p, null]);
     hits.push({ x: at[p][0], y: at[p][1], figure, point: p });
   }
-  for (const bone of scene.bones) {
+  for (const bone of bones) {
     const a = at[bone[0]], b = at[bone[1]];
     if (a && b) parts.push([(a[2] + b[2]) / 2, -1, bone]);
   }
@@ -157,7 +170,7 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
       continue;
     }
     const [x, y, , scale] = at[p], thick = thickness(scale);
-    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : isMarker(p) ? Math.max(1.5, thick * .4) : scene.bones.length ? thick * .72 : Math.max(3, thick);
+    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : isMarker(p) ? Math.max(1.5, thick * .4) : bones.length ? thick * .72 : Math.max(3, thick);
     drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid, behind), status[frame * points + p]);
     if (p === marked) {
       ctx.beginPath(); ctx.arc(x, y, Math.max(radius, 4) + 4, 0, 7);
@@ -169,6 +182,7 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
 
 function drawPanel(panel, frame, trail, hover) {
   const { ctx } = panel, [width, height] = ctx.begin();
+  if (ways) path = ways[panel.figures.length > 1 ? 2 : panel.figures[0]];
   const project = projection(width, height, frame), overlaid = panel.figures.length > 1;
   const shown = panel.figures.filter(f => figures[f].shown);
   panel.hits = [];
@@ -200,7 +214,7 @@ function drawStrip(canvas, figure) {
       for (let t = a; t < b; t++) most = Math.max(most, counts[t * 6 + mark]);
       if (!most) continue;
       // A single point of many must still be seen, so the share's square root is drawn.
-      const tall = Math.max(3 * dots, Math.sqrt(most / points) * height);
+      const tall = Math.max(3 * dots, Math.sqrt(most / figures[figure].count) * height);
       ctx.fillStyle = ink[STATUS[mark]];
       ctx.fillRect(x, y - tall, 1, tall);
       y -= tall;
