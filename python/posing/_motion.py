@@ -598,13 +598,15 @@ def plot(
     every: int | None = None,
     **options: Any,
 ) -> Page:
-    """Draw takes side by side: a page that plays them, or a picture.
+    """Draw takes: a page that plays them, or a picture.
+
+    Two takes are drawn over each other, and their page tells how far apart they are.
 
     Parameters
     ----------
     *takes : path, Take, DataFrame, or array of shape (frames, 23, 3)
-        Takes of the same frames and points, in centimeters, y up; BVH files and motions
-        are drawn with their own bones. Files of meshes, too.
+        Takes in centimeters, y up, more than two of the same frames and points; BVH files
+        and motions are drawn with their own bones. Files of meshes, too.
     output : str or path, optional
         Also write it to this file, ``.html`` or ``.svg``.
     to : {"svg", "html"}, optional
@@ -668,7 +670,7 @@ def plot(
 
         try:
             return draw(*takes)
-        except PosingError as error:  # plot reads tables, BVH files and meshes alone
+        except PosingError as error:  # plot reads tables, files of motion and meshes alone
             try:
                 return draw(*(read(take) if is_path(take) else take for take in takes))
             except PosingError:

@@ -53,7 +53,7 @@ fn tables_drawn_together_must_fit() {
     let truth = dir.path().join("truth.csv");
     fs::write(&truth, TABLE).unwrap();
     let truth = truth.to_str().unwrap();
-    let args = ["--to", "svg", truth, "-"];
+    let args = ["--to", "svg", truth, truth, "-"];
     let swapped =
         "lfemur.x,lfemur.y,lfemur.z,root.x,root.y,root.z\n1,2,3,4,5,6\n1,2,3,4,5,6\n1,2,3,4,5,6\n";
     plot(&args, swapped)
@@ -76,8 +76,83 @@ fn tables_drawn_together_must_fit() {
         ),
         ("root.x,root.y,root.z\n", "no frames"),
     ] {
-        plot(&args, other).code(1).stderr(contains(said));
+        let one_line = predicates::function::function(|text: &str| text.lines().count() == 1);
+        plot(&args, other)
+            .code(1)
+            .stderr(contains(said).and(one_line));
     }
+}
+
+#[test]
+fn two_takes_of_any_formats_become_one_page() {
+    let bvh = "testdata/examples/animator/goblin.bvh";
+    let (walk, foot) = (
+        "testdata/examples/gait/walk.c3d",
+        "testdata/cmu/07/07_01.amc",
+    );
+    for (takes, said) in [
+        ([walk, walk], "Both play in seconds"),
+        ([walk, bvh], "no differences can be told"),
+        ([foot, walk], "Both play in seconds"),
+    ] {
+        let args = [
+            &["--to", "html"],
+            &["--fps", "120"][..2 * usize::from(takes[0] == foot)],
+            &takes,
+        ]
+        .concat();
+        let page = plot(&args, "").success();
+        let page = page.get_output();
+        let text = String::from_utf8(page.stdout.clone()).unwrap();
+        let scene = scene(&text);
+        assert_eq!(scene["pair"]["takes"].as_array().unwrap().len(), 2);
+        let is_one = takes[0] == takes[1];
+        assert_eq!(scene["pair"]["differences"].is_object(), is_one);
+        assert_eq!(text.contains(said), !is_one, "{said}");
+    }
+}
+
+#[test]
+fn a_take_beside_itself_differs_by_nothing_and_names_tell_the_two_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str| {
+        let path = dir.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, TABLE).unwrap();
+        path.to_str().unwrap().to_string()
+    };
+    let [old, new] = [file("old/walk.csv"), file("new/walk.csv")];
+    let page = plot(&["-q", "--to", "html", &old, &new], "").success();
+    let scene = scene(&String::from_utf8(page.get_output().stdout.clone()).unwrap());
+    assert_eq!(
+        [0, 1].map(|f| scene["figures"][f]["name"].as_str().unwrap()),
+        [&*old, &*new]
+    );
+    assert_eq!(scene["figures"][0]["data"], scene["figures"][1]["data"]);
+    let told = &scene["pair"]["differences"];
+    assert_eq!(
+        told["frames"],
+        json!([[0.0, 0.0, 0], [0.0, 0.0, 0], [0.0, 0.0, 0]])
+    );
+    assert_eq!(told["points"], json!([[0, 0.0, 0.0, 0], [1, 0.0, 0.0, 0]]));
+}
+
+#[test]
+fn a_picture_of_two_takes_has_one_over_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("walk.csv");
+    fs::write(&path, TABLE).unwrap();
+    let args = ["-q", "--to", "svg", path.to_str().unwrap(), "-"];
+    let panels = |more: &[&str]| {
+        let drawn = plot(&[&args[..], more].concat(), TABLE).success();
+        let text = String::from_utf8(drawn.get_output().stdout.clone()).unwrap();
+        assert!(text.contains("walk") && text.contains("standard input"));
+        text.matches("<clipPath").count()
+    };
+    assert_eq!(panels(&[]), 3);
+    assert_eq!(panels(&["--overlaid"]), 3);
+    assert_eq!(panels(&["--overlaid=false"]), 6);
+    assert_eq!(panels(&["--trail"]), 2);
 }
 
 #[test]
@@ -169,11 +244,15 @@ fn embedded(args: &[&str], table: &str) -> Value {
     let page = plot(&args, table).success().get_output().stdout.clone();
     let page = String::from_utf8(page).unwrap();
     assert!(page.contains("<section class=\"curves\""));
+    scene(&page)["figures"][0].take()
+}
+
+/// The scene of a page.
+fn scene(page: &str) -> Value {
     let (_, after) = page
         .split_once("<script type=\"application/json\">")
         .unwrap();
-    let mut scene: Value = serde_json::from_str(after.split("</script").next().unwrap()).unwrap();
-    scene["figures"][0].take()
+    serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
 }
 
 #[test]

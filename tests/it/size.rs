@@ -42,8 +42,9 @@ const BUDGET: [(&str, usize); 18] = [
     ("models", 10_800),
     ("papers", 6_250),
     // FBX (200), the forces of plates (45), mirror (80), endings of results (45), align, and trim
-    // in rotations (450), takes on their floor (80), folders of keypoints (7).
-    ("posing", 14_122),
+    // in rotations (450), takes on their floor (80), folders of keypoints (7), plots of two takes
+    // (130).
+    ("posing", 14_257),
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
     // Gaps of a whole body from motion (150).

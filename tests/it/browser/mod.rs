@@ -7,5 +7,6 @@ mod chromium;
 mod edit;
 mod night;
 mod pages;
+mod pair;
 mod pair_label;
 mod plot;

@@ -113,7 +113,12 @@ fn plot(folder: &Folder) -> PathBuf {
     let filled = run("complete", &["-q", "--status", &gaps], "");
     let filled = folder.file("filled.csv", &filled);
     let page = folder.path("plot.html");
-    run("plot", &["-q", "-o", text(&page), &filled, &gaps], "");
+    // Two would be compared.
+    run(
+        "plot",
+        &["-q", "-o", text(&page), &filled, &gaps, &filled],
+        "",
+    );
     page
 }
 

@@ -126,7 +126,7 @@ impl MeshPlot<'_> {
     fn check_flags(&self) -> Result<()> {
         let flags = [
             ("--joints", self.input.joints.is_some()),
-            ("--overlaid", self.svg.overlaid),
+            ("--overlaid", self.svg.overlaid.is_some()),
             ("--trail", self.svg.trail),
         ];
         match flags.iter().find(|(_, given)| *given) {

@@ -1,10 +1,12 @@
 //! Draws tables or meshes as SVG, or as a page that plays them.
 
 mod meshes;
+mod pairs;
 mod point_columns;
 mod tables;
 
 use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
+use self::pairs::{draw_pair, pair_names};
 use self::tables::{FbxChoiceArgs, PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
 use posing::cli::args::{InputArgs, format_of};
@@ -23,9 +25,12 @@ use std::path::PathBuf;
 
 /// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
-/// Several tables are drawn side by side; they must have the same frames and points, matched by
-/// name. Bones connect the CMU joints and of the skeletons of complete --map; a BVH or FBX file is
-/// drawn with its own bones; for other points, use --bones. If a table has the columns NAME.status
+/// Reads tables, and BVH, FBX, C3D, TRC and AMC files. Two takes, of any formats and rates, are
+/// drawn over each other on one timeline, in seconds; their page also has them side by side, and
+/// tells how far apart the points are that both have by name, in cm, over time and by point. More
+/// takes are drawn side by side; they must have the same frames and points, matched by name. Bones
+/// connect the CMU joints and of the skeletons of complete --map; a BVH or FBX file is drawn with
+/// its own bones; for other points, use --bones. If a table has the columns NAME.status
 /// (denoise --status, complete --status), changed and inferred points are marked. A page has curves
 /// of a joint and a list of the gaps to click; NAME.sd and NAME.method say there how each gap was
 /// filled, and how surely.
@@ -43,10 +48,10 @@ use std::path::PathBuf;
                   --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A \
                   walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv \
                   restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  \
-                  posing plot -o old.html old.bvh\n  posing plot --units m -o bodies.svg scan.obj \
-                  body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ \
-                  bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html \
-                  fits.npz"
+                  posing plot -o both.html gaps.csv completed.csv\n  posing plot -o old.html \
+                  old.bvh\n  posing plot --units m -o bodies.svg scan.obj body.ply\n  posing \
+                  plot --fps 30 --names scans,fits -o bodies.html scans/ bodies.npz\n  posing \
+                  plot --fps 30 --array completed,predicted -o fits.html fits.npz"
 )]
 pub struct Args {
     // Before `input`, whose flags it looks at.
@@ -98,6 +103,9 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<PlotFormat>,
 }
+
+const NO_RATE: &str = "the table's times give no frame rate; give it with --fps";
+const NO_BONES: &str = "no bones to draw between these points; list them with --bones";
 
 pub fn work(args: &Args) -> Result<()> {
     let to = format_of(args.to, args.output.as_deref())?;
@@ -151,6 +159,7 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
         return Err(Error::usage("--array is for meshes only"));
     }
     let names: Vec<String> = match args.names.len() {
+        0 if files.len() == 2 => pair_names(files),
         0 => files.iter().map(|f| name_of(f)).collect(),
         n if n == files.len() => args.names.clone(),
         n => {
@@ -159,16 +168,21 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
         }
     };
     let drawn = PlotTable::read_all(&args.input, files, &args.fbx)?;
+    let table = args.table.as_ref().map(|t| text_table(t, &args.caption));
+    let table = table.transpose()?;
+    let drawn = match <[PlotTable; 2]>::try_from(drawn) {
+        Ok(pair) => return draw_pair(args, to, &pair, &names, table),
+        Err(other) => other,
+    };
     let clock = drawn.iter().find(|d| d.poses.time.is_some());
     let clock = &clock.unwrap_or(&drawn[0]).poses;
     let Some(rate) = args.input.rate(clock)? else {
-        let what = "the table's times give no frame rate; give it with --fps";
-        return Err(Error::usage(what));
+        return Err(Error::usage(NO_RATE));
     };
     let own = drawn[0].bones.clone().filter(|_| args.bones.is_none());
     let bones = own.map_or_else(|| bones(args.bones.as_deref(), &clock.points), Ok)?;
     if bones.is_empty() {
-        messages::info("no bones to draw between these points; list them with --bones");
+        messages::info(NO_BONES);
     }
     let figures = drawn.iter().zip(&names).map(|(table, name)| Figure {
         name,
@@ -177,7 +191,6 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
         sd: table.columns.sd.as_ref().map(|s| s.view()),
         method: table.columns.method.as_ref().map(|m| m.view()),
     });
-    let table = args.table.as_ref().map(|t| text_table(t, &args.caption));
     let scene = Scene {
         title: &args.title,
         points: &clock.points,
@@ -186,7 +199,7 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
         figures: figures.collect(),
         runs: &runs(clock, rate),
         note: args.note.as_deref(),
-        table: table.transpose()?,
+        table,
         credit: args.credit.as_deref(),
         ..Scene::default()
     };

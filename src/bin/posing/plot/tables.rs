@@ -51,9 +51,16 @@ pub struct SvgArgs {
     /// Comma-separated frames to draw, counted from 0 (default: six, evenly spaced)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub frames: Vec<usize>,
-    /// Draw the figures on top of each other
-    #[arg(long, conflicts_with = "trail")]
-    pub overlaid: bool,
+    /// Draw the figures on top of each other, as two takes are; =false: below each other
+    #[arg(
+        long,
+        value_name = "BOOL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "true",
+        conflicts_with = "trail"
+    )]
+    pub overlaid: Option<bool>,
     /// Draw all frames in one panel, at their positions in the world
     #[arg(long)]
     pub trail: bool,
@@ -71,7 +78,7 @@ impl SvgArgs {
     pub fn given(&self) -> Option<&'static str> {
         let all = [
             ("--frames", !self.frames.is_empty()),
-            ("--overlaid", self.overlaid),
+            ("--overlaid", self.overlaid.is_some()),
             ("--trail", self.trail),
             ("--azimuth", self.azimuth.is_some()),
             ("--elevation", self.elevation.is_some()),
@@ -86,7 +93,11 @@ impl SvgArgs {
     /// Usage: too many frames, or as [`figure::svg`].
     pub fn draw(&self, scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
         let frames = self.chosen(scene.frames(), every)?;
-        figure::svg(scene, &frames, &self.options())
+        let mut options = self.options();
+        if scene.pair.is_some() && self.overlaid.is_none() && !self.trail {
+            options.layout = Layout::Overlaid;
+        }
+        figure::svg(scene, &frames, &options)
     }
 
     /// The frames of `--frames`, or every few of `count`, or six.
@@ -115,7 +126,7 @@ impl SvgArgs {
         let defaults = figure::Options::default();
         figure::Options {
             layout: match (self.overlaid, self.trail) {
-                (true, _) => Layout::Overlaid,
+                (Some(true), _) => Layout::Overlaid,
                 (_, true) => Layout::Trail,
                 _ => Layout::Grid,
             },
@@ -135,14 +146,19 @@ pub struct PlotTable {
     pub columns: PointColumns,
     /// The pairs of points that a skeleton joins, where the file has one.
     pub bones: Option<Vec<(usize, usize)>>,
+    /// Frames a second, where the file says so.
+    pub rate: Option<f64>,
+    /// Whether its times are those of a clock, and do not merely count from its start.
+    pub is_clocked: bool,
 }
 
 impl PlotTable {
-    /// Reads a table, a BVH or an FBX file each; all must have the same points, frames, takes and
-    /// times.
+    /// Reads tables and files of motion. One or two may be any; more must have the same points,
+    /// frames, takes and times.
     ///
     /// # Errors
-    /// Data: a file is no table, has no frames, or differs from the first.
+    /// Data: a file is no table, has no frames, or is one of more than two and differs from the
+    /// first.
     pub fn read_all(
         flags: &InputArgs,
         files: &[PathBuf],
@@ -150,12 +166,12 @@ impl PlotTable {
     ) -> Result<Vec<PlotTable>> {
         let mut tables: Vec<PlotTable> = Vec::new();
         for file in files {
-            let mut table = if has_rotations(file)? {
-                PlotTable::of_rotations(file, flags, fbx)?
+            let mut table = if is_motion_file(file)? {
+                PlotTable::of_motion(file, flags, fbx)?
             } else {
                 PlotTable::read(&flags.with_files(vec![file.clone()]))?
             };
-            if let Some(first) = tables.first() {
+            if let Some(first) = tables.first().filter(|_| files.len() > 2) {
                 table.match_to(first)?;
             }
             tables.push(table);
@@ -163,12 +179,11 @@ impl PlotTable {
         Ok(tables)
     }
 
-    /// The joints of a BVH or an FBX file.
-    fn of_rotations(path: &Path, flags: &InputArgs, fbx: &FbxChoiceArgs) -> Result<PlotTable> {
-        let units = flags.table_units();
+    /// The points of a file of motion.
+    fn of_motion(path: &Path, flags: &InputArgs, fbx: &FbxChoiceArgs) -> Result<PlotTable> {
         let options = ReadOptions {
             fps: flags.fps,
-            units: Some(units.unit),
+            units: flags.units,
             up: flags.up,
             left_handed: flags.left_handed,
             take: fbx.take.clone(),
@@ -180,7 +195,12 @@ impl PlotTable {
         file.notes
             .iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
+        if file.poses().frames() == 0 {
+            return Err(Error::data(Place::file(name), "has no frames to draw"));
+        }
         Ok(PlotTable {
+            rate: file.rate(),
+            is_clocked: file.motion().is_none(),
             bones: Some(file.bones()?),
             poses: Poses {
                 take: None,
@@ -208,6 +228,8 @@ impl PlotTable {
             return Err(Error::data(Place::file(file), "has no frames to draw"));
         }
         Ok(PlotTable {
+            rate: None,
+            is_clocked: poses.time.is_some(),
             file,
             poses,
             columns: of_points.finish(),
@@ -226,7 +248,7 @@ impl PlotTable {
             }
         });
         let order = order.map_err(|what| {
-            let rule = "tables drawn together must have the same points and frames";
+            let rule = "of more than two takes, all must have the same points and frames";
             let what = format!("{what} as in {}; {rule}", first.file);
             Error::data(Place::file(&self.file), what)
         })?;
@@ -238,13 +260,20 @@ impl PlotTable {
     }
 }
 
-/// Whether a file holds rotations: BVH or FBX.
-fn has_rotations(path: &Path) -> Result<bool> {
+/// Whether a file is one of motion, and no table.
+fn is_motion_file(path: &Path) -> Result<bool> {
     if path == Path::new("-") {
         return Ok(false);
     }
     let format = MotionFormat::of(open(path)?.first_bytes());
-    Ok(matches!(format, MotionFormat::Bvh | MotionFormat::Fbx))
+    Ok(matches!(
+        format,
+        MotionFormat::Bvh
+            | MotionFormat::Fbx
+            | MotionFormat::C3d
+            | MotionFormat::Trc
+            | MotionFormat::Amc
+    ))
 }
 
 /// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of
