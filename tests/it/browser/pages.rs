@@ -22,6 +22,7 @@ pages! {
     plot_of_poses: plot, ["section:nth-child(1) canvas.view", "section:nth-child(2) canvas.view", ".strip canvas", "canvas.plot", ".gaps tbody", ".legend"];
     plot_of_one_pose: one_pose, ["svg.view"];
     plot_as_svg: svg, ["svg"];
+    found_poses: found, ["svg"];
     plot_of_meshes: plot_meshes, ["canvas.view"];
     pairs_to_label: pairs, ["section:nth-child(1) canvas", "section:nth-child(2) canvas", "section:nth-child(3) canvas", "section:nth-child(4) canvas"];
     audit: audit, ["svg.takes", "section ul"];
@@ -139,6 +140,55 @@ fn svg(folder: &Folder) -> PathBuf {
     let walk = take("07", "07_01", &[]).unwrap();
     run("plot", &["-q", "-o", text(&page)], &walk);
     page
+}
+
+/// Poses of two takes found for some of one, whose name is long.
+fn found(folder: &Folder) -> PathBuf {
+    let walk = take("07", "07_01", &[]).unwrap();
+    let long = walk.replace("07_01,", "walk_of_subject_07_trial_01,");
+    let runs = take("09", "09_06", &[]).unwrap();
+    let all = long.clone() + runs.split_once('\n').unwrap().1;
+    let (walk, all) = (folder.file("walk.csv", &long), folder.file("all.csv", &all));
+    let classes = "take,class\nwalk_of_subject_07_trial_01,walk\n09_06,run\n";
+    let (classes, page) = (
+        folder.file("classes.csv", classes),
+        folder.path("found.svg"),
+    );
+    let flags = [
+        "-q",
+        "--every",
+        "12",
+        "--classes",
+        &classes,
+        "--database",
+        &all,
+    ];
+    run(
+        "retrieve",
+        &[&flags[..], &["--picture", text(&page), &walk]].concat(),
+        "",
+    );
+    page
+}
+
+#[test]
+fn labels_of_found_poses_are_large_enough_and_apart() {
+    let folder = Folder(tempfile::tempdir().unwrap());
+    let Some(page) = Page::open("data:text/html,<title>blank", WIDE) else {
+        return;
+    };
+    page.go(&address(&found(&folder)));
+    let texts = "const texts = [...document.querySelectorAll('text')], boxes = texts.map(t => t.getBoundingClientRect());";
+    let small = "return texts.filter(t => parseFloat(getComputedStyle(t).fontSize) < 12).length";
+    assert_eq!(
+        page.number(&format!("(() => {{ {texts} {small} }})()")),
+        0.0
+    );
+    let meet = "return boxes.filter((a, i) => boxes.some((b, k) => k < i && a.left < b.right && b.left < a.right && a.top + 2 < b.bottom && b.top + 2 < a.bottom)).length";
+    assert_eq!(page.number(&format!("(() => {{ {texts} {meet} }})()")), 0.0);
+    let inside = "const all = document.documentElement.getBoundingClientRect(); return boxes.every(b => b.left >= all.left && b.right <= all.right && b.bottom <= all.bottom)";
+    assert!(page.holds(&format!("(() => {{ {texts} {inside} }})()")));
+    page.sound();
 }
 
 fn plot_meshes(folder: &Folder) -> PathBuf {

@@ -46,16 +46,22 @@ fn rows(
 ) -> Vec<Vec<StripPose>> {
     let (at, vectors) = metric.embed_takes(&searched.takes, score::step);
     let database = PoseDatabase::new(vectors, metric.norm);
-    let pose = |set: &TakeSet, at: FrameRef, class: Option<&str>| StripPose {
+    let pose = |set: &TakeSet, at: FrameRef, judged: Option<(&str, f32)>| StripPose {
         joints: set.takes[at.take].frame(at.frame).to_vec(),
-        caption: set.about[at.take].class.clone(),
-        is_right: class.map(|class| set.about[at.take].class == class),
+        captions: [
+            set.about[at.take].class.clone(),
+            format!("frame {}", at.frame),
+        ],
+        distance: judged.map(|(_, distance)| distance),
+        is_right: judged.map(|(class, _)| set.about[at.take].class == class),
     };
     let row = |query: &FrameRef| {
         let vector = metric.embed_frames(&queries.takes[query.take], &[query.frame]);
         let found = database.nearest(vector.view(), FOUND, |_, _| true).concat();
         let class = &queries.about[query.take].class;
-        let found = found.iter().map(|n| pose(searched, at[n.row], Some(class)));
+        let found = found
+            .iter()
+            .map(|n| pose(searched, at[n.row], Some((class, n.distance))));
         [pose(queries, *query, None)]
             .into_iter()
             .chain(found)

@@ -92,9 +92,10 @@ impl Matches<'_> {
 
     /// Some queries and what was found for them, as SVG.
     pub fn picture(&self) -> String {
-        let pose = |takes: &MetricTakes, at: FrameRef, is_right| StripPose {
+        let pose = |takes: &MetricTakes, at: FrameRef, distance, is_right| StripPose {
             joints: takes.takes[at.take].frame(at.frame).to_vec(),
-            caption: format!("{} {}", takes.names[at.take], at.frame),
+            captions: [takes.names[at.take].clone(), format!("frame {}", at.frame)],
+            distance,
             is_right,
         };
         let [Some(queries), Some(database)] = self.sides.map(|(table, _)| table) else {
@@ -102,10 +103,11 @@ impl Matches<'_> {
         };
         let step = self.found.len().div_ceil(PICTURED_QUERIES).max(1);
         let rows = (0..self.found.len()).step_by(step).map(|query| {
-            let own = pose(queries, self.query_rows.frame(query), None);
-            let found = self.found[query].iter().take(PICTURED);
-            let found =
-                found.map(|n| pose(database, self.rows.frame(n.row), self.is_right(query, n)));
+            let own = pose(queries, self.query_rows.frame(query), None, None);
+            let found = self.found[query].iter().take(PICTURED).map(|n| {
+                let at = self.rows.frame(n.row);
+                pose(database, at, Some(n.distance), self.is_right(query, n))
+            });
             [own].into_iter().chain(found).collect()
         });
         strip(&rows.collect::<Vec<_>>(), SIXTEEN_JOINTS)
