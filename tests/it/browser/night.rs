@@ -3,7 +3,7 @@
 use super::chromium::{NARROW, Page, Screen, WIDE};
 use super::pages::address;
 use crate::common::night::night;
-use crate::common::{command, text};
+use crate::common::{command, run, text};
 use std::path::{Path, PathBuf};
 
 /// The page of a cleaned night in a folder.
@@ -81,4 +81,97 @@ fn a_night_is_seen_wide_and_narrow_and_its_findings_lead_into_takes() {
     page.key("Enter");
     page.until("document.querySelector('.clock small')?.textContent === 'frame 45'");
     page.sound();
+}
+
+/// Takes of every kind in a folder: rotations, markers, tables, names without a place to break,
+/// labels that change places, gaps, noise, and what fails.
+fn kinds(raw: &Path) {
+    night(raw);
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata");
+    for (from, to) in [
+        ("cmu/07/07.asf", "07.asf"),
+        ("cmu/07/07_01.amc", "07_01.amc"),
+        ("examples/animator/goblin.bvh", "goblin.bvh"),
+        ("examples/animator/walk.fbx.gz", "walk.fbx.gz"),
+        ("examples/gait/walk.c3d", "walk.c3d"),
+    ] {
+        std::fs::copy(data.join(from), raw.join(to)).unwrap();
+    }
+    let walk = std::fs::read_to_string(raw.join("walk.csv")).unwrap();
+    run("xyz2trc", &["-q", "-o", text(&raw.join("walk.trc"))], &walk);
+    let long = format!("{}.csv", "a_name_without_a_place_to_break_".repeat(3));
+    let gaps = ["-q", "--gaps", "5", "--length", "0.3", "--points", "3"];
+    std::fs::write(raw.join(long), run("corrupt", &gaps, &walk)).unwrap();
+    let noisy = run("corrupt", &["-q", "--dense", "1cm"], &walk);
+    std::fs::write(raw.join("noisy.csv"), noisy).unwrap();
+    // The markers of three columns each change places for a while.
+    let swapped = walk.lines().enumerate().map(|(t, line)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if (60..140).contains(&t) {
+            (0..3).for_each(|axis| cells.swap(1 + axis, 4 + axis));
+        }
+        cells.join(",") + "\n"
+    });
+    std::fs::write(raw.join("swapped.csv"), swapped.collect::<String>()).unwrap();
+    std::fs::write(raw.join("broken.c3d"), "no C3D file").unwrap();
+}
+
+#[test]
+fn a_page_of_every_kind_of_take_is_whole_on_a_narrow_screen() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(blank) = Page::open("data:text/html,<title>blank", WIDE) else {
+        return;
+    };
+    drop(blank);
+    let (raw, out) = (folder.path().join("raw"), folder.path().join("out"));
+    std::fs::create_dir(&raw).unwrap();
+    kinds(&raw);
+    let done = command("clean")
+        .args(["-q", text(&raw), "--solve", "--fps", "100", "--up", "y"])
+        .args(["-o", text(&out)])
+        .output();
+    assert_eq!(done.unwrap().status.code(), Some(1));
+    let address = address(&out.join("clean.html"));
+    let cells = "[...document.querySelectorAll('.files tbody td[data-t], .files th')].filter(e => e.textContent && !e.closest('thead')).map(e => e.textContent)";
+    let told = Page::open(&address, WIDE).unwrap().eval(cells);
+    assert!(told.as_array().unwrap().len() > 40, "{told}");
+    let mut links = serde_json::Value::Null;
+    for width in [420, 360] {
+        let screen = Screen {
+            size: [width, 850],
+            ..NARROW
+        };
+        let page = Page::open(&address, screen).unwrap();
+        page.eval("document.querySelectorAll('details').forEach(e => { e.open = true; })");
+        assert!(page.number("document.documentElement.scrollWidth") <= f64::from(width));
+        assert_eq!(page.eval(WIDER), serde_json::json!([]), "{width}");
+        assert_eq!(page.eval(cells), told);
+        let cut = "[...document.querySelectorAll('.files tbody *:not(svg, svg *)')].filter(e => e.textContent).map(e => [e, e.getBoundingClientRect()])
+            .filter(([e, box]) => !e.checkVisibility() || box.left < 0 || box.right > innerWidth || box.height < 8).map(([e]) => e.outerHTML.slice(0, 80))";
+        assert_eq!(page.eval(cut), serde_json::json!([]), "{width}");
+        page.shot(&format!("kinds-{width}"));
+        page.sound();
+        links = page.eval("[...new Set([...document.querySelectorAll('a[href*=\".html\"]')].map(a => a.href.split('#')[0]))]");
+    }
+    let links = links.as_array().unwrap();
+    assert!(links.len() >= 4, "{links:?}");
+    for link in links {
+        let screen = Screen {
+            size: [420, 850],
+            ..NARROW
+        };
+        let page = Page::open(link.as_str().unwrap(), screen).unwrap();
+        page.until("document.querySelector('.clock').textContent");
+        assert!(
+            page.number("document.documentElement.scrollWidth") <= 420.0,
+            "{link}"
+        );
+        let beyond = "[...document.querySelectorAll('caption span, .scores td')].filter(e => e.getBoundingClientRect().right > 420).map(e => e.outerHTML)";
+        assert_eq!(page.eval(beyond), serde_json::json!([]), "{link}");
+        page.shot(&format!(
+            "kind-{}",
+            link.as_str().unwrap().rsplit('/').next().unwrap()
+        ));
+        page.sound();
+    }
 }

@@ -20,7 +20,8 @@ pub(crate) fn html(table: &Table) -> String {
     let class = |c: usize| if flush[c] { " class=\"number\"" } else { "" };
     let mut out = String::from("<div class=\"scores\"><table>\n");
     if !table.caption.is_empty() {
-        out.push_str(&format!("<caption>{}</caption>\n", escape(&table.caption)));
+        let caption = escape(&table.caption);
+        out.push_str(&format!("<caption><span>{caption}</span></caption>\n"));
     }
     out.push_str("<thead><tr>");
     for (c, head) in table.header.iter().enumerate() {
