@@ -1,6 +1,7 @@
 //! retarget: takes on another skeleton.
 
 use crate::common::{command, fails, run};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -328,4 +329,95 @@ fn an_amc_file_needs_a_rate_and_a_table_has_no_rotations() {
         );
         assert!(said.contains("give it with --fps F"), "{said}");
     }
+}
+
+/// The values of an AMC take by frame and bone, whatever the order of the bones.
+fn amc_values(text: &str) -> BTreeMap<(usize, String), Vec<f64>> {
+    let mut frame = 0;
+    let mut all = BTreeMap::new();
+    for line in text.lines().filter(|line| !line.starts_with([':', '#'])) {
+        let mut words = line.split_whitespace();
+        let bone = words.next().unwrap();
+        let values: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
+        if values.is_empty() {
+            frame = bone.parse().unwrap();
+        } else {
+            assert!(all.insert((frame, bone.into()), values).is_none());
+        }
+    }
+    all
+}
+
+#[test]
+fn an_amc_take_of_its_own_skeleton_comes_back_with_its_angles() {
+    let Some(take) = crate::common::cmu("09/09_06.amc") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (asf, out) = (take.with_file_name("09.asf"), at(folder.path(), "out.amc"));
+    let [asf, take] = [asf, take].map(|path| path.display().to_string());
+    let flags = ["--to", &asf, "--fps", "120", &take, "-o", &out];
+    let done = command("retarget").args(flags).assert().success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(
+        said.contains("leave bones 0.00 cm") && said.contains("no rate: it is 120"),
+        "{said}"
+    );
+    let [was, is] = [&take, &out].map(|path| amc_values(&fs::read_to_string(path).unwrap()));
+    assert!(was.keys().eq(is.keys()) && was.len() > 141 * 20);
+    for (at, was) in &was {
+        assert_eq!(was.len(), is[at].len());
+        for (a, b) in was.iter().zip(&is[at]) {
+            assert!((a - b).abs() <= 1e-3, "{at:?}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn an_amc_take_needs_an_asf_rig_and_an_asf_rig_gives_bvh_too() {
+    let Some(take) = crate::common::cmu("07/07_01.amc") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let asf = take.with_file_name("07.asf").display().to_string();
+    let (hero, out) = (at(folder.path(), "hero.bvh"), at(folder.path(), "out.amc"));
+    fs::write(&hero, rig()).unwrap();
+    let take = take.display().to_string();
+    let said = fails(
+        "retarget",
+        &["--to", &hero, "--fps", "120", &take, "-o", &out],
+        b"",
+        2,
+    );
+    assert!(
+        said.contains("give --to RIG.asf") && said.lines().count() == 1,
+        "{said}"
+    );
+    let said = fails(
+        "retarget",
+        &["--to", &asf, "--out-up", "z", &take, "-o", &out],
+        b"",
+        2,
+    );
+    assert!(said.contains("y points up"), "{said}");
+    let walk = "testdata/examples/animator/walk.fbx.gz";
+    let bvh = at(folder.path(), "out.bvh");
+    for out in [&out, &bvh] {
+        command("retarget")
+            .args(["--to", &asf, walk, "-o", out])
+            .assert()
+            .success();
+    }
+    let values = amc_values(&fs::read_to_string(&out).unwrap());
+    assert!(
+        values.contains_key(&(40, "lfemur".into())) && !values.contains_key(&(41, "lfemur".into()))
+    );
+    assert!(fs::read_to_string(&bvh).unwrap().contains("JOINT lfemur"));
+    // Missing values have no words in AMC.
+    let broken = fs::read_to_string(&bvh).unwrap();
+    let (head, last) = broken.trim_end().rsplit_once(' ').unwrap();
+    assert!(last.parse::<f64>().is_ok());
+    fs::write(&bvh, format!("{head} nan\n")).unwrap();
+    let said = fails("retarget", &["-q", "--to", &asf, &bvh, "-o", &out], b"", 1);
+    assert!(said.contains("AMC file cannot hold"), "{said}");
 }

@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::args::parse_rate;
 use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
+use posing::cli::endings::ending;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::joint_map;
@@ -16,7 +17,7 @@ use posing::io::bvh::LARGEST_FILE;
 use posing::io::input::take_name;
 use posing::io::motion_file::{ReadOptions, rig_of_fbx};
 use posing::io::rotation_take::RotationTake;
-use posing::io::{Bvh, Input, MotionFormat};
+use posing::io::{Asf, Bvh, Input, MotionFormat};
 use posing::pose::NameMap;
 use posing::pose::units::UpAxis;
 use posing::{Error, Place, Result};
@@ -33,7 +34,8 @@ use std::path::PathBuf;
 /// source's are: the ankle keeps the source's own roll, and knees bend to their own side. Feet turn
 /// relative to how each skeleton stands: a sole that is level stays level, ankles are as high as
 /// the rig's own, and toes never go under the ground. Fingers follow where they have the source's
-/// names; other joints keep their rest pose.
+/// names; other joints keep their rest pose. An AMC take has what the degrees of freedom of its ASF
+/// skeleton allow.
 ///
 /// Which joint is which is told by the names (maps as for complete), else by the shape of the tree.
 /// Skeletons are compared in their rest pose, all rotations zero; where that is no standing body,
@@ -50,6 +52,7 @@ use std::path::PathBuf;
         \n  posing retarget --to hero.bvh walk.bvh -o hero-walk.bvh\
         \n  posing retarget --to hero.bvh --fps 120 07_01.amc -o hero-walk.bvh\
         \n  posing retarget --to hero.bvh walk.fbx -o hero-walk.glb\
+        \n  posing retarget --to 07.asf walk.fbx -o walk.amc\
         \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
 )]
 pub struct Args {
@@ -57,15 +60,16 @@ pub struct Args {
     #[arg(value_name = "IN")]
     inputs: Vec<PathBuf>,
     /// Rig whose hierarchy, channels and proportions the results have; of an FBX file the skeleton
-    /// in its rest pose
-    #[arg(long, value_name = "RIG.bvh|RIG.fbx")]
+    /// in its rest pose, of an ASF file that of AMC takes
+    #[arg(long, value_name = "RIG.bvh|RIG.fbx|RIG.asf")]
     to: PathBuf,
     /// Write the result of one file to OUT instead of standard output, as GLB with a simple body if
-    /// it ends in .glb; results of several files into the folder DIR
+    /// it ends in .glb, as the AMC take of the rig RIG.asf if in .amc; results of several files
+    /// into the folder DIR
     #[arg(
         short,
         long,
-        value_name = "OUT.bvh|OUT.glb|DIR",
+        value_name = "OUT.bvh|OUT.glb|OUT.amc|DIR",
         help_heading = "Output"
     )]
     output: Option<OutputPath>,
@@ -124,6 +128,8 @@ struct Job<'a> {
     rig: Retargeter,
     /// The rig's file.
     original: Vec<u8>,
+    /// The skeleton that the rig is, of AMC takes.
+    asf: Option<Asf>,
     map: Option<NameMap>,
     options: ReadOptions,
     args: &'a Args,
@@ -146,7 +152,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
         ..ReadOptions::default()
     };
     let name = args.to.display().to_string();
-    let original = rig(args, &name)?;
+    let (original, asf) = rig(args, &name)?;
+    if asf.is_none() && jobs.iter().any(|job| is_called(job, "amc")) {
+        let what = format!("an AMC take is of an ASF skeleton; {name} is none: give --to RIG.asf");
+        return Err(Error::usage(what));
+    }
     let rig = Bvh::read(Input::new(&name, Cursor::new(original.clone()))?, 1.0, true)?;
     rig.notes.iter().for_each(|note| messages::info(note));
     let rig = Retargeter::new(
@@ -157,6 +167,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let job = Job {
         rig: rig.map_err(|e| e.at(Place::file(name)))?,
         original,
+        asf,
         map: joint_map(args.map_from.as_deref())?,
         options,
         args,
@@ -164,17 +175,26 @@ pub fn work(args: &Args) -> Result<Outcome> {
     each_told(&jobs, &args.json, |one| job.retarget(one))
 }
 
-/// The text of the rig's BVH file, or of that which an FBX file becomes.
-fn rig(args: &Args, name: &str) -> Result<Vec<u8>> {
+/// The text of the rig's BVH file, or of that which an FBX or ASF file becomes; the latter's
+/// skeleton.
+fn rig(args: &Args, name: &str) -> Result<(Vec<u8>, Option<Asf>)> {
     let bytes = open(&args.to)?.read_all(LARGEST_FILE)?;
-    if MotionFormat::of(&bytes) == MotionFormat::Fbx {
+    let format = MotionFormat::of(&bytes);
+    if format == MotionFormat::Asf {
+        if args.out_up != UpAxis::Y {
+            return Err(Error::usage("--out-up: y points up in an ASF skeleton"));
+        }
+        let asf = Asf::read(Input::new(name, Cursor::new(bytes))?, None)?;
+        return Ok((asf.to_bvh()?.to_bytes(1.0), Some(asf)));
+    }
+    if format == MotionFormat::Fbx {
         let (text, notes) = rig_of_fbx(name, bytes, args.to_skeleton.as_deref())?;
         notes
             .iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
-        return Ok(text);
+        return Ok((text, None));
     }
-    Ok(bytes)
+    Ok((bytes, None))
 }
 
 impl Job<'_> {
@@ -207,14 +227,24 @@ impl Job<'_> {
         if let Some(folder) = job.output.as_ref().and_then(|path| path.parent()) {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
-        write_bytes(job.output.as_deref(), &bytes, is_glb(job))?;
+        write_bytes(job.output.as_deref(), &bytes, is_called(job, "glb"))?;
         report(&name, &done);
         Ok((Outcome::of(done.missing > 0), told(&done)))
     }
 
-    /// The bytes of the result, BVH or GLB by its name.
+    /// The bytes of the result, BVH, GLB or AMC by its name.
     fn result(&self, job: &BatchJob, bvh: &Bvh, rate: f64) -> Result<Vec<u8>> {
-        if !is_glb(job) {
+        if let Some(asf) = self.asf.as_ref().filter(|_| is_called(job, "amc")) {
+            let name = job.input.display().to_string();
+            let made = asf.take_of(bvh).map_err(|e| e.at(Place::file(&name)));
+            let (amc, [mean, most]) = made?;
+            messages::info(&format!(
+                "{name}: the skeleton's degrees of freedom leave bones {mean:.2} cm from the \
+                 motion on average, {most:.2} at most; AMC says no rate: it is {rate}"
+            ));
+            return Ok(amc.to_bytes());
+        }
+        if !is_called(job, "glb") {
             return bvh.with_hierarchy_of(&self.original, 1.0);
         }
         let name = take_name(&job.input);
@@ -224,10 +254,10 @@ impl Job<'_> {
     }
 }
 
-/// Whether the result of a file is called GLB.
-fn is_glb(job: &BatchJob) -> bool {
-    let extension = job.output.as_ref().and_then(|path| path.extension());
-    extension.is_some_and(|e| e.eq_ignore_ascii_case("glb"))
+/// Whether the result of a file has this ending.
+fn is_called(job: &BatchJob, called: &str) -> bool {
+    let ending = job.output.as_deref().and_then(ending);
+    ending.is_some_and(|ending| ending == called)
 }
 
 /// How a file became its result, for JSON.

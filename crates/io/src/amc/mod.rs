@@ -5,6 +5,7 @@
 //! out or stand there without values.
 
 mod block;
+mod of_rotations;
 mod rewrite;
 mod write;
 
