@@ -9,12 +9,13 @@ const BUDGET: [(&str, usize); 18] = [
     // What a user says of the noise holds, else leaving markers out decides; doubts are told.
     ("body", 4_500),
     // Tracks without names get some, by labeled takes beside them or sets; people apart; the page
-    // of a night of takes with findings in groups, places in seconds, and people (750).
-    ("clean", 6_110),
+    // of a night of takes with findings in groups, places in seconds, and people (750). Skeletons of
+    // joints (110).
+    ("clean", 6_230),
     // Products of a matrix with itself, and rotations without an eigenvalue problem: for speed.
     // Splines, rotations at other rates, a low-pass filter before them, sums over all shifts (460).
     // An axis that points down by documentation (1).
-    ("core", 6_141),
+    ("core", 6_150),
     // Pages of many takes have a small picture of each person. Two takes on one timeline, with
     // their differences (430). Ranks, distances and a legend of poses that were found (80).
     ("draw", 3_370),
@@ -35,8 +36,8 @@ const BUDGET: [(&str, usize); 18] = [
     // Takes on their floor: the fit, contacts, legs that hold feet, and their tests (1,300).
     ("joints", 10_270),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
-    // names, the body as evidence, and loose pieces that close gaps.
-    ("label", 6_480),
+    // names, the body as evidence, and loose pieces that close gaps. Points that follow a limb (40).
+    ("label", 6_520),
     // How two recordings of one performance lie in time (570).
     ("likeness", 5_120),
     ("models", 10_800),
@@ -47,8 +48,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("posing", 14_292),
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
-    // Gaps of a whole body from motion (150).
-    ("restore", 9_970),
+    // Gaps of a whole body from motion (150). Keypoints of video: slow noise, lengths, feet (790).
+    ("restore", 10_760),
     ("score", 2_100),
 ];
 

@@ -2,8 +2,8 @@
 //! to each other's position, and back.
 //!
 //! A limb is a chain of pairs, left and right. In each frame each pair is as it is named or
-//! exchanged, with all points on it that are no joints, and the cheapest sequence of these states is
-//! found (Viterbi's algorithm):
+//! exchanged, with all points on it that are no joints, and the cheapest sequence of these states
+//! is found (Viterbi's algorithm):
 //!
 //! ```text
 //! step of a point over g frames     |Δx|² / 2σ²    σ² = (g V h)² + 2 r

@@ -1,4 +1,4 @@
-//! The skeleton of a take of joints, such as keypoints of video: measured from it, and fitted to it.
+//! The skeleton of a take of joints, such as keypoints of video: measured from it and fitted to it.
 
 use super::person::picture;
 use crate::Result;

@@ -33,6 +33,7 @@ mod rotations;
 mod row;
 mod settings;
 mod skeleton;
+mod solved;
 mod sources;
 mod summary;
 mod written;

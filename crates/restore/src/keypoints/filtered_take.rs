@@ -23,8 +23,8 @@ pub(super) struct FilteredTake {
 }
 
 impl FilteredTake {
-    /// Filters the points of a take that are at `xyz` (frames, 3 J); `None` where no stretch is long
-    /// enough.
+    /// Filters the points of a take that are at `xyz` (frames, 3 J); `None` where no stretch is
+    /// long enough.
     pub(super) fn of(xyz: ArrayView2<'_, f64>, take: &Take<'_>) -> Option<FilteredTake> {
         let axes = noise_axes(xyz, take.runs);
         let of_point = |p: usize| {

@@ -34,16 +34,15 @@ use skeleton::{Lengths, Noise, Skeleton};
 use std::ops::Range;
 use tuning::*;
 
-/// Whether the joints of a take that a map names tremble by more than `limit`, cm, and not by motion:
-/// the lengths of their bones do too.
+/// The joints of a take, which a map names and the lengths of whose bones tremble.
 pub(crate) struct Keypoints<'a, 't> {
     take: &'a Take<'t>,
     skeleton: Skeleton,
     noise: Noise,
 }
 
-/// Standard deviation of the fast noise of a coordinate, cm, of `poses` whose points are called as a
-/// model's joints in `names`; `None` where these do not tell it, or it is motion.
+/// Standard deviation of the fast noise of a coordinate, cm, of `poses` whose points are called as
+/// CMU's joints in `names`; `None` where the lengths of bones do not tell it, or it is motion.
 ///
 /// ```
 /// use posing_core::pose::Poses;
@@ -75,8 +74,8 @@ impl<'a, 't> Keypoints<'a, 't> {
         })
     }
 
-    /// The restored take. White noise `denoise` removes, by what a model knows of bodies; slow noise
-    /// stays there, and goes by the bands of each track.
+    /// The restored take. White noise `denoise` removes, by what a model knows of bodies; slow
+    /// noise, which would stay, goes by the bands of each track.
     pub(crate) fn restore(
         &self,
         mapping: &PointMapping<'_>,

@@ -249,8 +249,8 @@ impl Lengths {
     }
 
     /// The points (frames, 3 J) moved until every bone has its length, where their noise is largest
-    /// by its `covariance` (Müller et al. 2007, Position based dynamics). Points that are `held` in
-    /// a frame stay.
+    /// by its `covariance` (Müller et al. 2007, Position based dynamics). Points that are `held`
+    /// in a frame stay.
     pub(super) fn hold(
         &self,
         xyz: ArrayView2<'_, f64>,

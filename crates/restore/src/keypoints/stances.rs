@@ -9,8 +9,8 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::ops::Range;
 
-/// Holds a point of a foot in a stretch of frames at the middle of each stance, and tells the frames
-/// of these. `radius` is how far noise takes it from there along each of the `axes`, cm.
+/// Holds a point of a foot in a stretch of frames at the middle of each stance; the frames of
+/// these. `radius` is how far noise takes it from there along each of the `axes`, cm.
 pub(super) fn hold(
     xyz: &mut Array2<f64>,
     point: usize,

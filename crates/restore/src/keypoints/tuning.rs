@@ -1,6 +1,7 @@
 //! Constants of keypoints. Chosen on made video keypoints of 8 takes of CMU's subjects 02, 13, 35
 //! and 49 (17, 25 and 33 points, 30 frames a second, noise half of .15 and half of .3 s, depth 2.5
-//! times worse), seeds 1 and 2; seed 3 and 7 takes of 01, 05, 07, 09, 10 and 14 were looked at only.
+//! times worse), seeds 1 and 2; seeds 3 to 6 and 7 takes of 01, 05, 07, 09, 10 and 14 were looked
+//! at.
 
 /// Frames a second, at least.
 pub(super) const LEAST_RATE: f64 = 12.0;
