@@ -158,7 +158,7 @@ fn two_people_without_names_are_two() {
     are_named(&found, "1:", &gait, offs[0]);
     are_named(&found, "2:", &gait, offs[1]);
     for person in ["1", "2"] {
-        assert!(night.at(&format!("solved/both.csv-{person}.bvh")).exists());
+        assert!(night.at(&format!("solved/both-{person}.bvh")).exists());
     }
     let record = night.record("both.csv");
     assert_eq!(record["named"]["by"], "pig");

@@ -43,13 +43,13 @@ fn a_night_is_told_on_one_page_and_in_one_list() {
     assert!(part(&page, "nameless.csv").contains(by));
     // Each of two people has a file and a picture.
     let of = |person: &str| {
-        let file = format!("two.csv-{person}.bvh");
+        let file = format!("two-{person}.bvh");
         json!({"person": person, "file": file, "none": null})
     };
     assert_eq!(row("two.csv")["people"], json!([of("Ann"), of("Bob")]));
     let two = part(&page, "two.csv");
     assert_eq!(two.matches("<svg").count(), 2);
-    assert!(two.contains("<a href=\"two.csv-Bob.bvh\">Bob</a>"));
+    assert!(two.contains("<a href=\"two-Bob.bvh\">Bob</a>"));
     // What is said of eight markers is one line, with the frames and seconds of each.
     let jumps = row("jumps.csv");
     let findings = jumps["findings"].as_array().unwrap();

@@ -82,7 +82,7 @@ posing clean captured/gait.c3d -q --solve -o solved/gait.c3d || findings $?
 
 # The figures of a picture have the same points: markers and joints, of which a figure has some.
 empty() { sed '1!s/[^,]*//g' "$1"; }
-posing bvh2xyz -q solved/gait.c3d.bvh | cut -d , -f 3- > joints.csv
+posing bvh2xyz -q solved/gait.bvh | cut -d , -f 3- > joints.csv
 cut -d , -f 3- cleaned.csv > markers.csv
 empty joints.csv > no-joints.csv
 empty markers.csv | paste -d , - joints.csv > solved.csv

@@ -35,6 +35,11 @@ pub(super) fn stem(output: &Path) -> PathBuf {
     unpacked(output).with_extension("")
 }
 
+/// What may stand beside a result, called after this.
+pub(super) fn all_called(named: &Path) -> [PathBuf; 2] {
+    ENDS.map(|end| with_end(named, end))
+}
+
 impl SkeletonSettings {
     /// What is known of the settings in a record.
     ///

@@ -3,7 +3,7 @@
 use super::earlier_result::EarlierResult;
 use super::files_beside;
 use super::record::record_path;
-use super::skeleton::{SkeletonSettings, is_skeleton, stem};
+use super::skeleton::{SkeletonSettings, all_called, is_skeleton, stem};
 use crate::io::command_files::CommandFiles;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
@@ -128,11 +128,12 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
         return Err(Error::usage(what));
     }
     let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !is_results_folder(output, &inputs[0]);
-    let out = if is_one {
+    let mut out = if is_one {
         Jobs::one(&inputs[0], output, to)?
     } else {
         Jobs::into_folder(inputs, output, to)
     };
+    out.tell_names_apart();
     if out.jobs.is_empty() && out.unreadable.is_empty() {
         let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
         let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
@@ -192,7 +193,6 @@ impl Jobs {
                 });
             }
         }
-        out.tell_names_apart();
         out
     }
 
@@ -203,8 +203,14 @@ impl Jobs {
         for job in &self.jobs {
             *stems.entry(job.named.clone()).or_default() += 1;
         }
-        for job in self.jobs.iter_mut().filter(|job| stems[&job.named] > 1) {
-            job.named.clone_from(&job.output);
+        let outputs: HashSet<PathBuf> = self.jobs.iter().map(|job| job.output.clone()).collect();
+        for job in &mut self.jobs {
+            let is_taken = all_called(&job.named)
+                .iter()
+                .any(|path| outputs.contains(path));
+            if is_taken || stems[&job.named] > 1 {
+                job.named.clone_from(&job.output);
+            }
         }
     }
 
@@ -376,6 +382,14 @@ mod tests {
         assert!(checked(&twice, "o/").is_err());
         let to = super::jobs(&[at("in")], &at("o"), Some(OutputFormat::Csv)).unwrap();
         assert_eq!(to.jobs[1].output, at("o/deep/a.csv"));
+        // Skeletons are called after results, whole names where they would not differ.
+        let named = |inputs: &[PathBuf]| {
+            let jobs = super::jobs(inputs, &at("o/"), None)?.jobs;
+            Ok::<Vec<PathBuf>, Error>(jobs.into_iter().map(|job| job.named).collect())
+        };
+        let files = ["in/b.C3D", "in/c.csv", "in/c.trc.gz", "in/d.bvh"].map(at);
+        let want = ["o/b", "o/c.csv", "o/c.trc.gz", "o/d.bvh"].map(at);
+        assert_eq!(named(&files).unwrap(), want);
         Ok(())
     }
 }
