@@ -2,8 +2,8 @@
 //! to each other's position, and back.
 //!
 //! A limb is a chain of pairs, left and right. In each frame each pair is as it is named or
-//! exchanged, with all points on it that are no joints, and the cheapest sequence of these states
-//! is found (Viterbi's algorithm):
+//! exchanged, and the cheapest sequence of these states is found (Viterbi's algorithm). Points on
+//! it that are no joints follow, unless their own way says no:
 //!
 //! ```text
 //! step of a point over g frames     |Δx|² / 2σ²    σ² = (g V h)² + 2 r
@@ -57,23 +57,21 @@ pub fn exchanges(
             let limb = Limb {
                 xyz,
                 pairs: &pairs,
-                followers: &followers,
                 frames: run.clone(),
                 rate,
                 noise,
             };
             let states = limb.supported(limb.states());
-            for (k, points) in pairs
-                .iter()
-                .enumerate()
-                .chain(followers.iter().map(|(k, p)| (*k, p)))
-            {
+            let of_pair = |k: usize, points: [usize; 2]| {
                 let is_exchanged = |t: &usize| states[t - run.start] >> k & 1 == 1;
                 let exchanged = ranges(run.clone().filter(is_exchanged)).into_iter();
-                found.extend(exchanged.map(|frames| Exchange {
-                    points: *points,
-                    frames,
-                }));
+                exchanged.map(move |frames| Exchange { points, frames })
+            };
+            for (k, points) in pairs.iter().enumerate() {
+                found.extend(of_pair(k, *points));
+            }
+            for (k, points) in &followers {
+                found.extend(of_pair(*k, *points).filter(|e| limb.follows(e)));
             }
         }
     }
@@ -83,7 +81,7 @@ pub fn exchanges(
 
 /// Pairs of left and right points.
 type Pairs = Vec<[usize; 2]>;
-/// Such pairs, each with the index of that which it follows.
+/// Such pairs, each with the index of that which it follows, where its own way does not say no.
 type Followers = Vec<(usize, [usize; 2])>;
 
 /// The pairs of left and right points, joined to limbs by the bones between them, and what follows
@@ -150,7 +148,6 @@ fn is_left(name: &str) -> bool {
 struct Limb<'a> {
     xyz: ArrayView2<'a, f64>,
     pairs: &'a [[usize; 2]],
-    followers: &'a [(usize, [usize; 2])],
     frames: Range<usize>,
     /// Frames a second.
     rate: f64,
@@ -168,21 +165,15 @@ impl Limb<'_> {
                 n => CHANGE + FURTHER_CHANGE * f64::from(n - 1),
             }
         });
-        let pairs = self.pairs.iter().copied().enumerate();
-        let mut tracks: Vec<(usize, PairTrack)> = pairs
-            .chain(self.followers.iter().copied())
-            .map(|(k, pair)| (k, PairTrack::new(self, pair)))
+        let mut tracks: Vec<PairTrack> = (self.pairs.iter())
+            .map(|pair| PairTrack::new(self, *pair))
             .collect();
         let mut cost = changes.row(0).to_vec();
         let mut cheapest: Vec<Vec<usize>> = Vec::with_capacity(self.frames.len());
         for t in self.frames.clone() {
-            let mut steps = vec![[[0.0; 2]; 2]; self.pairs.len()];
-            for (k, track) in &mut tracks {
-                let more = track.step(self, t);
-                for (sum, more) in steps[*k].iter_mut().zip(more) {
-                    (0..2).for_each(|to| sum[to] += more[to]);
-                }
-            }
+            let steps: Vec<[[f64; 2]; 2]> = (tracks.iter_mut())
+                .map(|track| track.step(self, t))
+                .collect();
             let step = |from: usize, to: usize| {
                 let of_pair = |(k, s): (usize, &[[f64; 2]; 2])| s[from >> k & 1][to >> k & 1];
                 steps.iter().enumerate().map(of_pair).sum::<f64>()
@@ -207,6 +198,19 @@ impl Limb<'_> {
             state = from[state];
         }
         out
+    }
+
+    /// Whether the way of a pair that follows another is no longer with an exchange than without.
+    fn follows(&self, exchange: &Exchange) -> bool {
+        let Range { start, end } = exchange.frames;
+        let mut track = PairTrack::new(self, exchange.points);
+        let mut more = 0.0;
+        for t in self.frames.start..(end + 1).min(self.frames.end) {
+            let cost = track.step(self, t);
+            let [before, now] = [t > start && t <= end, t >= start && t < end].map(usize::from);
+            more += cost[before][now] - cost[0][0];
+        }
+        more <= 0.0
     }
 
     /// States without the stretches in which both points of a pair are hardly ever seen: these are
@@ -380,5 +384,36 @@ mod tests {
         found(&xyz).iter().for_each(|e| e.put_back(&mut xyz));
         let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
         assert!(xyz.iter().zip(&truth).all(same));
+    }
+
+    #[test]
+    fn what_is_no_joint_follows_unless_its_own_way_says_no() {
+        let mut names = names();
+        names.extend(["LHeel (other)", "RHeel (other)"].map(String::from));
+        // The heels are beside the toes.
+        let walk = walk();
+        let heels = Array2::from_shape_fn((walk.nrows(), 33), |(t, c)| match c / 3 {
+            9 => walk[[t, 9 + c % 3]] + 2.0,
+            10 => walk[[t, 18 + c % 3]] + 2.0,
+            _ => walk[[t, c]],
+        });
+        let leg = [[1, 4], [2, 5], [3, 6]].map(|points| Exchange {
+            points,
+            frames: 90..97,
+        });
+        for has_heels in [false, true] {
+            let mut want = leg.to_vec();
+            if has_heels {
+                want.push(Exchange {
+                    points: [9, 10],
+                    frames: 90..97,
+                });
+            }
+            let mut xyz = heels.clone();
+            want.iter().for_each(|e| e.put_back(&mut xyz));
+            let all = 0..xyz.nrows();
+            let found = exchanges(&names, xyz.view(), std::slice::from_ref(&all), RATE, 0.5);
+            assert_eq!(found, want);
+        }
     }
 }

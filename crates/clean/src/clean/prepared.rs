@@ -7,6 +7,7 @@ use super::opened::{Opened, Run, Unpacked};
 use super::redo::Redone;
 use crate::audit::{TakeAudit, audit_motion, name_options};
 use crate::io::MotionFile;
+use crate::label::LabelSettings;
 use crate::pose::check_unit;
 use crate::{Error, Place, Result};
 
@@ -39,11 +40,10 @@ impl<'a> Opened<'a> {
         }
         let mut before = audit_motion(&file, &settings.limits);
         name_options(&mut before, settings.option_names);
-        // Their sides are put back with their noise, and no marker tells more.
-        let labels = settings
-            .labels
-            .as_ref()
-            .filter(|_| !run.has_keypoints(&file));
+        // Sides of keypoints are put back with their noise, and no marker tells more.
+        let is_asked = |l: &LabelSettings| !l.exchange.is_empty() || !l.keep.is_empty();
+        let labels = settings.labels.as_ref();
+        let labels = labels.filter(|labels| is_asked(labels) || !run.has_keypoints(&file));
         let (mut file, labels) = relabeled(labels, file, named)?;
         if settings.held_is_missing {
             empty_held(&mut file)?;

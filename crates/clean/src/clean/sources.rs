@@ -199,16 +199,24 @@ impl Jobs {
     /// Where results differ in their endings alone, or one is called as a skeleton would be, the
     /// skeletons are called after the whole names.
     fn tell_names_apart(&mut self) {
-        let mut stems: HashMap<PathBuf, usize> = HashMap::new();
+        // A whole name may be as the stem of another.
+        for _ in 0..2 {
+            self.call_by_whole_names();
+        }
+    }
+
+    /// Calls the skeletons by whole names where two would be called alike, or one as a result.
+    fn call_by_whole_names(&mut self) {
+        let mut names: HashMap<PathBuf, usize> = HashMap::new();
         for job in &self.jobs {
-            *stems.entry(job.named.clone()).or_default() += 1;
+            *names.entry(job.named.clone()).or_default() += 1;
         }
         let outputs: HashSet<PathBuf> = self.jobs.iter().map(|job| job.output.clone()).collect();
         for job in &mut self.jobs {
             let is_taken = all_called(&job.named)
                 .iter()
                 .any(|path| outputs.contains(path));
-            if is_taken || stems[&job.named] > 1 {
+            if is_taken || names[&job.named] > 1 {
                 job.named.clone_from(&job.output);
             }
         }
@@ -387,8 +395,26 @@ mod tests {
             let jobs = super::jobs(inputs, &at("o/"), None)?.jobs;
             Ok::<Vec<PathBuf>, Error>(jobs.into_iter().map(|job| job.named).collect())
         };
-        let files = ["in/b.C3D", "in/c.csv", "in/c.trc.gz", "in/d.bvh"].map(at);
-        let want = ["o/b", "o/c.csv", "o/c.trc.gz", "o/d.bvh"].map(at);
+        let files = [
+            "b.C3D",
+            "c.csv",
+            "c.trc.gz",
+            "d.bvh",
+            "e.c3d",
+            "e.trc",
+            "e.c3d.csv",
+        ];
+        let files = files.map(|name| at(&format!("in/{name}")));
+        let want = [
+            "b",
+            "c.csv",
+            "c.trc.gz",
+            "d.bvh",
+            "e.c3d",
+            "e.trc",
+            "e.c3d.csv",
+        ];
+        let want = want.map(|name| at(&format!("o/{name}")));
         assert_eq!(named(&files).unwrap(), want);
         Ok(())
     }

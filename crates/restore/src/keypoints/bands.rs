@@ -66,7 +66,9 @@ impl Filtered {
 /// The share of a band that stays along each axis.
 fn kept(power: DVec3, noise: DVec3) -> DVec3 {
     let more = power - NOISE_WEIGHT * noise;
-    let weight = (noise * noise).recip();
+    let weight = (noise * noise)
+        .recip()
+        .map(|w| if w.is_finite() { w } else { 0.0 });
     let shared = more.dot(weight) / weight.element_sum();
     let motion = (more.max(DVec3::ZERO) * shared.max(0.0)).map(f64::sqrt);
     let share = motion / (motion + noise);

@@ -42,7 +42,8 @@ pub(crate) struct Keypoints<'a, 't> {
 }
 
 /// Standard deviation of the fast noise of a coordinate, cm, of `poses` whose points are called as
-/// CMU's joints in `names`; `None` where the lengths of bones do not tell it, or it is motion.
+/// CMU's joints in `names`: that of the take with the least. `None` where the lengths of bones do
+/// not tell it in every take, or it is motion.
 ///
 /// ```
 /// use posing_core::pose::Poses;
@@ -54,11 +55,17 @@ pub(crate) struct Keypoints<'a, 't> {
 /// assert_eq!(keypoint_noise(&poses, &poses.points), None);
 /// ```
 pub fn keypoint_noise(poses: &Poses, names: &[String]) -> Option<f64> {
-    let skeleton = Skeleton::of(names, poses.xyz.view())?;
-    let repeated = RepeatedFrames::at_their_times(poses.xyz.view());
-    let rows = repeated.rows(poses.xyz.view());
-    let noise = skeleton.noise(rows.view(), &repeated.kept_runs(&poses.runs()));
-    noise.map(|noise| noise.sd)
+    let of_take = |frames: Range<usize>| {
+        let take = poses.slice(frames);
+        let repeated = RepeatedFrames::at_their_times(take.xyz.view());
+        let rate = repeated.rate(take.rate().unwrap_or(LEAST_RATE));
+        let rows = repeated.rows(take.xyz.view());
+        let skeleton = Skeleton::of(names, rows.view()).filter(|_| rate >= LEAST_RATE)?;
+        let noise = skeleton.noise(rows.view(), &repeated.kept_runs(&take.runs()))?;
+        Some(noise.sd)
+    };
+    let takes: Option<Vec<f64>> = poses.takes().into_iter().map(of_take).collect();
+    takes?.into_iter().min_by(f64::total_cmp)
 }
 
 impl<'a, 't> Keypoints<'a, 't> {
@@ -121,6 +128,14 @@ impl<'a, 't> Keypoints<'a, 't> {
             ..take.with_xyz(seen.view())
         };
         let mut out = complete.restore_take(Some(mapping), &seen, done);
+        if !outliers {
+            // They are left, and smoothed as all else.
+            let rejected = out
+                .states
+                .iter_mut()
+                .filter(|s| s.status == Status::Rejected);
+            rejected.for_each(|state| state.status = Status::Observed);
+        }
         if let Some(filtered) = FilteredTake::of(out.xyz.view(), take) {
             self.smooth(&mut out, &filtered);
         }

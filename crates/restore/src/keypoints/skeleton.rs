@@ -1,11 +1,11 @@
 //! The bones between joints that have names, their lengths, and the noise that these show.
 
 use super::tuning::*;
-use crate::numeric::statistics::{mean_of_finite, median};
+use crate::numeric::statistics::{mean_of_finite, median, quantile, span};
 use crate::pose::sides::mirror_images;
 use crate::pose::{is_other, point_at};
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
 /// The bones of limbs by the names of the joints at their ends, without the side.
@@ -47,7 +47,7 @@ impl Skeleton {
         };
         let mut bones: Vec<[usize; 2]> = LIMBS.into_iter().flat_map(sided).flatten().collect();
         let limbs = bones.len();
-        if limbs < FEWEST_BONES {
+        if limbs < FEWEST_BONES || is_planar(xyz) {
             return None;
         }
         bones.extend(TRUNK.into_iter().filter_map(bone));
@@ -125,6 +125,15 @@ impl Skeleton {
     }
 }
 
+/// Whether all points are in a plane across one axis: pictures of bones, which have no lengths.
+fn is_planar(xyz: ArrayView2<'_, f64>) -> bool {
+    let is_flat = |axis: usize| {
+        let all = xyz.slice(s![.., axis..;3]);
+        span(all.iter().copied().filter(|v| v.is_finite())) <= 0.0
+    };
+    (0..3).any(is_flat)
+}
+
 /// The points of a foot: ankle, toe, and those near them that have no joint's name.
 fn foot(names: &[String], xyz: ArrayView2<'_, f64>, side: &str) -> Vec<usize> {
     let joints = ["tibia", "foot"].map(|name| format!("{side}{name}"));
@@ -194,6 +203,14 @@ impl Trembling {
         let all = runs.iter().flat_map(of_run).map(second);
         let mut all: Vec<(f64, f64)> = all.filter(|d| d.1.is_finite()).collect();
         if all.len() < FEWEST_FRAMES {
+            return None;
+        }
+        let lengths = || {
+            runs.iter()
+                .flat_map(|run| run.clone().map(|t| length(xyz, t, bone)))
+        };
+        let at = |share| quantile(lengths().filter(|l| l.is_finite()).collect(), share);
+        if !(at(0.75)? - at(0.25)? <= MOST_VARYING * at(0.5)?) {
             return None;
         }
         let size = median(all.iter().map(|d| d.0.abs()).collect())?;

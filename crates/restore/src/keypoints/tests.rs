@@ -175,3 +175,46 @@ fn few_frames_and_points_of_no_body_are_left() {
     assert_eq!(keypoint_noise(&missing, &names(&walk)), None);
     assert_eq!(keypoint_noise(&walk, &walk.points), None);
 }
+
+#[test]
+fn keypoints_in_a_plane_are_left() {
+    for axis in [0, 2] {
+        let mut flat = noisy(&walk(), 1.0, 0.85);
+        for i in (axis..39).step_by(3) {
+            flat.xyz.column_mut(i).fill(0.0);
+        }
+        assert_eq!(keypoint_noise(&flat, &names(&flat)), None);
+    }
+}
+
+#[test]
+fn outliers_are_told_only_where_they_are_wanted() {
+    let mut noisy = noisy(&walk(), 1.0, 0.85);
+    noisy.xyz[[50, 30]] += 40.0;
+    let model = crate::prior::builtin_model().unwrap();
+    let table = Table::from_poses(noisy);
+    let options = Clean {
+        outliers: false,
+        ..Clean::default()
+    };
+    let out = Restorer::new(&model).clean(&table, &options).unwrap();
+    assert_eq!(out.counts().rejected, 0);
+    assert_eq!(out.status(50, 10), Status::Changed);
+}
+
+#[test]
+fn every_take_of_a_table_has_to_have_noise() {
+    let walk = walk();
+    let both = |first: &Poses| Poses {
+        points: walk.points.clone(),
+        xyz: ndarray::concatenate![ndarray::Axis(0), first.xyz, noisy(&walk, 1.0, 0.85).xyz],
+        time: walk.time.as_ref().map(|time| [&time[..], time].concat()),
+        take: Some(
+            ["a", "b"]
+                .map(|take| vec![take.into(); walk.frames()])
+                .concat(),
+        ),
+    };
+    assert_eq!(keypoint_noise(&both(&walk), &names(&walk)), None);
+    assert!(keypoint_noise(&both(&noisy(&walk, 1.0, 0.85)), &names(&walk)).is_some());
+}
