@@ -268,12 +268,15 @@ impl MarkerRows {
             let what = format!("announces {frames} frames but has {rows}");
             stated.notes.push(what);
         }
-        if self.ends.len() > rows {
-            let what = format!(
-                "leaves out the numbers of {} frames, which have no points then",
-                self.ends.len() - rows
-            );
-            stated.notes.push(what);
+        match self.ends.len() - rows {
+            0 => {}
+            1 => {
+                let what = "leaves out the number of 1 frame, which has no points then";
+                stated.notes.push(what.into());
+            }
+            left => stated.notes.push(format!(
+                "leaves out the numbers of {left} frames, which have no points then"
+            )),
         }
         if !stated.has_times {
             stated.notes.extend(self.times.contradiction(stated.rate));

@@ -45,7 +45,8 @@ pub fn read_folder(folder: &Path) -> Result<MarkerTake> {
         frame.map_err(|e| e.at(Place::file(file)))?;
     }
     if left > 0 {
-        let what = format!("leaves out {left} files without the number of a frame");
+        let s = if left == 1 { "" } else { "s" };
+        let what = format!("leaves out {left} file{s} without the number of a frame");
         frames.notes.push(what);
     }
     frames.take(None)

@@ -102,7 +102,7 @@ fn what_is_hidden_or_nobody_is_missing_and_no_frame_is_lost() {
     let read = take(&json!([numbered(3), numbered(5)])).unwrap();
     assert_eq!((read.xyz.nrows(), read.first_frame), (3, 4));
     assert!(read.xyz.row(1).iter().all(|v| v.is_nan()));
-    assert!(read.notes[1].contains("leaves out the numbers of 1 frames"));
+    assert!(read.notes[1].contains("leaves out the number of 1 frame, which has"));
     fails(
         &json!([numbered(5), numbered(3)]).to_string(),
         "frame 2: frame 3 follows frame 5",
@@ -268,7 +268,7 @@ fn a_folder_has_a_frame_a_file() {
     );
     assert!(read.xyz.row(2).iter().all(|v| v.is_nan()));
     assert!(
-        read.notes[0].contains("leaves out 1 files"),
+        read.notes[0].contains("leaves out 1 file without"),
         "{:?}",
         read.notes
     );
