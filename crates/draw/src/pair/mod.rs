@@ -16,11 +16,11 @@ use timeline::{Timeline, seconds};
 /// A take to lay beside another.
 #[derive(Debug, Clone, Copy)]
 pub struct PairTake<'a> {
-    /// Its name on the page.
+    /// The name on the page.
     pub name: &'a str,
     /// What messages call its file.
     pub file: &'a str,
-    /// Its frames and points, cm.
+    /// The frames and points, cm.
     pub poses: &'a Poses,
     /// Frames a second, above 0.
     pub rate: f64,
@@ -54,7 +54,7 @@ pub struct Paired {
     pub bones: Vec<(usize, usize)>,
     /// Whether it has each of the points.
     pub has: Vec<bool>,
-    /// Its own frame at each frame of the timeline; `None` where it has none.
+    /// The frame of the take at each frame of the timeline; `None` where it has none.
     pub frames: Vec<Option<usize>>,
 }
 

@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1.001;
 pub struct PairRun {
     /// The take's name, where both hold several takes.
     pub name: String,
-    /// Its first frame on the timeline.
+    /// The first frame on the timeline.
     pub first: usize,
     /// The time of that frame, s.
     pub time: f64,
@@ -27,7 +27,7 @@ pub struct PairRun {
 pub(super) struct Timeline {
     /// The frame of each take that is shown; `None` where it has none.
     pub shown: Vec<[Option<usize>; 2]>,
-    /// Its stretches.
+    /// The stretches of the timeline.
     pub runs: Vec<PairRun>,
     /// The place on the timeline whose two frames are compared; `None` where one take has none.
     pub compared: Vec<Option<usize>>,
