@@ -411,6 +411,8 @@ fn rigid_bodies_of_tracker_keep_their_rotations() {
         "",
     );
     assert_eq!(fs::read_to_string(output).unwrap(), tracker);
+    let said = fails("complete", &["-q"], tracker.as_bytes(), 1);
+    assert!(said.contains("is a Vicon CSV file: convert"), "{said}");
 }
 
 #[test]

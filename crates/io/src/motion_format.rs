@@ -15,7 +15,7 @@ pub enum MotionFormat {
     MotiveCsv,
     /// Qualisys' TSV: markers.
     QualisysTsv,
-    /// Vicon Nexus' CSV: markers, and perhaps devices and model outputs.
+    /// Vicon's CSV: markers of Nexus, perhaps with devices and model outputs, or Tracker's objects.
     NexusCsv,
     /// A table of points of another program: NAME_x, NAME_y, NAME_z, or names above x, y, z.
     PointTable,
@@ -46,7 +46,7 @@ names!(MotionFormat {
     Trc = "TRC",
     MotiveCsv = "Motive CSV",
     QualisysTsv = "Qualisys TSV",
-    NexusCsv = "Vicon Nexus CSV",
+    NexusCsv = "Vicon CSV",
     PointTable = "points CSV",
     LongTable = "long CSV",
     Keypoints = "keypoints JSON",
@@ -139,7 +139,7 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
              option `up z`"
         }
         MotionFormat::NexusCsv => {
-            "is a Vicon Nexus CSV file: convert it with csv2xyz, with the option `up z`"
+            "is a Vicon CSV file: convert it with csv2xyz, with the option `up z`"
         }
         MotionFormat::PointTable | MotionFormat::LongTable => {
             "is a table of points of another program: convert it with csv2xyz, with the option \

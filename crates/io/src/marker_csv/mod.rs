@@ -71,9 +71,9 @@ pub fn read(
         )),
         MotionFormat::Csv => {
             let known = "is neither a Motive CSV file (it begins with Format Version), a Qualisys \
-                         TSV file (NO_OF_FRAMES or FILE_VERSION), a Vicon Nexus CSV file \
-                         (Trajectories), an OpenSim file (a line endheader), an NPY array nor an \
-                         NPZ archive, and has no columns of positions NAME_x, NAME_y, NAME_z";
+                         TSV file (NO_OF_FRAMES or FILE_VERSION), a Vicon CSV file (Trajectories, \
+                         Objects), an OpenSim file (a line endheader), an NPY array nor an NPZ \
+                         archive, and has no columns of positions NAME_x, NAME_y, NAME_z";
             let what = other.map(str::to_string).or(too_long);
             Err(Error::data(
                 Place::file(name),
