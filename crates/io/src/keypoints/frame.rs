@@ -2,6 +2,7 @@
 
 use super::layouts::Kind;
 use crate::Result;
+use crate::text::excerpt;
 use serde_json::Value;
 
 const WORLD: [&str; 2] = ["poseworldlandmarks", "worldlandmarks"];
@@ -105,10 +106,11 @@ impl Frame {
                 continue;
             };
             let (points, rest) = numbers.as_chunks::<4>();
-            let point = |four: &[Value; 4]| {
-                let [x, y, z, c] = four.each_ref().map(Value::as_f64);
-                let is_seen = c.is_some_and(|c| c != 0.0);
-                [x, y, z].map(|v| v.filter(|_| is_seen).unwrap_or(f64::NAN))
+            let point = |(p, four): (usize, &[Value; 4])| {
+                let [x, y, z, c] = four.each_ref().map(|value| coordinate(p, Some(value)));
+                let (position, c) = ([x?, y?, z?], c?);
+                let is_seen = !c.is_nan() && c != 0.0;
+                Ok(position.map(|v| if is_seen { v } else { f64::NAN }))
             };
             if !rest.is_empty() {
                 return Err("has pose_keypoints_3d that are not four numbers a point".into());
@@ -117,26 +119,47 @@ impl Frame {
             let id = person.get("person_id").map(|id| id.get(0).unwrap_or(id));
             frame.people.push(Person {
                 id: id.and_then(Value::as_u64),
-                points: points.iter().map(point).collect(),
+                points: points
+                    .iter()
+                    .enumerate()
+                    .map(point)
+                    .collect::<Result<_>>()?,
             });
         }
         Ok(frame)
     }
 }
 
-/// Whether this is a point: an object with x, or a list of numbers.
+/// Whether this is a point: an object with x, or a list of numbers, some of which may be missing.
 fn is_point(value: &Value) -> bool {
     match value {
-        Value::Object(_) => value.get("x").is_some(),
-        Value::Array(list) => list.first().is_some_and(Value::is_number),
-        _ => false,
+        Value::Array(list) => {
+            let is_flat = !list.iter().any(|v| v.is_array() || v.is_object());
+            // A longer list that begins with null is a person's, whose first points are missing.
+            let begins = list.first().is_some_and(Value::is_number);
+            is_flat && (begins || (1..=5).contains(&list.len()))
+        }
+        _ => field(value, &["x"]).is_some(),
+    }
+}
+
+/// The number in a keypoint, NaN where it is missing.
+fn coordinate(point: usize, value: Option<&Value>) -> Result<f64> {
+    match value {
+        None | Some(Value::Null) => Ok(f64::NAN),
+        Some(value) => value.as_f64().ok_or_else(|| {
+            let found = excerpt(&value.to_string());
+            format!("has {found} in keypoint {point}, counted from 0: expected a number or null")
+                .into()
+        }),
     }
 }
 
 /// The people of a list of landmarks, or of a list of such lists.
 fn people(list: &Value) -> Result<Vec<Person>> {
     let each = unwrapped(list).as_array().map_or(&[][..], Vec::as_slice);
-    let is_one = each.first().is_none_or(is_point);
+    let mut seen = each.iter().filter(|value| !value.is_null());
+    let is_one = each.is_empty() || seen.next().is_some_and(is_point);
     let each = if is_one {
         std::slice::from_ref(list)
     } else {
@@ -146,7 +169,8 @@ fn people(list: &Value) -> Result<Vec<Person>> {
         let points = unwrapped(list)
             .as_array()
             .ok_or("has landmarks that are no list")?;
-        let points = points.iter().map(landmark).collect::<Result<_>>()?;
+        let points = points.iter().enumerate().map(landmark);
+        let points = points.collect::<Result<_>>()?;
         Ok(Person { id: None, points })
     };
     let each = each.iter().filter(|list| !is_empty(unwrapped(list)));
@@ -159,24 +183,24 @@ fn unwrapped(list: &Value) -> &Value {
 }
 
 /// The position of a landmark.
-fn landmark(value: &Value) -> Result<[f64; 3]> {
-    let number = |at: usize, keys: &[&str]| match value {
+fn landmark((point, value): (usize, &Value)) -> Result<[f64; 3]> {
+    let part = |at: usize, keys: &[&str]| match value {
         Value::Array(list) => list.get(at),
         _ => field(value, keys),
     };
-    let [x, y, z] = [["x"], ["y"], ["z"]];
-    let [x, y, z] = [(0, x), (1, y), (2, z)].map(|(at, key)| number(at, &key));
+    let [x, y, z] = [(0, "x"), (1, "y"), (2, "z")].map(|(at, key)| part(at, &[key]));
+    if value.is_null() {
+        return Ok([f64::NAN; 3]);
+    }
     if x.is_some() && z.is_none() {
         return Err(PLANAR.into());
     }
-    let is_hidden = number(3, &VISIBILITY).and_then(Value::as_f64) == Some(0.0);
-    let position = [x, y, z].map(|v| v.and_then(Value::as_f64).unwrap_or(f64::NAN));
-    match value {
-        Value::Null => Ok([f64::NAN; 3]),
-        _ if !is_point(value) && x.is_none() => Err("has landmarks without x, y, z".into()),
-        _ if is_hidden => Ok([f64::NAN; 3]),
-        _ => Ok(position),
+    if x.is_none() && !is_point(value) {
+        return Err("has landmarks without x, y, z".into());
     }
+    let [x, y, z, c] = [x, y, z, part(3, &VISIBILITY)].map(|value| coordinate(point, value));
+    let (position, is_hidden) = ([x?, y?, z?], c? == 0.0);
+    Ok(position.map(|v| if is_hidden { f64::NAN } else { v }))
 }
 
 /// The number of a frame.

@@ -114,6 +114,76 @@ fn what_is_hidden_or_nobody_is_missing_and_no_frame_is_lost() {
 }
 
 #[test]
+fn what_is_no_number_is_an_error_with_its_frame_and_keypoint() {
+    let with = |key: &str, value: Value| {
+        let mut frame = landmarks(1);
+        frame[4][key] = value;
+        json!([landmarks(0), frame])
+    };
+    for (key, value, found) in [
+        ("x", json!("0.12"), "\"0.12\""),
+        ("z", json!(true), "true"),
+        ("y", json!([1]), "[1]"),
+        ("visibility", json!("0.9"), "\"0.9\""),
+    ] {
+        fails(
+            &with(key, value).to_string(),
+            &format!("frame 2: has {found} in keypoint 4, counted from 0: expected a number"),
+        );
+    }
+    let mut numbers: Vec<Value> = (0..33).map(|p| json!([p, 2, 3])).collect();
+    numbers[0] = json!(["1", 2, 3]);
+    fails(
+        &json!([numbers]).to_string(),
+        "frame 1: has \"1\" in keypoint 0",
+    );
+    for c in 0..4 {
+        let mut one = person(0, 25, -1);
+        one["pose_keypoints_3d"][4 * 7 + c] = json!("0.5");
+        let frames = json!([{"people": [one]}]).to_string();
+        fails(&frames, "frame 1: has \"0.5\" in keypoint 7");
+    }
+    // A confidence that is not there hides nothing.
+    let mut seen = landmarks(0);
+    seen[4].as_object_mut().unwrap().remove("visibility");
+    let read = take(&json!([seen])).unwrap();
+    assert_eq!(read.xyz, take(&json!([landmarks(0)])).unwrap().xyz);
+}
+
+#[test]
+fn the_first_landmarks_may_be_missing() {
+    let numbers: Value = (0..33)
+        .map(|p| json!([at(0, p, 0), at(0, p, 1), at(0, p, 2), 0.5]))
+        .collect();
+    let whole = take(&json!([numbers])).unwrap();
+    let (none, three) = (Value::Null, json!([null, null, null]));
+    let (four, named) = (
+        json!([null, null, null, 0]),
+        json!({"x": null, "y": null, "z": null}),
+    );
+    for missing in [none, three, four, named] {
+        for layout in [&numbers, &landmarks(0)] {
+            let mut frame = layout.clone();
+            frame[0] = missing.clone();
+            frame[1] = missing.clone();
+            for value in [
+                json!([frame]),
+                json!([[frame]]),
+                json!([{"landmarks": frame}]),
+            ] {
+                let read = take(&value).unwrap();
+                assert!(read.xyz.row(0).iter().take(6).all(|v| v.is_nan()));
+                let rest = [&read, &whole].map(|take| take.xyz.row(0).to_vec().split_off(6));
+                assert_eq!(rest[0], rest[1], "{missing}");
+            }
+        }
+    }
+    // A frame that has one person's place but nobody in it.
+    let nobody = take(&json!([numbers, [null], [null, null]])).unwrap();
+    assert!(nobody.xyz.nrows() == 3 && nobody.xyz.row(2).iter().all(|v| v.is_nan()));
+}
+
+#[test]
 fn people_are_told_apart_by_their_ids() {
     let frame = |people: &[Value]| json!({"version": 1.3, "people": people});
     for (points, name) in [(25, "RHeel"), (18, "LEar")] {
