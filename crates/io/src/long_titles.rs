@@ -1,8 +1,7 @@
 //! The titles of a long table: a frame or a time, a point, x, y and z, in any order.
 
-use super::point_titles::{axis_of, is_frame, seconds_of, separator_of, without_unit};
+use super::point_titles::{add_unit, axis_of, is_frame, seconds_of, separator_of, without_unit};
 use super::row_cells::texts_of;
-use super::text::excerpt;
 
 const POINTS: [&str; 8] = [
     "point", "marker", "joint", "name", "keypoint", "landmark", "bodypart", "label",
@@ -20,7 +19,8 @@ pub(crate) struct LongTitles {
     pub person: Option<usize>,
     pub point: usize,
     pub xyz: [usize; 3],
-    pub unit: Option<String>,
+    /// The units that stand with x, y and z, each once.
+    pub units: Vec<String>,
     /// The titles of the other columns.
     pub others: Vec<String>,
 }
@@ -48,7 +48,7 @@ impl LongTitles {
             person: of(&PEOPLE),
             point: of(&POINTS)?,
             xyz: [axis(0)?, axis(1)?, axis(2)?],
-            unit: None,
+            units: Vec::new(),
             others: Vec::new(),
         };
         out.frame.or(out.time.map(|(at, _)| at))?;
@@ -56,8 +56,11 @@ impl LongTitles {
         let is_own = |c: usize| own.contains(&Some(c)) || out.xyz.contains(&c);
         let others = titles.iter().enumerate().filter(|(c, _)| !is_own(*c));
         let others = others.map(|(_, title)| title.to_string());
+        let mut units = Vec::new();
+        let stated = out.xyz.iter().filter_map(|&c| without_unit(&titles[c]).1);
+        stated.for_each(|unit| add_unit(&mut units, unit));
         Some(LongTitles {
-            unit: without_unit(&titles[out.xyz[0]]).1.map(excerpt),
+            units,
             others: others.filter(|title| !title.is_empty()).collect(),
             ..out
         })

@@ -93,16 +93,7 @@ impl PointTitles {
     /// # Errors
     /// [`crate::Error::Unfit`]: there are several.
     pub(crate) fn unit(&self) -> Result<Option<String>> {
-        match &self.units[..] {
-            [one, other, ..] => Err(format!(
-                "has points in {} and in {}: convert them to one unit, or leave out those of the \
-                 other",
-                excerpt(one),
-                excerpt(other)
-            )
-            .into()),
-            units => Ok(units.first().map(|unit| excerpt(unit))),
-        }
+        one_unit(&self.units)
     }
 
     /// What stays among the other columns though it has axes, a line each.
@@ -123,13 +114,6 @@ impl PointTitles {
         notes
     }
 
-    fn add_unit(&mut self, unit: &str) {
-        let is_known = |known: &String| known.eq_ignore_ascii_case(unit);
-        if !unit.is_empty() && !self.units.iter().any(is_known) {
-            self.units.push(unit.to_string());
-        }
-    }
-
     fn of_groups(
         groups: Vec<Group>,
         titles: &[String],
@@ -146,7 +130,10 @@ impl PointTitles {
             match group.xyz() {
                 Some(xyz) if is_position(&group) => {
                     xyz.iter().for_each(|&c| is_point[c] = true);
-                    group.units.iter().for_each(|unit| out.add_unit(unit));
+                    group
+                        .units
+                        .iter()
+                        .for_each(|unit| add_unit(&mut out.units, unit));
                     out.points.push((group.name, xyz));
                 }
                 Some(_) => out.quantities.push(group.name),
@@ -182,11 +169,37 @@ impl PointTitles {
             && row.first().is_some_and(|c| is_word(&c.as_str()))
             && row.iter().skip(1).all(String::is_empty);
         if !cells.is_empty() && cells.iter().all(is_word) {
-            cells.iter().for_each(|unit| self.add_unit(unit));
+            cells
+                .iter()
+                .for_each(|unit| add_unit(&mut self.units, unit));
             self.rows += 1;
         } else if names_index {
             self.rows += 1;
         }
+    }
+}
+
+/// Adds a unit that a title states, unless it is known.
+pub(crate) fn add_unit(units: &mut Vec<String>, unit: &str) {
+    let is_known = |known: &String| known.eq_ignore_ascii_case(unit);
+    if !unit.is_empty() && !units.iter().any(is_known) {
+        units.push(unit.to_string());
+    }
+}
+
+/// The only unit of the points, if one is stated.
+///
+/// # Errors
+/// [`crate::Error::Unfit`]: there are several.
+pub(crate) fn one_unit(units: &[String]) -> Result<Option<String>> {
+    match units {
+        [one, other, ..] => Err(format!(
+            "has points in {} and in {}: convert them to one unit, or leave out those of the other",
+            excerpt(one),
+            excerpt(other)
+        )
+        .into()),
+        units => Ok(units.first().map(|unit| excerpt(unit))),
     }
 }
 

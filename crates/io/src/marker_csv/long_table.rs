@@ -5,6 +5,7 @@ use super::point_table::rate_of_times;
 use crate::long_titles::LongTitles;
 use crate::marker_rows::{MOST_COLUMNS, MarkerRows, Stated, coordinate};
 use crate::marker_take::MarkerTake;
+use crate::point_titles::one_unit;
 use crate::row_cells::texts_of;
 use crate::text::{Lines, excerpt, parse_number};
 use crate::text_start::BLANK;
@@ -163,9 +164,10 @@ fn take(
             shown.join(", ")
         ));
     }
+    let units = one_unit(&titles.units).map_err(|e| e.at(Place::file(name)))?;
     let stated = Stated {
         labels: points.names,
-        units: titles.unit,
+        units,
         has_times: titles.time.is_some(),
         notes,
         ..Stated::default()

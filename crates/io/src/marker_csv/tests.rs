@@ -93,6 +93,10 @@ fn faults_of_long_tables_have_a_place() {
     let cut = LONG.trim_end().as_bytes()[..LONG.len() - 4].to_vec();
     let input = Input::new("x.csv", std::io::Cursor::new(cut)).unwrap();
     assert_eq!(read(input, None, true).unwrap().xyz.nrows(), 2);
+    fails(
+        &LONG.replace("x,y,z", "x [mm],y [m],z [mm]"),
+        "x.csv: has points in mm and in m: convert",
+    );
     let far = "frame,point,x,y,z\n0,a,1,2,3\n4000000000,a,1,2,3\n";
     fails(far, "x.csv:3: there are more than");
     // Many points that stand once each would fill the memory.
