@@ -120,6 +120,22 @@ fn row(
     })
 }
 
+/// Fails where the rows of a frame differ in their times.
+fn check_time(name: &str, frame: &[Row]) -> Result<()> {
+    let differs = |row: &&Row| !frame[0].seconds.is_nan() && row.seconds != frame[0].seconds;
+    let Some(other) = frame.iter().find(differs) else {
+        return Ok(());
+    };
+    let mut two = [&frame[0], other];
+    two.sort_by_key(|row| row.line);
+    let [first, second] = two;
+    let what = format!(
+        "has the time {} s in frame {}, line {} has {} s: split takes, or number their frames on",
+        second.seconds, second.frame, first.line, first.seconds
+    );
+    Err(Error::data(Place::line(name, second.line), what))
+}
+
 /// The take: its frames in the order of their numbers or times, its points in that of the file.
 fn take(
     name: &str,
@@ -142,6 +158,7 @@ fn take(
     }
     let mut frames = MarkerRows::default();
     for frame in rows.chunk_by(|a, b| a.frame == b.frame) {
+        check_time(name, frame)?;
         let mut values = vec![f64::NAN; 3 * (frame[frame.len() - 1].point + 1)];
         for row in frame {
             values[3 * row.point..][..3].copy_from_slice(&row.xyz);

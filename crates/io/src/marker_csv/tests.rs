@@ -97,6 +97,14 @@ fn faults_of_long_tables_have_a_place() {
         &LONG.replace("x,y,z", "x [mm],y [m],z [mm]"),
         "x.csv: has points in mm and in m: convert",
     );
+    fails(
+        "frame,time,point,x,y,z\n1,0.1,b,1,2,3\n2,0.2,b,1,2,3\n2,0.25,a,1,2,3\n",
+        "x.csv:4: has the time 0.25 s in frame 2, line 3 has 0.2 s: split",
+    );
+    fails(
+        "frame,time,point,x,y,z\n1,0.1,b,1,2,3\n1,0.1,a,1,2,3\n1,0.2,c,1,2,3\n",
+        "x.csv:4: has the time 0.2 s in frame 1, line 2 has 0.1 s: split",
+    );
     let far = "frame,point,x,y,z\n0,a,1,2,3\n4000000000,a,1,2,3\n";
     fails(far, "x.csv:3: there are more than");
     // Many points that stand once each would fill the memory.
