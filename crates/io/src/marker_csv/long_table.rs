@@ -1,7 +1,7 @@
 //! Long tables: a row for each point in each frame, with columns of the frame or the time, the
 //! point's name and x, y, z, in any order; a person's name may stand before the point's.
 
-use super::point_table::rate_of_times;
+use super::point_table::{Decimals, rate_of_times};
 use crate::long_titles::LongTitles;
 use crate::marker_rows::{MOST_COLUMNS, MarkerRows, Stated, coordinate};
 use crate::marker_take::MarkerTake;
@@ -32,12 +32,12 @@ pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<M
     let titles = lines.next_filled(|c| BLANK.contains(&c))?;
     let titles = titles.and_then(LongTitles::read);
     let titles = titles.ok_or_else(|| bad("has no columns of a long table".into()))?;
-    let mut points = Points::default();
+    let mut seen = Seen::default();
     let mut rows: Vec<Row> = Vec::new();
     let mut cut = None;
     while let Some(line) = lines.next_filled(|c| BLANK.contains(&c))? {
         let cells = texts_of(line, titles.separator);
-        let row = row(&titles, &mut points, &cells);
+        let row = row(&titles, &mut seen, &cells);
         let (is_short, number) = (cells.len() < titles.width, lines.number);
         // The last row of a file that is cut off lacks its last cells.
         if !lines.whole && is_short {
@@ -48,7 +48,7 @@ pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<M
             break;
         }
         let row = row.map_err(|e| e.at(Place::line(&name, number)))?;
-        if rows.len() == MOST_ROWS || points.names.len() > MOST_COLUMNS / 3 {
+        if rows.len() == MOST_ROWS || seen.names.len() > MOST_COLUMNS / 3 {
             let most = MOST_COLUMNS / 3;
             let what = format!("has more than {MOST_ROWS} rows or {most} points: split it");
             return Err(bad(what));
@@ -62,18 +62,20 @@ pub(crate) fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<M
         Some(what) if !keep_whole => {
             Err(bad(format!("{what}; the option `keep_whole` reads those")))
         }
-        cut => take(&name, titles, points, rows, cut),
+        cut => take(&name, titles, seen, rows, cut),
     }
 }
 
-/// The points, by their names.
+/// What the rows so far have.
 #[derive(Default)]
-struct Points {
+struct Seen {
+    /// The points' names.
     names: Vec<String>,
     by_name: HashMap<String, usize>,
+    decimals: Decimals,
 }
 
-impl Points {
+impl Seen {
     fn index(&mut self, name: String) -> usize {
         *self.by_name.entry(name).or_insert_with_key(|name| {
             self.names.push(name.clone());
@@ -82,18 +84,18 @@ impl Points {
     }
 }
 
-fn row(
-    titles: &LongTitles,
-    points: &mut Points,
-    cells: &[std::borrow::Cow<'_, str>],
-) -> Result<Row> {
+fn row(titles: &LongTitles, seen: &mut Seen, cells: &[std::borrow::Cow<'_, str>]) -> Result<Row> {
     let (width, found) = (titles.width, cells.len());
     if cells.iter().skip(width).any(|c| !c.is_empty()) {
         return Err(format!("expected {width} cells, found {found}").into());
     }
     let cell = |at: usize| cells.get(at).map_or("", |cell| &**cell);
+    let mut number = |at: usize| seen.decimals.text(cell(at), titles.separator);
     let seconds = match titles.time {
-        Some((at, unit)) => unit * parse_number(cell(at)).map_err(|e| format!("time: {e}"))?,
+        Some((at, unit)) => {
+            let seconds = number(at).and_then(|text| parse_number(&text));
+            unit * seconds.map_err(|e| format!("time: {e}"))?
+        }
         None => f64::NAN,
     };
     let frame = match titles.frame {
@@ -110,11 +112,11 @@ fn row(
     if let Some(person) = titles.person.map(cell).filter(|person| !person.is_empty()) {
         name = format!("{person}:{name}");
     }
-    let [x, y, z] = titles.xyz.map(|at| coordinate(cell(at)));
+    let [x, y, z] = titles.xyz.map(|at| coordinate(&number(at)?));
     Ok(Row {
         frame,
         seconds,
-        point: points.index(name),
+        point: seen.index(name),
         xyz: [x?, y?, z?],
         line: 0,
     })
@@ -140,7 +142,7 @@ fn check_time(name: &str, frame: &[Row]) -> Result<()> {
 fn take(
     name: &str,
     titles: LongTitles,
-    points: Points,
+    seen: Seen,
     mut rows: Vec<Row>,
     cut: Option<String>,
 ) -> Result<MarkerTake> {
@@ -149,7 +151,7 @@ fn take(
         .array_windows()
         .filter(|[a, b]| a.frame == b.frame && a.point == b.point);
     if let Some([a, b]) = twice.min_by_key(|[a, b]| a.line.max(b.line)) {
-        let point = excerpt(&points.names[a.point]);
+        let point = excerpt(&seen.names[a.point]);
         let (first, second) = (a.line.min(b.line), a.line.max(b.line));
         let what = format!(
             "has {point} of this frame a second time, after line {first}: split takes or people"
@@ -183,7 +185,7 @@ fn take(
     }
     let units = one_unit(&titles.units).map_err(|e| e.at(Place::file(name)))?;
     let stated = Stated {
-        labels: points.names,
+        labels: seen.names,
         units,
         has_times: titles.time.is_some(),
         notes,

@@ -53,7 +53,7 @@ fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<Line>> {
 
 /// How the numbers of a table are written whose cells commas do not part.
 #[derive(Debug, Default)]
-struct Decimals {
+pub(super) struct Decimals {
     has_comma: bool,
     has_point: bool,
 }
@@ -64,7 +64,7 @@ impl Decimals {
     /// # Errors
     /// [`Error::Unfit`]: some numbers have a comma and some a point, of which one may part
     /// thousands.
-    fn text<'c>(&mut self, cell: &'c str, separator: u8) -> Result<Cow<'c, str>> {
+    pub(super) fn text<'c>(&mut self, cell: &'c str, separator: u8) -> Result<Cow<'c, str>> {
         self.has_point |= cell.contains('.');
         self.has_comma |= separator != b',' && cell.contains(',');
         match (self.has_comma, self.has_point) {

@@ -71,6 +71,25 @@ fn long_tables_tell_times_units_people_and_what_stays() {
 }
 
 #[test]
+fn decimals_of_long_tables_may_stand_behind_a_comma() {
+    let points = "frame;time;point;x;y;z\n1;0.01;a;-1.5;2;3.25\n2;0.02;a;1.5;;0.125\n";
+    let commas = take(&points.replace('.', ",")).unwrap();
+    assert_eq!(commas.xyz.row(0).to_vec(), [-1.5, 2.0, 3.25]);
+    assert!(commas.xyz[[1, 1]].is_nan());
+    let plain = take(points).unwrap();
+    assert_eq!(
+        (commas.rate, commas.times),
+        (plain.rate, plain.times.clone())
+    );
+    assert_eq!(plain.xyz.row(0), commas.xyz.row(0));
+    // One of them may part thousands.
+    fails(
+        &points.replace("1.5;;", "1,5;;"),
+        "x.csv:3: has numbers with a comma and with a point",
+    );
+}
+
+#[test]
 fn faults_of_long_tables_have_a_place() {
     fails(
         &format!("{LONG}2,b,1,1,1\n"),
