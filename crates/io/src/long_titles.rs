@@ -6,6 +6,7 @@ use super::row_cells::texts_of;
 const POINTS: [&str; 8] = [
     "point", "marker", "joint", "name", "keypoint", "landmark", "bodypart", "label",
 ];
+const TAKES: [&str; 2] = ["take", "trial"];
 const PEOPLE: [&str; 4] = ["person", "subject", "individual", "actor"];
 
 /// What the columns of a long table are.
@@ -17,6 +18,8 @@ pub(crate) struct LongTitles {
     /// The column of the time, and the seconds of its unit.
     pub time: Option<(usize, f64)>,
     pub person: Option<usize>,
+    /// The column that tells takes apart.
+    pub take: Option<usize>,
     pub point: usize,
     pub xyz: [usize; 3],
     /// The units that stand with x, y and z, each once.
@@ -46,6 +49,7 @@ impl LongTitles {
             frame: at(&|title| is_frame(title) && !title.eq_ignore_ascii_case("index")),
             time: time.and_then(|at| Some((at, seconds_of(&titles[at])?))),
             person: of(&PEOPLE),
+            take: of(&TAKES),
             point: of(&POINTS)?,
             xyz: [axis(0)?, axis(1)?, axis(2)?],
             units: Vec::new(),

@@ -73,6 +73,8 @@ struct Seen {
     names: Vec<String>,
     by_name: HashMap<String, usize>,
     decimals: Decimals,
+    /// The take, where a column has it.
+    take: Option<String>,
 }
 
 impl Seen {
@@ -90,6 +92,15 @@ fn row(titles: &LongTitles, seen: &mut Seen, cells: &[std::borrow::Cow<'_, str>]
         return Err(format!("expected {width} cells, found {found}").into());
     }
     let cell = |at: usize| cells.get(at).map_or("", |cell| &**cell);
+    if let Some(take) = titles.take.map(cell) {
+        let before = seen.take.get_or_insert_with(|| take.to_string());
+        if take != before {
+            let (take, before) = (excerpt(take), excerpt(before));
+            return Err(
+                format!("is of take {take} after rows of {before}: split the takes").into(),
+            );
+        }
+    }
     let mut number = |at: usize| seen.decimals.text(cell(at), titles.separator);
     let seconds = match titles.time {
         Some((at, unit)) => {

@@ -124,6 +124,16 @@ fn faults_of_long_tables_have_a_place() {
         "frame,time,point,x,y,z\n1,0.1,b,1,2,3\n1,0.1,a,1,2,3\n1,0.2,c,1,2,3\n",
         "x.csv:4: has the time 0.2 s in frame 1, line 2 has 0.1 s: split",
     );
+    let takes = "take,frame,point,x,y,z\nrun,1,a,1,2,3\nrun,2,a,1,2,3\n";
+    let one = take(takes).unwrap();
+    assert_eq!(
+        (one.xyz.nrows(), &*one.notes[0]),
+        (2, "its other columns are not converted: take")
+    );
+    fails(
+        &format!("{takes}jump,3,a,1,2,3\n"),
+        "x.csv:4: is of take jump after rows of run: split the takes",
+    );
     let far = "frame,point,x,y,z\n0,a,1,2,3\n4000000000,a,1,2,3\n";
     fails(far, "x.csv:3: there are more than");
     // Many points that stand once each would fill the memory.
