@@ -113,6 +113,33 @@ fn two_takes_of_any_formats_become_one_page() {
 }
 
 #[test]
+fn the_rate_given_is_that_of_the_take_without_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_string()
+    };
+    let timeless = file("a.csv", "root.x,root.y,root.z\n1,2,3\n2,2,3\n3,2,3\n");
+    let timed = file(
+        "b.csv",
+        "time,root.x,root.y,root.z\n0,1,2,3\n0.01,2,2,3\n0.02,3,2,3\n",
+    );
+    for pair in [[&*timeless, &*timed], [&*timed, &*timeless]] {
+        plot(&[&["-q", "--to", "html"], &pair[..]].concat(), "")
+            .code(2)
+            .stderr(contains(
+                "a.csv: the table's times give no frame rate; give it with --fps",
+            ));
+        let page = plot(&[&["--to", "html", "--fps", "50"], &pair[..]].concat(), "").success();
+        page.stderr(contains("a: 3 frames at 50 a second").and(contains("b: 3 frames at 100 a")));
+    }
+    plot(&["-q", "--to", "html", "--fps", "50", &timed, &timed], "")
+        .code(2)
+        .stderr(contains("--fps 50 contradicts the table's times"));
+}
+
+#[test]
 fn a_take_beside_itself_differs_by_nothing_and_names_tell_the_two_apart() {
     let dir = tempfile::tempdir().unwrap();
     let file = |name: &str| {

@@ -40,7 +40,7 @@ pub fn draw_pair(
     names: &[String],
     table: Option<Table>,
 ) -> Result<String> {
-    let rates = [rate(args, &drawn[0])?, rate(args, &drawn[1])?];
+    let rates = [rate(args, drawn, 0)?, rate(args, drawn, 1)?];
     let joined = joined(args.bones.as_deref(), drawn)?;
     let take = |k: usize| PairTake {
         name: &names[k],
@@ -78,10 +78,16 @@ pub fn draw_pair(
     }
 }
 
-/// The frames a second of a take.
-fn rate(args: &Args, table: &PlotTable) -> Result<f64> {
-    let rate = table
-        .rate
+/// The frames a second of a take. `--fps` is that of a take that does not say its own; it must not
+/// contradict the times of two tables that both do.
+fn rate(args: &Args, drawn: &[PlotTable; 2], k: usize) -> Result<f64> {
+    let own = drawn
+        .each_ref()
+        .map(|table| table.rate.or_else(|| table.poses.rate()));
+    let table = &drawn[k];
+    let is_taken = table.rate.is_some() || own[1 - k].is_none();
+    let rate = own[k]
+        .filter(|_| is_taken)
         .map_or_else(|| args.input.rate(&table.poses), |own| Ok(Some(own)));
     rate?.ok_or_else(|| Error::usage(format!("{}: {}", table.file, super::NO_RATE)))
 }
