@@ -140,6 +140,20 @@ fn the_rate_given_is_that_of_the_take_without_one() {
 }
 
 #[test]
+fn an_amc_take_without_its_skeleton_names_a_way_that_exists() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("07_01.amc");
+    fs::copy("testdata/cmu/07/07_01.amc", &path).unwrap();
+    let args = ["-q", "--to", "html", "--fps", "120", path.to_str().unwrap()];
+    let no_asf = "07_01.amc: has no ASF file beside it whose name begins its own: copy";
+    plot(&args, "")
+        .code(1)
+        .stderr(contains(no_asf).and(contains("amc2xyz --asf")));
+    fs::copy("testdata/cmu/07/07.asf", dir.path().join("07.asf")).unwrap();
+    plot(&args, "").success();
+}
+
+#[test]
 fn a_take_beside_itself_differs_by_nothing_and_names_tell_the_two_apart() {
     let dir = tempfile::tempdir().unwrap();
     let file = |name: &str| {

@@ -9,7 +9,7 @@ use posing::draw::figure::{self, Layout};
 use posing::draw::scene::{Scene, Table, spread};
 use posing::evaluate::alignment::point_order;
 use posing::io::csv::csv_fault;
-use posing::io::motion_file::ReadOptions;
+use posing::io::motion_file::{ReadOptions, skeleton_of};
 use posing::io::{MotionFile, MotionFormat, PosesBuilder, Row};
 use posing::pose::{Poses, joints};
 use posing::{Error, Place, Result};
@@ -190,8 +190,15 @@ impl PlotTable {
             skeleton: fbx.skeleton.clone(),
             ..ReadOptions::default()
         };
-        let file = MotionFile::open(path, &options)?;
         let name = path.display().to_string();
+        if MotionFormat::of(open(path)?.first_bytes()) == MotionFormat::Amc
+            && skeleton_of(path, &options).is_err()
+        {
+            let what = "has no ASF file beside it whose name begins its own: copy its skeleton \
+                        there, or convert it with amc2xyz --asf SUBJECT.asf";
+            return Err(Error::data(Place::file(name), what));
+        }
+        let file = MotionFile::open(path, &options)?;
         file.notes
             .iter()
             .for_each(|note| messages::info(&format!("{name}: {note}")));
