@@ -109,6 +109,12 @@ fn world_landmarks_are_converted_and_cleaned() {
         .unwrap();
     let audited = String::from_utf8_lossy(&audited.stdout).into_owned();
     assert!(audited.contains("33 points"), "{audited}");
+    let page = run(
+        "plot",
+        &["-q", "--fps", "30", "--to", "html", text(&input)],
+        "",
+    );
+    assert!(page.contains("left_foot_index"));
     // Other commands name the way.
     let said = fails("complete", &["-q", text(&input)], b"", 1);
     assert!(

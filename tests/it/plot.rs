@@ -154,6 +154,51 @@ fn an_amc_take_without_its_skeleton_names_a_way_that_exists() {
 }
 
 #[test]
+fn tables_of_other_programs_are_drawn_as_the_pose_table_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_string();
+    let pose = path("pose.csv");
+    fs::write(&pose, "time,A.x,A.y,A.z\n0,1,2,3\n0.01,2,2,3\n").unwrap();
+    let files = [
+        ("wide.csv", "time,A_x,A_y,A_z\n0,1,2,3\n0.01,2,2,3\n"),
+        ("long.csv", "time,point,x,y,z\n0,A,1,2,3\n0.01,A,2,2,3\n"),
+        (
+            "vicon.csv",
+            "Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n\
+             0,0,10,20,30\n1,0,20,20,30\n",
+        ),
+        (
+            "qualisys.tsv",
+            "NO_OF_FRAMES\t2\nNO_OF_MARKERS\t1\nFREQUENCY\t100\nMARKER_NAMES\tA\n\
+             10\t20\t30\n20\t20\t30\n",
+        ),
+    ];
+    for (name, text) in files {
+        fs::write(path(name), text).unwrap();
+        let units: &[&str] = match name {
+            "vicon.csv" => &[],
+            "qualisys.tsv" => &["--units", "mm"],
+            _ => &["--units", "cm"],
+        };
+        let own = path(name);
+        let alone = [&["-q", "--to", "html", "--up", "y", "--every", "1"], units].concat();
+        let drawn = |file: &str, flags: &[&str]| {
+            let page = plot(&[flags, &[file]].concat(), "").success();
+            scene(&String::from_utf8(page.get_output().stdout.clone()).unwrap())
+        };
+        let wanted = drawn(&pose, &["-q", "--to", "html", "--every", "1"]);
+        let found = drawn(&own, &alone);
+        assert_eq!(
+            found["figures"][0]["data"], wanted["figures"][0]["data"],
+            "{name}"
+        );
+        // Nothing is guessed.
+        let said = plot(&["-q", "--to", "html", &own], "").code(1);
+        said.stderr(contains("give it with --"));
+    }
+}
+
+#[test]
 fn a_take_beside_itself_differs_by_nothing_and_names_tell_the_two_apart() {
     let dir = tempfile::tempdir().unwrap();
     let file = |name: &str| {

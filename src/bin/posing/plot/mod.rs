@@ -25,9 +25,10 @@ use std::path::PathBuf;
 
 /// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
-/// Reads tables, and BVH, FBX, C3D, TRC and AMC files. Two takes, of any formats and rates, are
-/// drawn over each other on one timeline, in seconds; their page also has them side by side, and
-/// tells how far apart the points are that both have by name, in cm, over time and by point. More
+/// Reads pose tables, BVH, FBX, C3D, TRC and AMC files, and other programs' tables of points and
+/// keypoints as JSON. Two takes, of any of these formats and rates, are drawn over each other on
+/// one timeline, in seconds; their page also has them side by side, and tells how far apart the
+/// points are that both have by name, in cm, over time and by point. More
 /// takes are drawn side by side; they must have the same frames and points, matched by name. Bones
 /// connect the CMU joints and of the skeletons of complete --map; a BVH or FBX file is drawn with
 /// its own bones; for other points, use --bones. If a table has the columns NAME.status

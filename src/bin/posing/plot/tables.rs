@@ -191,9 +191,7 @@ impl PlotTable {
             ..ReadOptions::default()
         };
         let name = path.display().to_string();
-        if MotionFormat::of(open(path)?.first_bytes()) == MotionFormat::Amc
-            && skeleton_of(path, &options).is_err()
-        {
+        if format_of(path)? == MotionFormat::Amc && skeleton_of(path, &options).is_err() {
             let what = "has no ASF file beside it whose name begins its own: copy its skeleton \
                         there, or convert it with amc2xyz --asf SUBJECT.asf";
             return Err(Error::data(Place::file(name), what));
@@ -267,20 +265,30 @@ impl PlotTable {
     }
 }
 
-/// Whether a file is one of motion, and no table.
+/// Whether a file is one of motion, and no pose table.
 fn is_motion_file(path: &Path) -> Result<bool> {
-    if path == Path::new("-") {
-        return Ok(false);
-    }
-    let format = MotionFormat::of(open(path)?.first_bytes());
-    Ok(matches!(
-        format,
-        MotionFormat::Bvh
-            | MotionFormat::Fbx
-            | MotionFormat::C3d
-            | MotionFormat::Trc
-            | MotionFormat::Amc
-    ))
+    Ok(path != Path::new("-")
+        && matches!(
+            format_of(path)?,
+            MotionFormat::Bvh
+                | MotionFormat::Fbx
+                | MotionFormat::C3d
+                | MotionFormat::Trc
+                | MotionFormat::Amc
+                | MotionFormat::MotiveCsv
+                | MotionFormat::QualisysTsv
+                | MotionFormat::NexusCsv
+                | MotionFormat::PointTable
+                | MotionFormat::LongTable
+                | MotionFormat::Keypoints
+        ))
+}
+
+/// The format that a file's first lines tell.
+fn format_of(path: &Path) -> Result<MotionFormat> {
+    let mut input = open(path)?;
+    input.look_ahead()?;
+    Ok(MotionFormat::of(input.first_bytes()))
 }
 
 /// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of
