@@ -11,7 +11,7 @@ const BUDGET: [(&str, usize); 18] = [
     // Tracks without names get some, by labeled takes beside them or sets; people apart; the page
     // of a night of takes with findings in groups, places in seconds, and people (750). Skeletons of
     // joints (110).
-    ("clean", 6_230),
+    ("clean", 6_240),
     // Products of a matrix with itself, and rotations without an eigenvalue problem: for speed.
     // Splines, rotations at other rates, a low-pass filter before them, sums over all shifts (460).
     // An axis that points down by documentation (1).
@@ -49,7 +49,7 @@ const BUDGET: [(&str, usize); 18] = [
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
     // Gaps of a whole body from motion (150). Keypoints of video: slow noise, lengths, feet (790).
-    ("restore", 10_760),
+    ("restore", 10_785),
     ("score", 2_100),
 ];
 
