@@ -198,8 +198,9 @@ pub struct Args {
         help_heading = "Labels"
     )]
     set: Option<String>,
-    /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
-    /// less sure stays, and is a finding
+    /// Largest standard deviation of positions that are filled, in cm or with a unit (keypoints of
+    /// video that are noisier than 0.5 cm may be as much less sure); a gap that is less sure stays,
+    /// and is a finding
     #[arg(
         long,
         value_name = "CM",
