@@ -90,8 +90,8 @@ impl SkeletonSettings {
         if !path.exists() || is_own(earlier, path) {
             return Ok(());
         }
-        let what = "stands in the place of a skeleton and is none that clean wrote, or somebody \
-                    changed it since; move it";
+        let what = "stands in the place of a skeleton and is none that clean wrote for this take, \
+                    or somebody changed it since; move it";
         Err(Error::data(Place::file(path.display().to_string()), what))
     }
 }
