@@ -55,7 +55,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Joints from video (MediaPipe, OpenPose, COCO, Human3.6M, and others that a map names) whose
 /// bones change their lengths as noise does are cleaned of slow noise too: sides that were
-/// exchanged are put back, each track is filtered by how fast it moves when, bones keep to one
+/// exchanged are put back, each track is filtered by how fast it moves when, bones are drawn to one
 /// length, and feet stay where they stand. Their gaps may be as much less sure than --max-sd says
 /// as the points are noisier than half a centimeter.
 ///

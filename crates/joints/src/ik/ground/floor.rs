@@ -209,7 +209,7 @@ impl Level {
         self.turn * (point - self.from - drift * DVec3::Y) + self.to
     }
 
-    /// All positions of a point, where they come.
+    /// The positions of a point, where they come.
     pub(super) fn places(&self, points: &[DVec3]) -> Vec<DVec3> {
         let place = |(t, p): (usize, &DVec3)| self.place(t, *p);
         points.iter().enumerate().map(place).collect()

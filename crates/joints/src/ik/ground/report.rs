@@ -10,7 +10,7 @@ pub enum Standing {
     OnFloor,
     /// The take never stands: it is left as it is.
     Never,
-    /// It stands at heights that are of no one plane: it is left as it is.
+    /// Standing at heights that are of no one plane: the take is left as it is.
     NoPlane,
 }
 
