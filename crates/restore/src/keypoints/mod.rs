@@ -13,6 +13,7 @@
 
 mod bands;
 mod filtered_take;
+mod jumps;
 mod line_of_sight;
 mod skeleton;
 mod stances;
@@ -29,6 +30,7 @@ use crate::pose::repeated_frames::RepeatedFrames;
 use crate::pose::{FillMethod, Poses, Status, point_at, ranges};
 use filtered_take::FilteredTake;
 use glam::DVec3;
+use jumps::jumps;
 use ndarray::Array2;
 use skeleton::{Lengths, Noise, Skeleton};
 use std::ops::Range;
@@ -263,31 +265,6 @@ impl<'a, 't> Keypoints<'a, 't> {
         out.exchanged = exchanged.count;
         out.vacate(&exchanged.emptied);
     }
-}
-
-/// The points of each frame that jump off their path: those that `spikes_by_time` finds, and those
-/// that stand off between the frames beside them, for a single frame, by many times what is usual
-/// nearby.
-fn jumps(take: &Take<'_>) -> Vec<Vec<usize>> {
-    let mut out = spikes_by_time(take, None);
-    let reach = (JUMP_NEARBY * take.rate).ceil() as usize;
-    for (p, run) in (0..take.names.len()).flat_map(|p| take.runs.iter().map(move |run| (p, run))) {
-        let at = |t: usize| point_at(take.xyz, t, p);
-        let off = |t: usize| at(t).distance(at(t - 1).midpoint(at(t + 1)));
-        let first = run.start + 1;
-        let offs: Vec<f64> = (first..run.end.saturating_sub(1)).map(off).collect();
-        for (n, far) in offs.iter().enumerate().filter(|(_, far)| **far > JUMP) {
-            let near = &offs[n.saturating_sub(reach)..(n + reach + 1).min(offs.len())];
-            // The frames beside a jump are off by half of it.
-            let beside = &offs[n.saturating_sub(1)..(n + 2).min(offs.len())];
-            let usual = median(near.iter().copied().filter(|d| d.is_finite()).collect());
-            let is_jump = *far > JUMP_TIMES * usual.unwrap_or(f64::INFINITY);
-            if is_jump && !beside.iter().any(|other| other > far) && !out[first + n].contains(&p) {
-                out[first + n].push(p);
-            }
-        }
-    }
-    out
 }
 
 fn put(xyz: &mut Array2<f64>, frame: usize, point: usize, at: DVec3) {
