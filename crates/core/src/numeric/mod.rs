@@ -10,7 +10,6 @@ pub mod butterworth;
 #[doc(hidden)]
 pub mod cubic_spline;
 #[doc(hidden)]
-pub mod fft;
 #[doc(hidden)]
 pub mod gaussian;
 #[doc(hidden)]

@@ -18,6 +18,7 @@
 //! too where the points hardly move, and takes two walks of one person for one where they are of a
 //! few seconds and hardly differ.
 
+mod correlation;
 mod drift;
 mod refinement;
 mod search;

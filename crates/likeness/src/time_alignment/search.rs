@@ -5,8 +5,8 @@
 //! z = artanh r, times the root of how much is compared: short ends that are alike by chance do not
 //! win.
 
+use super::correlation::Correlator;
 use super::speeds::Speeds;
-use crate::numeric::fft::Fft;
 use crate::numeric::statistics::mean_of_finite;
 
 /// Speeds are compared this often at most, a second.
@@ -42,13 +42,13 @@ pub(super) fn places(a: &Speeds, b: &Speeds) -> Vec<PlaceInTime> {
 /// The best places of speeds by points, `grid` of them a second, beside others.
 pub(super) fn places_of(a: &[Vec<f64>], b: &[Vec<f64>], grid: f64) -> Vec<PlaceInTime> {
     let [long, short] = [a, b].map(|all| all.first().map_or(0, Vec::len));
-    let fft = Fft::new(long + short);
-    let mut sums = Sums::new(fft.size());
+    let correlator = Correlator::new(long + short);
+    let mut sums = Sums::new(correlator.shifts());
     for point in moving(a, b) {
-        sums.add(&fft, &a[point], &b[point]);
+        sums.add(&correlator, &a[point], &b[point]);
     }
     let shifts = 1 - short as isize..long as isize;
-    let at = |shift: isize| shift.rem_euclid(fft.size() as isize) as usize;
+    let at = |shift: isize| shift.rem_euclid(correlator.shifts() as isize) as usize;
     let most = sums.count.iter().copied().fold(0.0, f64::max);
     let share = (LEAST_OVERLAP * grid / long.min(short) as f64).clamp(LEAST_SHARE, 0.5);
     let weight = |shift: isize| (sums.count[at(shift)] / most).sqrt();
@@ -125,7 +125,7 @@ impl Sums {
     }
 
     /// Adds the speeds of a point.
-    fn add(&mut self, fft: &Fft, a: &[f64], b: &[f64]) {
+    fn add(&mut self, correlator: &Correlator, a: &[f64], b: &[f64]) {
         let spectra = |values: &[f64]| {
             // Less their mean, so that no digits are lost.
             let mean = mean_of_finite(values.iter().copied()).unwrap_or(0.0);
@@ -137,16 +137,16 @@ impl Sums {
                         0.0
                     }
                 };
-                fft.spectrum(values.iter().map(of))
+                correlator.spectrum(values.iter().map(of))
             };
             [0, 1, 2].map(power)
         };
         let (a, b) = (spectra(a), spectra(b));
-        let product = |i: usize, j: usize| fft.correlation(&a[i], &b[j]);
+        let product = |i: usize, j: usize| correlator.correlation(&a[i], &b[j]);
         let (n, cross) = (product(0, 0), product(1, 1));
         let (a_sum, b_sum) = (product(1, 0), product(0, 1));
         let (a_squares, b_squares) = (product(2, 0), product(0, 2));
-        for k in (0..fft.size()).filter(|k| n[*k] > 0.5) {
+        for k in (0..correlator.shifts()).filter(|k| n[*k] > 0.5) {
             self.count[k] += n[k].round();
             self.covariance[k] += cross[k] - a_sum[k] * b_sum[k] / n[k];
             self.variances[0][k] += (a_squares[k] - a_sum[k].powi(2) / n[k]).max(0.0);
