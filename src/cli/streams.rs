@@ -2,11 +2,14 @@
 
 use super::args::OutputArgs;
 use super::closed_stdout::open_stdout;
+use super::endings::ending;
 use super::messages;
+use super::paths::OutputPath;
 use crate::io::csv::AddedColumn;
 use crate::io::output::{drop_waiting, file_descriptor, publish_waiting};
 use crate::io::unit_writer::UnitWriter;
-use crate::io::{Columns, Output, Table, TableFormat};
+use crate::io::{Columns, NewTake, Output, Table, TableFormat};
+use crate::pose::Poses;
 use crate::pose::units::Units;
 use crate::{Error, Result};
 use std::io::{self, BufWriter, IsTerminal};
@@ -79,4 +82,28 @@ pub fn write_table(
     cells: impl FnMut(usize) -> Vec<String>,
 ) -> Result<()> {
     create_table(args, units, &table.columns, added)?.write_table(table, xyz, cells)
+}
+
+/// Writes the points of a take (centimeters, y up) as its path's ending says: C3D or TRC, in the
+/// second units, else a table, in the first ones.
+pub fn write_points(
+    output: Option<&OutputPath>,
+    poses: Poses,
+    rate: f64,
+    [of_table, of_take]: [Units; 2],
+) -> Result<()> {
+    let path = output.map(|path| &**path);
+    match path.and_then(ending).as_deref() {
+        Some("c3d") => write_bytes(path, &NewTake::new(poses, rate, of_take).c3d()?, true),
+        Some("trc") => write_bytes(path, &NewTake::new(poses, rate, of_take).trc()?, false),
+        _ => {
+            let (table, to) = (Table::from_poses(poses), None);
+            let output = output.cloned();
+            let xyz = table.poses.xyz.view();
+            let units = [Units::CM_Y, of_table];
+            write_table(&OutputArgs { output, to }, units, &table, xyz, &[], |_| {
+                Vec::new()
+            })
+        }
+    }
 }

@@ -70,6 +70,24 @@ impl MotionFormat {
         )
     }
 
+    /// Whether a file of it, as it is written, is no text.
+    #[doc(hidden)]
+    pub fn is_binary(self) -> bool {
+        matches!(
+            self,
+            MotionFormat::C3d | MotionFormat::Npy | MotionFormat::Npz
+        )
+    }
+
+    /// Whether a file of it is a pose table.
+    #[doc(hidden)]
+    pub fn is_pose_table(self) -> bool {
+        matches!(
+            self,
+            MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz
+        )
+    }
+
     /// The format of a file that begins so; what is nothing else may be a pose table.
     ///
     /// ```

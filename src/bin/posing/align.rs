@@ -1,22 +1,21 @@
 //! Lays a recording beside another in time.
 
 use clap::Parser;
-use ndarray::Array2;
-use posing::cli::args::OutputArgs;
 use posing::cli::endings::{check_ending, ending, ending_of};
 use posing::cli::input::{check_single_stdin, open};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::name_map;
 use posing::cli::paths::OutputPath;
 use posing::cli::read_args::ReadArgs;
-use posing::cli::streams::{write_bytes, write_table};
+use posing::cli::streams::{write_bytes, write_points};
 use posing::cli::{Outcome, messages};
 use posing::io::motion_file::{LARGEST_MOTION_FILE, ReadRules, format_of};
-use posing::io::{MotionFile, MotionFormat, NewTake, Table};
-use posing::metric::time_alignment::{TimeAlignment, TimeAlignmentOptions, align, shared_points};
-use posing::numeric::anti_alias::AntiAlias;
-use posing::pose::{BonePoints, Poses, Retiming, Units, joints};
-use posing::{Error, Place, Result};
+use posing::io::{MotionFile, MotionFormat};
+use posing::metric::time_alignment::{
+    AlignedTakes, FramesInSecond, TimeAlignment, TimeAlignmentOptions, timed,
+};
+use posing::pose::{Poses, Units, joints};
+use posing::{Place, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -70,62 +69,25 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let rules = args.read.rules()?;
     let (_, a) = read(&args.first, &rules)?;
     let (bytes, b) = read(&args.second, &rules)?;
-    let [timed_a, timed_b] = [timed(&a)?, timed(&b)?];
-    let both = format!("{} and {}", a.table.name, b.table.name);
-    let found = args.found(&timed_a, &timed_b);
-    let (shared, found) = found.map_err(|e| e.at(Place::file(&both)))?;
-    let Some(found) = found.filter(|found| found.is_clear) else {
-        let drift = if args.drift {
-            ""
-        } else {
-            " (if their clocks drift apart, --drift)"
-        };
-        let what = match (shared, found) {
-            (0, _) => "share no points by their names; --map says which are the same".into(),
-            (n, None) => format!("share {n} points, whose speeds are nowhere alike{drift}"),
-            (n, Some(found)) => format!(
-                "share {n} points, but no motion that is clearly the same: their speeds correlate \
-                 by {:.3} at best, and by {:.3} elsewhere{drift}",
-                found.correlation, found.elsewhere
-            ),
-        };
-        messages::info(&format!("{both} {what}; nothing is written"));
-        args.json.write(report(None, 1.0, shared))?;
+    let known = a.poses().points.iter().cloned().chain(joints::cmu_names());
+    let known: Vec<String> = known.collect();
+    let map = args.map.as_ref().map(|map| name_map(map, &known));
+    let options = TimeAlignmentOptions { drift: args.drift };
+    let timed = [of_one_take(&a)?, of_one_take(&b)?];
+    let names = format!("{} and {}", a.table.name, b.table.name);
+    let both = AlignedTakes::new(&timed[0], &timed[1], map.transpose()?.as_ref(), &options);
+    let both = both.map_err(|e| e.at(Place::file(&names)))?;
+    let Some(found) = both.clear() else {
+        let what = unclear(&both, args.drift);
+        messages::info(&format!("{names} {what}; nothing is written"));
+        args.json.write(report(None, 1.0, both.shared))?;
         return Ok(Outcome::Findings);
     };
-    tell(&a, &b, &found, shared);
-    let result = Aligned::new(&timed_a, &timed_b, &found);
-    result.write(args.output.as_ref(), &a, &b, bytes, &timed_b)?;
-    args.json
-        .write(report(Some(&found), a.rate().unwrap_or(1.0), shared))?;
+    tell(&a, &b, &found, both.shared);
+    write(args.output.as_ref(), &a, &b, &bytes, &both.frames(&found))?;
+    let rate = a.rate().unwrap_or(1.0);
+    args.json.write(report(Some(&found), rate, both.shared))?;
     Ok(Outcome::Done)
-}
-
-impl Args {
-    /// How many points are shared, and how B lies beside A: by the points' names, else, where
-    /// joints of one have the names of the bones that start there, and of the other of those that
-    /// end there, by what ends there.
-    fn found(&self, a: &Poses, b: &Poses) -> Result<(usize, Option<TimeAlignment>)> {
-        let known = a.points.iter().cloned().chain(joints::cmu_names());
-        let known: Vec<String> = known.collect();
-        let map = self.map.as_ref().map(|map| name_map(map, &known));
-        let map = map.transpose()?;
-        let by_names = |names: [&[String]; 2]| -> Result<(usize, Option<TimeAlignment>)> {
-            let shared = shared_points(names[0], names[1], map.as_ref());
-            let options = TimeAlignmentOptions { drift: self.drift };
-            Ok((shared.len(), align(a, b, &shared, &options)?))
-        };
-        let is_clear =
-            |found: &(usize, Option<TimeAlignment>)| found.1.is_some_and(|found| found.is_clear);
-        let own = by_names([&a.points, &b.points])?;
-        let stand = [a, b].map(|poses| BonePoints::of(&poses.points, poses.xyz.view()));
-        if is_clear(&own) || stand[0] == stand[1] {
-            return Ok(own);
-        }
-        let ends = [stand[0].bone_ends(&a.points), stand[1].bone_ends(&b.points)];
-        let by_ends = by_names([&ends[0], &ends[1]])?;
-        Ok(if is_clear(&by_ends) { by_ends } else { own })
-    }
 }
 
 /// A file's bytes, unpacked, of FBX those of the BVH file that it becomes, and what they say.
@@ -143,26 +105,26 @@ fn read(path: &Path, rules: &ReadRules) -> Result<(Vec<u8>, MotionFile)> {
 }
 
 /// The poses of a file of one take, with times.
-fn timed(file: &MotionFile) -> Result<Poses> {
-    let fail = |what: &str| Error::data(Place::file(&file.table.name), what);
-    let poses = file.poses();
-    if poses.takes().len() > 1 {
-        return Err(fail(
-            "has several takes; choose one with posing trim --take",
-        ));
+fn of_one_take(file: &MotionFile) -> Result<Poses> {
+    timed(file.poses(), file.rate()).map_err(|e| e.at(Place::file(&file.table.name)))
+}
+
+/// Why nothing is written.
+fn unclear(both: &AlignedTakes<'_>, drift: bool) -> String {
+    let drift = if drift {
+        ""
+    } else {
+        " (if their clocks drift apart, --drift)"
+    };
+    match (both.shared, both.found) {
+        (0, _) => "share no points by their names; --map says which are the same".into(),
+        (n, None) => format!("share {n} points, whose speeds are nowhere alike{drift}"),
+        (n, Some(found)) => format!(
+            "share {n} points, but no motion that is clearly the same: their speeds correlate by \
+             {:.3} at best, and by {:.3} elsewhere{drift}",
+            found.correlation, found.elsewhere
+        ),
     }
-    if poses.frames() < 2 {
-        return Err(fail("has too few frames to be laid beside another"));
-    }
-    let time = poses.times(file.rate());
-    let time = time.ok_or_else(|| fail("has no times; give its rate with --fps"))?;
-    if time.windows(2).any(|pair| pair[1] <= pair[0]) {
-        return Err(fail("has times that do not rise"));
-    }
-    Ok(Poses {
-        time: Some(time),
-        ..poses.clone()
-    })
 }
 
 /// Says how B lies beside A.
@@ -222,120 +184,43 @@ fn report(found: Option<&TimeAlignment>, rate: f64, points: usize) -> Value {
     })
 }
 
-/// A's frames, among B's.
-struct Aligned {
-    /// A's times.
-    times: Vec<f64>,
-    /// The times of A's frames by B's clock.
-    in_b: Vec<f64>,
-    /// Whether these are B's own.
-    is_own: bool,
-    /// Frames of A in a second of B's clock.
-    rate: f64,
-}
-
-/// Times are equal that differ by less than this share of a frame.
-const EQUAL: f64 = 1e-4;
-
-impl Aligned {
-    fn new(a: &Poses, b: &Poses, found: &TimeAlignment) -> Aligned {
-        let [times, own] = [a, b].map(|poses| poses.time.clone().unwrap_or_default());
-        let in_b: Vec<f64> = times
-            .iter()
-            .map(|t| own[0] + found.in_b(t - times[0]))
-            .collect();
-        let step = 1.0 / b.rate().unwrap_or(1.0);
-        let is_near = |(x, y): (&f64, &f64)| (x - y).abs() < EQUAL * step;
-        Aligned {
-            is_own: own.len() == times.len()
-                && own.iter().zip(&in_b).all(is_near)
-                && own.iter().zip(&times).all(is_near),
-            in_b,
-            times,
-            rate: a.rate().unwrap_or(1.0) * (1.0 + found.drift),
-        }
+/// Writes B, whose bytes are `bytes`, on A's frames: in its own format, or as it is called.
+fn write(
+    output: Option<&OutputPath>,
+    a: &MotionFile,
+    b: &MotionFile,
+    bytes: &[u8],
+    frames: &FramesInSecond<'_>,
+) -> Result<()> {
+    let (path, own) = (output.map(|path| &**path), ending_of(b.format));
+    let is_motion = b.motion().is_some();
+    if is_motion {
+        check_ending(path, &own)?;
     }
-
-    /// Writes B on these frames; `bytes` are its own.
-    fn write(
-        &self,
-        output: Option<&OutputPath>,
-        a: &MotionFile,
-        b: &MotionFile,
-        bytes: Vec<u8>,
-        poses: &Poses,
-    ) -> Result<()> {
-        let path = output.map(|path| &**path);
-        let called = path.and_then(ending);
-        if b.motion().is_some() {
-            check_ending(path, &ending_of(b.format))?;
-        }
-        let is_called_so = called
-            .as_ref()
-            .is_none_or(|called| *called == ending_of(b.format));
-        let is_table = matches!(
-            b.format,
-            MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz
-        );
-        if self.is_own && is_called_so && (b.motion().is_some() || is_table || path.is_some()) {
-            return write_bytes(path, &bytes, b.format == MotionFormat::Npy);
-        }
-        if b.motion().is_some() {
-            let timing = self.retiming(poses);
-            let frames = 0..poses.frames();
-            let start = self.times.first().copied().unwrap_or(0.0);
-            let bytes = b.bytes_at_times(frames, &timing, a.rate(), start)?;
-            return write_bytes(path, &bytes, false);
-        }
-        let new = self.poses(poses)?;
-        let rate = a.rate().unwrap_or(1.0);
-        if b.c3d().is_some() {
-            messages::info(&format!(
-                "{}: its points alone are written, without analog channels, forces and events",
-                b.table.name
-            ));
-        }
-        match called.as_deref() {
-            Some("c3d") => write_bytes(path, &NewTake::new(new, rate, b.units()).c3d()?, true),
-            Some("trc") => write_bytes(path, &NewTake::new(new, rate, b.units()).trc()?, false),
-            _ => {
-                let table = Table::from_poses(new);
-                let units = if is_table { b.units() } else { Units::CM_Y };
-                let args = OutputArgs {
-                    output: output.cloned(),
-                    to: None,
-                };
-                let xyz = table.poses.xyz.view();
-                write_table(&args, [Units::CM_Y, units], &table, xyz, &[], |_| {
-                    Vec::new()
-                })
-            }
-        }
+    let called = path.and_then(ending);
+    let keeps_format = match called {
+        Some(called) => called == own,
+        None => is_motion || b.format.is_pose_table() || path.is_some(),
+    };
+    if frames.are_own() && keeps_format {
+        return write_bytes(path, bytes, b.format.is_binary());
     }
-
-    /// B's points on A's frames.
-    fn poses(&self, poses: &Poses) -> Result<Poses> {
-        let xyz: Array2<f64> = poses.at_times(&self.in_b, self.rate)?;
-        let take = poses.take.as_ref().and_then(|take| take.first().cloned());
-        Ok(Poses {
-            points: poses.points.clone(),
-            xyz,
-            time: Some(self.times.clone()),
-            take: take.map(|take| vec![take; self.times.len()]),
-        })
+    if is_motion {
+        let (all, retiming) = (0..b.poses().frames(), frames.retiming());
+        let bytes = b.bytes_at_times(all, &retiming, a.rate(), frames.start())?;
+        return write_bytes(path, &bytes, false);
     }
-
-    /// Where they are, counted in B's frames.
-    fn retiming(&self, b: &Poses) -> Retiming {
-        let (rate, time) = (
-            b.rate().unwrap_or(1.0),
-            b.time.as_deref().unwrap_or_default(),
-        );
-        let first = time.first().copied().unwrap_or(0.0);
-        Retiming {
-            at: self.in_b.iter().map(|t| (t - first) * rate).collect(),
-            low_pass: None,
-            anti_alias: AntiAlias::new(self.rate / rate),
-        }
+    if b.c3d().is_some() {
+        messages::info(&format!(
+            "{}: its points alone are written, without analog channels, forces and events",
+            b.table.name
+        ));
     }
+    let table_units = if b.format.is_pose_table() {
+        b.units()
+    } else {
+        Units::CM_Y
+    };
+    let units = [table_units, b.units()];
+    write_points(output, frames.poses()?, a.rate().unwrap_or(1.0), units)
 }

@@ -8,8 +8,8 @@ use posing::cli::paths::OutputPath;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::ik::retarget::up_axis;
+use posing::io::MotionFile;
 use posing::io::motion_file::Source;
-use posing::io::{MotionFile, MotionFormat};
 use std::path::PathBuf;
 
 /// Exchange left and right, as a mirror does
@@ -105,9 +105,9 @@ pub fn work(args: &Args) -> Result<()> {
             "pairs change"
         }
     ));
-    let binary = matches!(
-        file.format,
-        MotionFormat::C3d | MotionFormat::Npy | MotionFormat::Npz
-    );
-    write_bytes(args.output.as_deref(), &image.bytes, binary)
+    write_bytes(
+        args.output.as_deref(),
+        &image.bytes,
+        file.format.is_binary(),
+    )
 }

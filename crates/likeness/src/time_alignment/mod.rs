@@ -18,11 +18,14 @@
 //! too where the points hardly move, and takes two walks of one person for one where they are of a
 //! few seconds and hardly differ.
 
+mod aligned_takes;
 mod correlation;
 mod drift;
 mod refinement;
 mod search;
 mod speeds;
+
+pub use aligned_takes::{AlignedTakes, FramesInSecond, timed};
 
 use crate::pose::{NameMap, Poses};
 use crate::{Error, Result};
