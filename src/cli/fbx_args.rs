@@ -1,6 +1,7 @@
 //! The flags of commands that convert an FBX file: the file, its take, its skeleton, its rate.
 
 use super::args::parse_rate;
+use super::fbx_choice::FbxChoiceArgs;
 use super::input::open;
 use super::messages;
 use crate::Result;
@@ -14,13 +15,8 @@ pub struct FbxArgs {
     /// FBX file; - or nothing: standard input
     #[arg(value_name = "FILE.fbx")]
     file: Option<PathBuf>,
-    /// Take, if the file has several: the name of its animation stack
-    #[arg(long, value_name = "NAME")]
-    take: Option<String>,
-    /// Skeleton, if the file has several: the name of its root joint; of roots that are called
-    /// alike, of the node above
-    #[arg(long, value_name = "NAME")]
-    skeleton: Option<String>,
+    #[command(flatten)]
+    choice: FbxChoiceArgs,
     /// Frames per second of the result [default: the file's, or that of its keys where these are
     /// closer]
     #[arg(long, value_name = "F", value_parser = parse_rate)]
@@ -44,8 +40,8 @@ impl FbxArgs {
     /// What the flags choose.
     pub fn choice(&self) -> FbxChoice {
         FbxChoice {
-            take: self.take.clone(),
-            skeleton: self.skeleton.clone(),
+            take: self.choice.take.clone(),
+            skeleton: self.choice.skeleton.clone(),
         }
     }
 

@@ -13,6 +13,7 @@ pub(crate) mod csv_file;
 pub mod endings;
 #[cfg(feature = "fbx")]
 pub mod fbx_args;
+pub mod fbx_choice;
 pub mod feature_table;
 pub mod ik;
 pub mod input;

@@ -2,6 +2,7 @@
 
 use super::args::{ZeroArgs, parse_rate};
 use super::choice::named;
+use super::fbx_choice::FbxChoiceArgs;
 use crate::Result;
 use crate::io::motion_file::{ReadOptions, ReadRules, Scope, Scoped};
 use crate::io::parse_point_names;
@@ -19,12 +20,8 @@ pub struct ReadArgs {
     /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: Option<PathBuf>,
-    /// Take of an FBX file that has several
-    #[arg(long, value_name = "NAME")]
-    take: Option<String>,
-    /// Skeleton of an FBX file that has several: its root joint, or what stands above that
-    #[arg(long, value_name = "NAME")]
-    skeleton: Option<String>,
+    #[command(flatten)]
+    fbx: FbxChoiceArgs,
     /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a
     /// comma-separated list
     #[arg(long, value_name = "LIST")]
@@ -82,8 +79,7 @@ impl ReadArgs {
     pub fn rules(&self) -> Result<ReadRules> {
         let mut rules = self.takes.rules();
         rules.all.asf.clone_from(&self.asf);
-        rules.all.take.clone_from(&self.take);
-        rules.all.skeleton.clone_from(&self.skeleton);
+        rules.all = self.fbx.chosen(rules.all);
         rules.all.joints = self.joints.as_deref().map(parse_point_names).transpose()?;
         Ok(rules)
     }

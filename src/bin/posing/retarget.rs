@@ -5,6 +5,7 @@ use posing::cli::args::parse_rate;
 use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
 use posing::cli::endings::ending;
+use posing::cli::fbx_choice::FbxChoiceArgs;
 use posing::cli::input::{check_single_stdin, open, or_stdin};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::name_maps::joint_map;
@@ -87,12 +88,8 @@ pub struct Args {
     /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
     asf: Option<PathBuf>,
-    /// Take of an FBX source that has several
-    #[arg(long, value_name = "NAME", help_heading = "Input")]
-    take: Option<String>,
-    /// Skeleton of an FBX source that has several: its root joint, or what stands above that
-    #[arg(long, value_name = "NAME", help_heading = "Input")]
-    skeleton: Option<String>,
+    #[command(flatten)]
+    fbx: FbxChoiceArgs,
     /// Skeleton of an FBX rig that has several, likewise
     #[arg(long, value_name = "NAME", help_heading = "Input")]
     to_skeleton: Option<String>,
@@ -141,16 +138,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
     check_single_stdin(inputs.iter().chain([&args.to]))?;
     let output = args.output.as_deref();
     let jobs = batch(&inputs, output, &["bvh", "fbx", "amc"], Some("bvh"))?;
-    let options = ReadOptions {
+    let options = args.fbx.chosen(ReadOptions {
         fps: args.fps,
         up: args.up,
         left_handed: args.left_handed,
         asf: args.asf.clone(),
-        take: args.take.clone(),
-        skeleton: args.skeleton.clone(),
         keep_whole: args.keep_whole,
         ..ReadOptions::default()
-    };
+    });
     let name = args.to.display().to_string();
     let (original, asf) = rig(args, &name)?;
     if asf.is_none() && jobs.iter().any(|job| is_called(job, "amc")) {

@@ -7,9 +7,10 @@ mod tables;
 
 use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use self::pairs::{draw_pair, pair_names};
-use self::tables::{FbxChoiceArgs, PlotFormat, PlotTable, SvgArgs, bones, text_table};
+use self::tables::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
 use posing::cli::args::{InputArgs, format_of};
+use posing::cli::fbx_choice::FbxChoiceArgs;
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::messages;
 use posing::cli::paths::OutputPath;

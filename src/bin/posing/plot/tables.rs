@@ -3,6 +3,7 @@
 
 use super::point_columns::{PointColumns, PointColumnsReader};
 use posing::cli::args::InputArgs;
+use posing::cli::fbx_choice::FbxChoiceArgs;
 use posing::cli::input::{RowStream, open};
 use posing::cli::messages;
 use posing::draw::figure::{self, Layout};
@@ -30,18 +31,6 @@ pub enum PlotFormat {
     Svg,
     /// Self-contained page that plays all frames
     Html,
-}
-
-/// Which of several takes and skeletons of an FBX file is drawn.
-#[derive(Debug, Clone, clap::Args)]
-#[command(next_help_heading = "Input")]
-pub struct FbxChoiceArgs {
-    /// Take of an FBX file that has several
-    #[arg(long, value_name = "NAME")]
-    take: Option<String>,
-    /// Skeleton of an FBX file that has several: its root joint, or what stands above that
-    #[arg(long, value_name = "NAME")]
-    skeleton: Option<String>,
 }
 
 /// The flags of an SVG.
@@ -181,15 +170,13 @@ impl PlotTable {
 
     /// The points of a file of motion.
     fn of_motion(path: &Path, flags: &InputArgs, fbx: &FbxChoiceArgs) -> Result<PlotTable> {
-        let options = ReadOptions {
+        let options = fbx.chosen(ReadOptions {
             fps: flags.fps,
             units: flags.units,
             up: flags.up,
             left_handed: flags.left_handed,
-            take: fbx.take.clone(),
-            skeleton: fbx.skeleton.clone(),
             ..ReadOptions::default()
-        };
+        });
         let name = path.display().to_string();
         if format_of(path)? == MotionFormat::Amc && skeleton_of(path, &options).is_err() {
             let what = "has no ASF file beside it whose name begins its own: copy its skeleton \
