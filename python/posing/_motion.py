@@ -105,9 +105,12 @@ def _check_one(data: Any) -> None:
 
 @contextmanager
 def _files(
-    *data: Any, names: Sequence[str] | None = None, fps: float | None = None
+    *data: Any, names: Sequence[str] | None = None, fps: float | None = None, turned: bool = False
 ) -> Iterator[tuple[Path, list[Path]]]:
-    """A temporary folder, and the files of what was given: its own, or one in the folder."""
+    """A temporary folder, and the files of what was given: its own, or one in the folder.
+
+    Where rotations count (``turned``), a motion becomes a BVH file.
+    """
     with tempfile.TemporaryDirectory(prefix="posing-") as folder:
         files = []
         for i, one in enumerate(data):
@@ -115,7 +118,8 @@ def _files(
                 file = Path(one)
             else:
                 file = Path(folder, f"take{i + 1 if len(data) > 1 else ''}")
-                file.write_bytes(archive_of(one, names, fps))
+                of_bvh = turned and isinstance(one, Motion)
+                file.write_bytes(one.bvh.encode() if of_bvh else archive_of(one, names, fps))
             files.append(file)
         yield Path(folder), files
 
@@ -476,16 +480,11 @@ def retarget(
     >>> hero.record["scale"]
     """
     _check_one(xyz)
-    with _files(xyz if is_path(xyz) else np.empty((0, 1, 3))) as (folder, (file,)):
-        if isinstance(to, Motion):
-            Path(folder, "rig.bvh").write_text(to.bvh)
-            to = folder / "rig.bvh"
-        if isinstance(xyz, Motion):
-            file.write_text(xyz.bvh)
-        elif not is_path(xyz):
-            file.write_bytes(call("xyz2bvh", input=archive_of(xyz, names, fps)).stdout)
+    with _files(xyz, to, names=names, fps=fps, turned=True) as (folder, (file, rig)):
+        if not (is_path(xyz) or isinstance(xyz, Motion)):
+            file.write_bytes(call("xyz2bvh", input=file.read_bytes()).stdout)
         given = flags(
-            to=to,
+            to=rig,
             up=up,
             out_up=out_up,
             fps=fps if is_path(xyz) else None,
@@ -560,10 +559,7 @@ def ground(
     >>> [(c["foot"], c["start"], c["end"]) for c in walk.record["contacts"]]
     """
     _check_one(xyz)
-    points = np.empty((0, 1, 3)) if isinstance(xyz, Motion) else xyz
-    with _files(points, names=names, fps=fps) as (folder, (file,)):
-        if isinstance(xyz, Motion):
-            file.write_text(xyz.bvh)
+    with _files(xyz, names=names, fps=fps, turned=True) as (folder, (file,)):
         given = flags(
             units=units,
             up=up,
