@@ -34,7 +34,9 @@ pub struct FramesInSecond<'a> {
 /// [`Error::Unfit`]: several takes, fewer than two frames, or no such times.
 pub fn timed(poses: &Poses, rate: Option<f64>) -> Result<Poses> {
     if poses.takes().len() > 1 {
-        return Err(Error::unfit("has several takes; choose one with `posing trim`"));
+        return Err(Error::unfit(
+            "has several takes; choose one with `posing trim`",
+        ));
     }
     if poses.frames() < 2 {
         return Err(Error::unfit("has too few frames to be laid beside another"));
