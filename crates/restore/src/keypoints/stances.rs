@@ -23,7 +23,9 @@ pub(super) fn hold(
         .clone()
         .map(|t| point_at(xyz.view(), t, point))
         .collect();
-    let stances = stances(&track, rate, |by| (axes.transpose() * by) / radius);
+    let share = |at: &DVec3| (axes.transpose() * *at) / radius;
+    let shares: Vec<DVec3> = track.iter().map(share).collect();
+    let stances = stances(&shares, rate, radius.element_product().cbrt());
     let mut offsets = vec![DVec3::ZERO; track.len()];
     for stance in &stances {
         let middle = middle(&track[stance.clone()]);
@@ -41,27 +43,40 @@ pub(super) fn hold(
     told.collect()
 }
 
-/// The frames in which a point stands: it is slow, and stays near its middle; `far` is a way as a
-/// share of how far noise goes.
-fn stances(track: &[DVec3], rate: f64, far: impl Fn(DVec3) -> DVec3) -> Vec<Range<usize>> {
-    let slow = low_passed(track.to_vec(), STANCE_CUTOFF, rate);
-    let is_slow = |t: &usize| speed(&slow, *t, rate) < STANCE_SPEED;
-    let shares: Vec<DVec3> = track.iter().map(|at| far(*at)).collect();
-    let mut open = ranges((0..track.len()).filter(is_slow));
-    let mut out = Vec::new();
-    while let Some(range) = open.pop() {
+/// The frames in which a point stands: it is slow, and stays near its middle; `shares` are its
+/// positions as a share of how far noise goes, which is `mean` cm on the whole. So it may be faster
+/// along the axis where noise is.
+fn stances(shares: &[DVec3], rate: f64, mean: f64) -> Vec<Range<usize>> {
+    let slow = low_passed(shares.to_vec(), STANCE_CUTOFF, rate);
+    let is_slow = |t: &usize| mean * speed(&slow, *t, rate) < STANCE_SPEED;
+    let is_one = |range: &Range<usize>| {
         let all = &shares[range.clone()];
         let middle = middle(all);
-        if all.iter().all(|at| at.distance_squared(middle) <= 1.0) {
-            out.push(range);
+        all.iter().all(|at| at.distance_squared(middle) <= 1.0)
+    };
+    let mut open = ranges((0..shares.len()).filter(is_slow));
+    let mut found = Vec::new();
+    while let Some(range) = open.pop() {
+        if is_one(&range) {
+            found.push(range);
         } else {
-            let at = range.start + best_split(all);
+            let at = range.start + best_split(&shares[range.clone()]);
             open.extend([range.start..at, at..range.end]);
         }
     }
     let fewest = (STANCE_SECONDS * rate).round() as usize;
-    out.retain(|range| range.len() >= fewest.max(2));
-    out.sort_by_key(|range| range.start);
+    found.retain(|range| range.len() >= fewest.max(2));
+    found.sort_by_key(|range| range.start);
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for range in found {
+        // Noise alone made it fast between them.
+        let whole = out.last().map(|last| last.start..range.end);
+        let near = |last: &&mut Range<usize>| range.start - last.end <= fewest;
+        match out.last_mut().filter(near).zip(whole.filter(is_one)) {
+            Some((last, whole)) => *last = whole,
+            None => out.push(range),
+        }
+    }
     out
 }
 
@@ -82,4 +97,39 @@ fn best_split(all: &[DVec3]) -> usize {
 
 fn middle(all: &[DVec3]) -> DVec3 {
     all.iter().sum::<DVec3>() / all.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half a second at each of three places, 12 cm and then `step` cm on; along z noise comes and
+    /// goes by 4 cm in half a second, by 50 cm/s at its fastest.
+    fn track(step: f64) -> Vec<DVec3> {
+        let at = |t: usize| {
+            let noise = 4.0 * (t as f64 * std::f64::consts::TAU / 15.0).sin();
+            DVec3::new([0.0, 12.0, 12.0 + step][t / 15], 0.0, noise)
+        };
+        (0..45).map(at).collect()
+    }
+
+    fn found(step: f64) -> Vec<Range<usize>> {
+        let radius = DVec3::new(2.0, 2.0, 12.0);
+        let shares: Vec<DVec3> = track(step).iter().map(|at| *at / radius).collect();
+        stances(&shares, 30.0, radius.element_product().cbrt())
+    }
+
+    #[test]
+    fn noise_along_the_line_of_sight_parts_no_stance() {
+        let whole = found(0.0);
+        assert!(whole.len() == 2 && whole[1].len() >= 25, "{whole:?}");
+    }
+
+    #[test]
+    fn a_step_parts_stances() {
+        let parted = found(12.0);
+        assert!(parted.len() == 3, "{parted:?}");
+        assert!(parted[0].end <= 15 && parted[1].start >= 15, "{parted:?}");
+        assert!(parted[1].end <= 30 && parted[2].start >= 30, "{parted:?}");
+    }
 }
