@@ -210,18 +210,27 @@ impl Trembling {
                 .flat_map(|run| run.clone().map(|t| length(xyz, t, bone)))
         };
         let at = |share| quantile(lengths().filter(|l| l.is_finite()).collect(), share);
-        if !(at(0.75)? - at(0.25)? <= MOST_VARYING * at(0.5)?) {
+        let (size, lag) = (
+            // The median of |N(0, 1)| is 1 / 1.4826.
+            1.4826 * median(all.iter().map(|d| d.0.abs()).collect())?,
+            lag(xyz, runs, bone)?,
+        );
+        // Of first-order autoregressive noise, second differences have 6 - 8 lag + 2 lag² times the
+        // variance; the middle half of normal values is 1.349 standard deviations wide.
+        let a = lag.clamp(0.0, MOST_LAG);
+        let of_noise = 1.349 * size / (6.0 - 8.0 * a + 2.0 * a * a).sqrt();
+        let most = (MOST_VARYING * at(0.5)?).max(MOST_OF_NOISE * of_noise);
+        if !(at(0.75)? - at(0.25)? <= most) {
             return None;
         }
-        let size = median(all.iter().map(|d| d.0.abs()).collect())?;
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
         all.truncate(all.len() / 2);
         Some(Trembling {
             of_length: all.iter().map(|d| d.0 * d.0).sum(),
             of_ends: all.iter().map(|d| d.1).sum(),
-            // The median of |N(0, 1)| is 1 / 1.4826; both ends count, each with 1 + 4 + 1.
-            noise: 1.4826 * size / 12.0_f64.sqrt(),
-            lag: lag(xyz, runs, bone)?,
+            // Both ends count, each with 1 + 4 + 1.
+            noise: size / 12.0_f64.sqrt(),
+            lag,
         })
     }
 }

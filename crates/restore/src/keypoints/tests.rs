@@ -105,6 +105,31 @@ fn lengths_tell_noise_from_motion() {
 }
 
 #[test]
+fn noise_that_changes_lengths_by_much_is_noise() {
+    // Somebody stands and points along the line of sight, where noise is largest.
+    let walk = walk();
+    let names = names(&walk);
+    let mut still = walk.clone();
+    let at = |name: &str| 3 * names.iter().position(|n| n == name).unwrap();
+    for t in 0..still.frames() {
+        (0..39).for_each(|i| still.xyz[[t, i]] = walk.xyz[[0, i]]);
+        for side in ["l", "r"] {
+            let shoulder = at(&format!("{side}clavicle"));
+            for (joint, z) in [("humerus", 28.0), ("radius", 47.0)] {
+                let own = at(&format!("{side}{joint}"));
+                for axis in 0..3 {
+                    let along = if axis == 2 { z } else { 0.0 };
+                    still.xyz[[t, own + axis]] = still.xyz[[t, shoulder + axis]] + along;
+                }
+            }
+        }
+    }
+    let found = keypoint_noise(&noisy(&still, 1.3, 0.85), &names);
+    assert!(found.is_some_and(|sd| sd > 0.3), "{found:?}");
+    assert_eq!(keypoint_noise(&still, &names), None);
+}
+
+#[test]
 fn motion_without_noise_stays() {
     let walk = walk();
     let (xyz, states) = cleaned(walk.clone());

@@ -14,9 +14,12 @@ pub(super) const FEWEST_FRAMES: usize = 40;
 /// it is noise. White noise of .1 cm on motion of 30 frames a second shows .58 to .96, made noise
 /// of video 1.1 to 1.4, motion alone less than .001.
 pub(super) const NOISE_SHARE: f64 = 0.5;
-/// The middle half of the lengths of a bone differs by no more than this share of it: seen in a
-/// plane alone, bones change their lengths as they turn.
+/// The middle half of the lengths of a bone differs by no more than this share of it, or by so many
+/// times what its noise tells, whose lag is taken for so much at most: seen in a plane alone, bones
+/// change their lengths as they turn.
 pub(super) const MOST_VARYING: f64 = 0.2;
+pub(super) const MOST_OF_NOISE: f64 = 1.5;
+pub(super) const MOST_LAG: f64 = 0.9;
 /// Noise of which so much is that of the frame before is slow.
 pub(super) const SLOW: f64 = 0.6;
 /// Points without a bone of their own are of a foot if this near to its ankle or toe, cm.
