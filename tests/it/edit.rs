@@ -614,6 +614,23 @@ fn example(file: &str) -> String {
 }
 
 #[test]
+fn bvh_files_have_the_axes_that_are_asked_for() {
+    let exported = |flags: &[&str]| {
+        let server = Server::with(flags);
+        server.post("/solve", &json!({}));
+        let file = server.post("/export", &json!({ "format": "bvh" })).body;
+        Numbers::read(&run("bvh2xyz", &[&["-q"], flags].concat(), &file))
+    };
+    let wanted = exported(&[]);
+    for flags in [
+        &["--up", "z"][..],
+        &["--up", "-y", "--units", "m"],
+    ] {
+        assert!(exported(flags).far(&wanted).0 < 1e-3, "{flags:?}");
+    }
+}
+
+#[test]
 fn a_drag_is_solved_exported_and_read_back() {
     let server = Server::start(Command::new(bin().join("edit")).args([
         "--no-open",

@@ -137,5 +137,5 @@ fn figure(args: &Args, model: &PoseModel, table: Option<&Table>) -> Result<Figur
         (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
         (None, None) => Figure::measured("the model's own figure", &model.representative_poses())?,
     };
-    Ok(figure.with_units(unit, turn))
+    Ok(figure.with_units(unit, turn.transpose()))
 }
