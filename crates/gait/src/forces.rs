@@ -35,7 +35,8 @@ struct Sample {
 
 impl Forces {
     /// What the plates of a C3D file measured. `unit` and `up` go before what it says of its
-    /// points. No baseline is taken off.
+    /// points; `up` tells left-handed axes, in which a plate's z points down whatever its corners
+    /// say. No baseline is taken off.
     ///
     /// ```
     /// use posing_gait::Forces;
@@ -51,7 +52,8 @@ impl Forces {
     ///
     /// # Errors
     /// [`Error::Data`]: the file has no force plates, one of another type than 1 to 4 or not whole,
-    /// or does not say its unit, its axis that is up, or its rate.
+    /// or does not say its unit, its axis that is up, or its rate; in left-handed axes a plate is
+    /// upright, or its forces point into the floor.
     pub fn from_c3d(file: &C3d, unit: Option<LengthUnit>, up: Option<UpAxis>) -> Result<Forces> {
         let take = &file.take;
         let bad = |what: String| Error::data(Place::file(&take.name), what);
@@ -61,7 +63,7 @@ impl Forces {
             return Err(bad("has no force plates".into()));
         }
         let units = take.units_or(unit, up)?;
-        let found = Plate::of_file(file, units.up.rotation(), units.unit);
+        let found = Plate::of_file(file, units, UpAxis::Y);
         if found.len() < used {
             let what = "with type, corners, origin and channels";
             let count = found.len();
@@ -72,6 +74,12 @@ impl Forces {
             plate.map_err(|e| e.at(place))
         });
         let plates = numbered.collect::<Result<Vec<Plate>>>()?;
+        let is_left = units.up != units.up.handed(false);
+        let turned = |plate: &Plate| is_left && plate.presses_from_below(DVec3::Y);
+        if let Some(i) = plates.iter().position(turned) {
+            let what = "its forces point into the floor; in left-handed axes its z must point down";
+            return Err(bad(format!("force plate {}: {what}", i + 1)));
+        }
         let rate = take
             .rate
             .ok_or_else(|| bad("does not say its rate".into()))?;

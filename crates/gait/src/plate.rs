@@ -5,11 +5,22 @@
 //! that middle is m = n + f x o, n being that about the sensors' origin: of types 2 and 4 three of
 //! their numbers, of type 3 by the forces of four sensors at +-o.x and +-o.y. Type 1 gives the
 //! center of pressure p and the free moment t themselves: m = p x f + t.
+//!
+//! The corners say where x and y point, and x times y says where z does. In a left-handed
+//! laboratory that product of their numbers is mirrored, so there z is taken for what the format
+//! has it: downwards. The corners, carried to a right-handed laboratory, then tell the hand of the
+//! plate's own axes. They are right-handed where a left-handed laboratory stands around a common
+//! plate, whose channels mean what they always do. They are left-handed where the plate's numbers
+//! are mirrored too: by a reflection S the force is S f, and the moment, a product of two vectors
+//! by their numbers, S r x S f = -S (r x f).
 
 use crate::io::{Analog, C3d, ForcePlate};
-use crate::pose::LengthUnit;
+use crate::pose::{LengthUnit, Units, UpAxis};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
+
+/// A plate whose z has less than this along the vertical stands upright: a ramp of 60 degrees.
+const LEAST_LEVEL: f64 = 0.5;
 
 /// A force plate with its samples, in millimeters and the axes that were asked for: a
 /// [`Trial`](crate::Trial)'s are those of the laboratory, z up, of [`Forces`](crate::Forces) y up.
@@ -29,19 +40,19 @@ pub struct Plate {
 
 impl Plate {
     /// The plates of a file in their order; in the place of one that cannot be computed, why not
-    /// ([`Error::Unfit`]). `to_lab` carries the file's axes to those of the plates; `unit` is the
-    /// file's.
-    pub(crate) fn of_file(file: &C3d, to_lab: DMat3, unit: LengthUnit) -> Vec<Result<Plate>> {
+    /// ([`Error::Unfit`]). `units` are the file's; `up` is the axis of the plates that points up.
+    pub(crate) fn of_file(file: &C3d, units: Units, up: UpAxis) -> Vec<Result<Plate>> {
         let analog = file.analog();
         let plate = |plate: &ForcePlate| {
             let analog = analog.as_ref().ok_or("has no analog channels")?;
-            Plate::new(plate, analog, to_lab, 10.0 * unit.centimeters())
+            Plate::new(plate, analog, units, up)
         };
         file.force_plates().iter().map(plate).collect()
     }
 
-    /// `scale` carries the file's unit to millimeters.
-    fn new(plate: &ForcePlate, analog: &Analog, to_lab: DMat3, scale: f64) -> Result<Plate> {
+    fn new(plate: &ForcePlate, analog: &Analog, units: Units, up: UpAxis) -> Result<Plate> {
+        let scale = 10.0 * units.unit.centimeters();
+        let to_lab = up.rotation().transpose() * units.up.rotation();
         let sensors = Sensors::new(plate, analog, scale)?;
         let [a, b, c, d] = plate.corners;
         let (x, y) = ((a - b).normalize(), a - d);
@@ -49,11 +60,22 @@ impl Plate {
         if !z.is_finite() {
             return Err(Error::unfit("has corners that span no surface"));
         }
-        let axes = to_lab * DMat3::from_cols(x, z.cross(x), z);
+        let mut axes = to_lab * DMat3::from_cols(x, z.cross(x), z);
+        if to_lab.determinant() < 0.0 {
+            let height = axes.z_axis.dot(up.rotation().transpose().y_axis);
+            if height.abs() < LEAST_LEVEL {
+                return Err(Error::unfit(
+                    "stands upright: in left-handed axes its corners do not tell its own axes",
+                ));
+            }
+            axes.z_axis *= -height.signum();
+        }
+        // A moment in left-handed axes, r x f by the numbers, turns the other way.
+        let hand = axes.determinant().signum();
         let samples = analog.values.rows().into_iter().map(|row| {
             let raw: Vec<f64> = sensors.columns.iter().map(|c| row[*c]).collect();
             let [force, moment] = sensors.load(&raw);
-            (axes * force, axes * moment)
+            (axes * force, hand * (axes * moment))
         });
         let (force, moment) = samples.unzip();
         Ok(Plate {
@@ -168,7 +190,6 @@ fn moment_unit(word: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::UpAxis;
     use ndarray::Array2;
 
     const MATRIX: [[f64; 6]; 6] = [
@@ -192,23 +213,31 @@ mod tests {
 
     /// A plate of a type with its file's origin and the numbers of its channels.
     fn planted(kind: u32, origin: DVec3) -> (ForcePlate, Vec<f64>) {
+        seen_in(DVec3::ONE, kind, origin)
+    }
+
+    /// The same with axes of its own by `hand`, which reflects one of them or none.
+    fn seen_in(hand: DVec3, kind: u32, origin: DVec3) -> (ForcePlate, Vec<f64>) {
+        let (force, arm) = (hand * FORCE, hand * ARM);
+        let free = hand * FREE * hand.element_product();
         let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
-        let corners = corners.map(|(x, y)| MIDDLE + axes() * DVec3::new(232.0 * x, 254.0 * y, 0.0));
+        let corners =
+            corners.map(|(x, y)| MIDDLE + axes() * (hand * DVec3::new(232.0 * x, 254.0 * y, 0.0)));
         let sunk = if kind == 3 {
             DVec3::Z * origin.z
         } else {
             origin
         };
-        let n = ARM.cross(FORCE) + FREE - FORCE.cross(sunk);
-        let six = [FORCE.to_array(), n.to_array()].concat();
+        let n = arm.cross(force) + free - force.cross(sunk);
+        let six = [force.to_array(), n.to_array()].concat();
         let raw = match kind {
-            1 => vec![FORCE.x, FORCE.y, FORCE.z, ARM.x, ARM.y, FREE.z],
+            1 => vec![force.x, force.y, force.z, arm.x, arm.y, free.z],
             3 => {
                 let (a, b) = (origin.x, origin.y);
-                let z = |s: f64, v: f64| (FORCE.z + s * n.x / b + v * n.y / a) / 4.0;
+                let z = |s: f64, v: f64| (force.z + s * n.x / b + v * n.y / a) / 4.0;
                 let (x, y) = (n.z / b / 4.0, n.z / a / 4.0);
-                let two = [FORCE.x / 2.0 - x, FORCE.x / 2.0 + x];
-                let four = [FORCE.y / 2.0 + y, FORCE.y / 2.0 - y];
+                let two = [force.x / 2.0 - x, force.x / 2.0 + x];
+                let four = [force.y / 2.0 + y, force.y / 2.0 - y];
                 let z = [z(1.0, -1.0), z(1.0, 1.0), z(-1.0, 1.0), z(-1.0, -1.0)];
                 [&two[..], &four, &z].concat()
             }
@@ -233,10 +262,25 @@ mod tests {
     }
 
     /// The plate as it is computed from its channels, which stand in the reverse order.
-    fn computed(plate: &ForcePlate, raw: &[f64], units: &[&str], scale: f64) -> Result<Plate> {
+    fn computed(
+        plate: &ForcePlate,
+        raw: &[f64],
+        words: &[&str],
+        unit: LengthUnit,
+    ) -> Result<Plate> {
+        computed_in(UpAxis::Z, plate, raw, words, unit)
+    }
+
+    fn computed_in(
+        up: UpAxis,
+        plate: &ForcePlate,
+        raw: &[f64],
+        words: &[&str],
+        unit: LengthUnit,
+    ) -> Result<Plate> {
         let analog = Analog {
             labels: vec![String::new(); raw.len()],
-            units: units.iter().rev().map(|unit| unit.to_string()).collect(),
+            units: words.iter().rev().map(|unit| unit.to_string()).collect(),
             per_frame: 10,
             values: Array2::from_shape_fn((3, raw.len()), |(s, c)| {
                 let at = raw.len() - 1 - c;
@@ -245,7 +289,7 @@ mod tests {
                 raw[at] * if is_arm { 1.0 } else { s as f64 }
             }),
         };
-        Plate::new(plate, &analog, UpAxis::Z.rotation(), scale)
+        Plate::new(plate, &analog, Units { unit, up }, UpAxis::Y)
     }
 
     fn is_planted(plate: &Plate) {
@@ -277,9 +321,41 @@ mod tests {
                     origin,
                     ..plate.clone()
                 };
-                is_planted(&computed(&plate, &raw, &["V"; 8][..raw.len()], 1.0).unwrap());
+                is_planted(
+                    &computed(&plate, &raw, &["V"; 8][..raw.len()], LengthUnit::Mm).unwrap(),
+                );
             }
         }
+    }
+
+    #[test]
+    fn left_handed_laboratories_have_the_same_loads() {
+        let origins = [
+            DVec3::new(3.0, -2.0, -40.0),
+            DVec3::new(120.0, 200.0, -42.0),
+        ];
+        // The plate's own axes are its maker's, or as in the mirror that the file is: x or y.
+        let hands = [DVec3::ONE, DVec3::ONE.with_x(-1.0), DVec3::ONE.with_y(-1.0)];
+        for (kind, hand) in (1..=4).flat_map(|kind| hands.map(|hand| (kind, hand))) {
+            let is_third = kind == 3;
+            let origin = if is_third {
+                origins[1]
+            } else {
+                hand * origins[0]
+            };
+            let (mut plate, raw) = seen_in(hand, kind, origin);
+            plate.corners = plate.corners.map(|c| c * DVec3::new(1.0, -1.0, 1.0));
+            let words = &["V"; 8][..raw.len()];
+            let in_up = |up| computed_in(up, &plate, &raw, words, LengthUnit::Mm).unwrap();
+            is_planted(&in_up(UpAxis::LeftZ));
+            assert!(in_up(UpAxis::Z).force[1] != in_up(UpAxis::LeftZ).force[1]);
+        }
+        let (mut plate, raw) = planted(2, origins[0]);
+        let upright = |c: DVec3| DVec3::new(c.x, c.z, c.y);
+        plate.corners = plate.corners.map(upright);
+        let said = computed_in(UpAxis::LeftZ, &plate, &raw, &["V"; 6], LengthUnit::Mm);
+        let said = said.unwrap_err().to_string();
+        assert!(said.contains("stands upright"), "{said}");
     }
 
     #[test]
@@ -296,17 +372,18 @@ mod tests {
                     ["N", "N", "N", "cm", "cm", "N.mm"]
                 }
                 3 => {
-                    let found = computed(&plate, &raw, &["N"; 8], 1e3);
+                    let found = computed(&plate, &raw, &["N"; 8], LengthUnit::M);
                     is_planted(&found.unwrap());
                     continue;
                 }
                 _ => ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
             };
-            is_planted(&computed(&plate, &raw, &units, 1e3).unwrap());
+            is_planted(&computed(&plate, &raw, &units, LengthUnit::M).unwrap());
         }
         let (plate, mut raw) = planted(2, DVec3::new(3.0, -2.0, -40.0));
         raw[3..].iter_mut().for_each(|moment| *moment /= 1e3);
-        is_planted(&computed(&plate, &raw, &["N", "N", "N", "Nm", "Nm", "Nm"], 1.0).unwrap());
+        let words = ["N", "N", "N", "Nm", "Nm", "Nm"];
+        is_planted(&computed(&plate, &raw, &words, LengthUnit::Mm).unwrap());
         assert_eq!(
             ["N-m", "Ncm", "mV", "ntmm", ""].map(moment_unit),
             [Some(1e3), Some(10.0), None, None, None]
@@ -317,7 +394,7 @@ mod tests {
     fn what_is_not_whole_is_refused() {
         let (plate, raw) = planted(2, DVec3::ZERO);
         let refused = |plate: ForcePlate, part: &str| {
-            let said = computed(&plate, &raw, &[""; 6], 1.0)
+            let said = computed(&plate, &raw, &[""; 6], LengthUnit::Mm)
                 .unwrap_err()
                 .to_string();
             assert!(said.contains(part), "{said}");

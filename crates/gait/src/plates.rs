@@ -49,12 +49,17 @@ impl Plate {
         if up.clone().any(|f| !f.is_finite() || f.abs() > HEAVIEST) {
             return Some("it has samples that are no forces of a person");
         }
-        if !stands && !self.force.is_empty() && up.clone().all(|f| f.abs() > ON) {
+        if !stands && !self.force.is_empty() && up.into_iter().all(|f| f.abs() > ON) {
             return Some("it is never free of load: it was not zeroed, and tells nothing");
         }
-        let loaded = up.filter(|f| f.abs() > LEAST_PEAK);
-        let sum: f64 = loaded.sum();
-        (sum < 0.0).then_some("its forces point into the floor: their sign is the other way")
+        (self.presses_from_below(DVec3::Z))
+            .then_some("its forces point into the floor: their sign is the other way")
+    }
+
+    /// Whether its forces on the foot point against `up`, into the floor.
+    pub(crate) fn presses_from_below(&self, up: DVec3) -> bool {
+        let all = self.force.iter().map(|f| f.dot(up));
+        all.filter(|f| f.abs() > LEAST_PEAK).sum::<f64>() < 0.0
     }
 
     /// The time at which the force is [`ON`] after a sample, in samples: on the line to the next.

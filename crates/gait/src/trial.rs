@@ -94,7 +94,6 @@ impl Trial {
 
 /// The plates of a file in the laboratory's axes, z up.
 fn plates(file: &C3d, units: Units) -> Vec<Option<Plate>> {
-    let to_lab = UpAxis::Z.rotation().transpose() * units.up.rotation();
-    let plates = Plate::of_file(file, to_lab, units.unit);
+    let plates = Plate::of_file(file, units, UpAxis::Z);
     plates.into_iter().map(Result::ok).collect()
 }

@@ -128,11 +128,6 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let report = JsonArgs::to_file(&args.output.join("gait.json"));
     report.prepare_report();
     let rules = args.read.rules();
-    if rules.all.left_handed {
-        let what =
-            "--left-handed: forces of left-handed trials are not read; write them right-handed";
-        return Err(Error::usage(what));
-    }
     let norm = args.norm.as_ref().map(|path| read_norm(path)).transpose()?;
     let static_trial = args.static_trial.as_ref();
     let opened = |path: &PathBuf| {
