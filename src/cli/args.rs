@@ -4,6 +4,7 @@ use super::choice::{choice, choices};
 use super::paths::OutputPath;
 use super::{memory_limit, messages};
 use crate::io::TableFormat;
+use crate::io::motion_file::ReadOptions;
 use crate::io::{TableOptions, parse_point_names};
 use crate::pose::Poses;
 use crate::pose::units::{LengthUnit, Units, UpAxis};
@@ -72,8 +73,40 @@ impl TimedTableArgs {
     }
 }
 
+/// The axis that points up in files that do not say it, and the hand of their axes: where a command
+/// has the one, it has the other. `mut_arg` of a command says what the axis is otherwise.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct UpArgs {
+    /// Axis of these files that points up [default: y]
+    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
+    pub up: Option<UpAxis>,
+    /// Axes of these files are left-handed, as Unity's and Unreal's: one is reflected
+    #[arg(long)]
+    pub left_handed: bool,
+}
+
+impl UpArgs {
+    /// The axis of the flag, else that of the file or of custom.
+    pub fn or(self, own: UpAxis) -> UpAxis {
+        self.up.unwrap_or(own).handed(self.left_handed)
+    }
+
+    /// The options of the library's reader of motion.
+    pub fn options(self) -> ReadOptions {
+        ReadOptions {
+            up: self.up,
+            left_handed: self.left_handed,
+            ..ReadOptions::default()
+        }
+    }
+}
+
 /// The tables of a command that converts them.
 #[derive(Debug, Clone, Args)]
+#[command(mut_arg("left_handed", |left| left.help_heading("Input")))]
+#[command(mut_arg("up", |up| up.help_heading("Input").help(
+    "Axis of the input that points up [default: y; of AMASS' markers z]"
+)))]
 pub struct InputArgs {
     /// Pose tables, CSV, NPY or NPZ; - or nothing: standard input
     #[arg(value_name = "FILE")]
@@ -88,13 +121,9 @@ pub struct InputArgs {
     /// Unit of length of the input [default: cm; of AMASS' markers m]
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     pub units: Option<LengthUnit>,
-    /// Axis of the input that points up [default: y; of AMASS' markers z]
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
-    #[arg(allow_hyphen_values = true)]
-    pub up: Option<UpAxis>,
-    /// Axes of the input are left-handed, as Unity's and Unreal's: one is reflected
-    #[arg(long, help_heading = "Input")]
-    pub left_handed: bool,
+    /// The axis that points up, and the hand of the axes.
+    #[command(flatten)]
+    pub axes: UpArgs,
 }
 
 impl InputArgs {
@@ -105,8 +134,7 @@ impl InputArgs {
             fps,
             joints: None,
             units: None,
-            up: None,
-            left_handed: false,
+            axes: UpArgs::default(),
         }
     }
 
@@ -133,7 +161,7 @@ impl InputArgs {
     pub fn table_units(&self) -> Units {
         Units {
             unit: self.units.unwrap_or(LengthUnit::Cm),
-            up: self.up.unwrap_or(UpAxis::Y).handed(self.left_handed),
+            up: self.axes.or(UpAxis::Y),
         }
     }
 
@@ -201,20 +229,15 @@ pub fn parse_hertz(text: &str) -> std::result::Result<f64, String> {
 
 /// The unit and the axis of files of meshes, which do not say them.
 #[derive(Debug, Clone, Args)]
+#[command(mut_arg("up", |up| up.help_heading("Input")))]
+#[command(mut_arg("left_handed", |left| left.help_heading("Input")))]
 pub struct MeshUnitArgs {
     /// Unit of length of the input: its files have none
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", help_heading = "Input")]
     units: LengthUnit,
-    /// Axis of the input that points up
-    #[arg(
-        long,
-        value_parser = choice::<UpAxis>(),
-        value_name = "AXIS",
-        allow_hyphen_values = true,
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    up: UpAxis,
+    /// The axis that points up, and the hand of the axes.
+    #[command(flatten)]
+    pub axes: UpArgs,
 }
 
 impl MeshUnitArgs {
@@ -222,7 +245,7 @@ impl MeshUnitArgs {
     pub fn table_units(&self) -> Units {
         Units {
             unit: self.units,
-            up: self.up,
+            up: self.axes.or(UpAxis::Y),
         }
     }
 }
@@ -233,10 +256,8 @@ pub struct BvhUnitArgs {
     /// Unit of length of the BVH files written, and of a BVH skeleton
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
     units: LengthUnit,
-    /// Axis that points up in the BVH files written, and in a BVH skeleton
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
-    #[arg(allow_hyphen_values = true)]
-    up: UpAxis,
+    #[command(flatten)]
+    axes: UpArgs,
 }
 
 impl BvhUnitArgs {
@@ -247,20 +268,8 @@ impl BvhUnitArgs {
 
     /// The rotation that carries the files' axes to y up.
     pub fn rotation(&self) -> DMat3 {
-        self.up.rotation()
+        self.axes.or(UpAxis::Y).rotation()
     }
-}
-
-/// Unit and axis of a BVH skeleton, which BVH files do not say.
-#[derive(Debug, Clone, Args)]
-pub struct BvhSkeletonArgs {
-    /// Unit of length of a BVH skeleton
-    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
-    pub units: LengthUnit,
-    /// Axis that points up in a BVH skeleton
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
-    #[arg(allow_hyphen_values = true)]
-    pub up: UpAxis,
 }
 
 /// The output table of a command.

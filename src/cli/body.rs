@@ -53,6 +53,9 @@ pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet>
         let scale = units.unit.centimeters() / 100.0;
         mesh.plausible_height(scale).map_err(|e| e.at(place()))?;
     }
+    set.faces
+        .iter_mut()
+        .for_each(|f| *f = units.up.triangle(*f));
     let mut xyz = [0.0; 3];
     for mut row in set.vertices.rows_mut() {
         (0..3).for_each(|a| xyz[a] = f64::from(row[a]));

@@ -174,7 +174,7 @@ fn units_of(reader: &RowReader, flags: &InputArgs) -> Units {
     take.notes.iter().for_each(said);
     Units {
         unit: flags.units.or(take.unit()).unwrap_or(given.unit),
-        up: (flags.up.or(take.up_axis()).unwrap_or(given.up)).handed(flags.left_handed),
+        up: flags.axes.or(take.up_axis().unwrap_or(given.up)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Takes of markers as tables: what a file says of its rate, unit and axes, or else the flags.
 
-use super::args::{OutputArgs, ZeroArgs, parse_rate};
+use super::args::{OutputArgs, UpArgs, ZeroArgs, parse_rate};
 use super::choice::choice;
 use super::input::open;
 use super::messages;
@@ -8,20 +8,23 @@ use super::streams::write_table;
 use crate::io::input::take_name;
 use crate::io::zeros::{count_zeros, empty_zeros};
 use crate::io::{Input, MarkerTake, Table, model_outputs};
-use crate::pose::{LengthUnit, Units, UpAxis};
+use crate::pose::{LengthUnit, Units};
 use crate::{Error, Result};
 use clap::Args;
 use std::path::PathBuf;
 
 /// The unit and the axis of a file of markers, if it does not say them.
 #[derive(Debug, Clone, Args)]
+#[command(mut_arg("up", |up| up.help(
+    "Axis of the file that points up [default: what the file says]"
+)))]
 pub struct MarkerUnitArgs {
     /// Unit of length of the file [default: what the file says]
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     pub units: Option<LengthUnit>,
-    /// Axis of the file that points up [default: what the file says]
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
-    pub up: Option<UpAxis>,
+    /// The axis that points up, and the hand of the axes.
+    #[command(flatten)]
+    pub axes: UpArgs,
 }
 
 /// The flags of commands that convert a file of markers.
@@ -32,9 +35,6 @@ pub struct MarkerFileArgs {
     pub file: Option<PathBuf>,
     #[command(flatten)]
     units: MarkerUnitArgs,
-    /// Axes of the file are left-handed, as Unity's and Unreal's: one is reflected
-    #[arg(long)]
-    left_handed: bool,
     /// Frames per second, if the file does not say
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     pub fps: Option<f64>,
@@ -64,7 +64,9 @@ impl MarkerUnitArgs {
                 given.name()
             ));
         }
-        take.units_or(self.units, self.up)
+        let Units { unit, up } = take.units_or(self.units, self.axes.up)?;
+        let up = up.handed(self.axes.left_handed);
+        Ok(Units { unit, up })
     }
 }
 
@@ -109,9 +111,7 @@ impl MarkerFileArgs {
         let units = if take.points.is_empty() {
             Units::CM_Y
         } else {
-            let units = self.units.table_units(take)?;
-            let up = units.up.handed(self.left_handed);
-            Units { up, ..units }
+            self.units.table_units(take)?
         };
         let poses = positions.to_poses(units, self.rate(take)?, name)?;
         let table = Table::from_poses(poses);

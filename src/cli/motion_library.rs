@@ -1,5 +1,6 @@
 //! Libraries of motion: `prior-train --motion` makes one, `--prior` names one.
 
+use super::args::UpArgs;
 use super::choice::choice;
 use super::name_maps::name_map;
 use super::{input, messages};
@@ -7,7 +8,7 @@ use crate::inbetween::MotionLibrary;
 use crate::io::motion_file::{MotionFile, ReadOptions};
 use crate::io::motion_folder::MotionFolder;
 use crate::io::{self, Model};
-use crate::pose::{LengthUnit, PointNaming, UpAxis, joints};
+use crate::pose::{LengthUnit, PointNaming, joints};
 use crate::prior::provenance::{digest, entry};
 use crate::restore::BodyGap;
 use crate::restore::body_size::check_body_size;
@@ -17,6 +18,10 @@ use std::path::{Path, PathBuf};
 /// How the takes of a library are read.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Motion")]
+#[command(mut_arg("up", |up| up.requires("motion").help(
+    "Axis that points up in takes that do not say it [default: y]"
+)))]
+#[command(mut_arg("left_handed", |left| left.requires("motion")))]
 pub struct MotionArgs {
     /// Keep the motion of the takes, at 30 frames a second, instead of training: files of BVH, AMC,
     /// C3D and tables of any rate, or folders of these. complete --prior (tables), clean --prior
@@ -29,15 +34,8 @@ pub struct MotionArgs {
     /// Unit of length of takes that do not say it [default: cm]
     #[arg(long, value_name = "UNIT", requires = "motion", value_parser = choice::<LengthUnit>())]
     units: Option<LengthUnit>,
-    /// Axis that points up in takes that do not say it [default: y]
-    #[arg(
-        long,
-        value_name = "AXIS",
-        requires = "motion",
-        allow_hyphen_values = true,
-        value_parser = choice::<UpAxis>()
-    )]
-    up: Option<UpAxis>,
+    #[command(flatten)]
+    axes: UpArgs,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's]
     #[arg(long, value_name = "SUBJECT.asf", requires = "motion")]
     asf: Option<PathBuf>,
@@ -67,9 +65,8 @@ impl MotionArgs {
         let options = ReadOptions {
             fps: self.fps,
             units: self.units,
-            up: self.up,
             asf: self.asf.clone(),
-            ..ReadOptions::default()
+            ..self.axes.options()
         };
         if files.is_empty() {
             return Err(Error::usage("--motion needs the files of takes"));

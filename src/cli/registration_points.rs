@@ -102,6 +102,8 @@ pub fn read_scan(path: &Path, units: Units) -> Result<Surface> {
         DVec3::from_array(xyz)
     };
     let vertices = scan.vertices.iter().map(vertex).collect();
-    let faces = scan.faces.iter().map(|f| f.map(|v| v as usize)).collect();
+    let faces = (scan.faces.iter())
+        .map(|f| units.up.triangle(f.map(|v| v as usize)))
+        .collect();
     Ok(Surface::new(vertices, faces))
 }

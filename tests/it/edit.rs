@@ -625,6 +625,7 @@ fn bvh_files_have_the_axes_that_are_asked_for() {
     for flags in [
         &["--up", "z"][..],
         &["--up", "-y", "--units", "m"],
+        &["--up", "x", "--left-handed"],
     ] {
         assert!(exported(flags).far(&wanted).0 < 1e-3, "{flags:?}");
     }

@@ -38,6 +38,7 @@ mod keypoints;
 mod kinematics;
 mod label;
 mod leaks;
+mod left_handed;
 mod library;
 mod limits;
 mod marker_files;

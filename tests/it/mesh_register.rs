@@ -114,6 +114,46 @@ fn the_template_is_laid_on_scans_and_clouds() {
     }
 }
 
+/// Meshes in left-handed axes: their vertices by `carry`, their triangles the other way round.
+fn mirrored(path: &Path, carry: impl Fn([f64; 3]) -> [f64; 3]) {
+    let mut mesh = Mesh::open(path).unwrap();
+    mesh.vertices.iter_mut().for_each(|v| *v = carry(*v));
+    mesh.faces.iter_mut().for_each(|f| f.swap(1, 2));
+    mesh.save(path).unwrap();
+}
+
+#[test]
+fn left_handed_scans_are_registered_as_right_handed_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_files(folder);
+    let register = |flags: &[&str]| {
+        let mut register = command("mesh-register");
+        register.args(args(folder, "scan.ply")).args(flags);
+        register.assert().success();
+        Mesh::open(folder.join("out.ply")).unwrap()
+    };
+    let right = register(&[]);
+    // The template's y and the scan's z are up.
+    mirrored(&folder.join("template.ply"), |[x, y, z]| [-x, y, z]);
+    mirrored(&folder.join("scan.ply"), |[x, y, z]| [x, -y, z]);
+    let points = fs::read_to_string(folder.join("points.csv")).unwrap();
+    let flipped = points.lines().map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let y = cells[2].parse::<f64>().map(|y| (-y).to_string());
+        let y = y.unwrap_or_else(|_| cells[2].to_string());
+        format!("{},{},{y},{}\n", cells[0], cells[1], cells[3])
+    });
+    fs::write(folder.join("points.csv"), flipped.collect::<String>()).unwrap();
+    let left = register(&["--left-handed"]);
+    let template = Mesh::open(folder.join("template.ply")).unwrap();
+    assert!(left.faces == template.faces && left.faces != right.faces);
+    for (own, wanted) in left.vertices.iter().zip(&right.vertices) {
+        let shown = DVec3::new(own[0], -own[1], own[2]);
+        assert!(shown.distance(DVec3::from_array(*wanted)) < 1e-6);
+    }
+}
+
 #[test]
 fn bad_input_is_told_in_one_line() {
     let folder = tempfile::tempdir().unwrap();

@@ -50,8 +50,9 @@ impl MeshOutput {
     pub fn write(&self, meshes: &[Vec<DVec3>], faces: &[[usize; 3]], units: Units) -> Result<()> {
         match self {
             MeshOutput::Archive(path) => {
+                let turned: Vec<_> = faces.iter().map(|f| units.up.triangle(*f)).collect();
                 let bytes =
-                    npz_bytes(&[vertex_array("vertices", meshes, units), face_array(faces)])?;
+                    npz_bytes(&[vertex_array("vertices", meshes, units), face_array(&turned)])?;
                 write_file(path, &bytes)
             }
             MeshOutput::File(path) => match meshes {
@@ -129,7 +130,9 @@ pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: Units) -> Mesh {
     };
     Mesh {
         vertices: vertices.iter().map(vertex).collect(),
-        faces: faces.iter().map(|f| f.map(|v| v as u32)).collect(),
+        faces: (faces.iter())
+            .map(|f| units.up.triangle(f.map(|v| v as u32)))
+            .collect(),
     }
 }
 

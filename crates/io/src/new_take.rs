@@ -50,13 +50,14 @@ impl NewTake {
     /// # Errors
     /// [`crate::Error::Usage`]: no points or frames, or more than the format counts.
     pub fn c3d(&self) -> Result<Vec<u8>> {
-        let name = self.units.up.name().to_uppercase();
+        let axis = self.units.up.handed(false);
+        let name = axis.name().to_uppercase();
         let up = if name.starts_with('-') {
             name
         } else {
             format!("+{name}")
         };
-        let right = match self.units.up.handed(false) {
+        let right = match axis {
             UpAxis::X | UpAxis::MinusX => "+Y",
             _ => "+X",
         };

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ndarray::Array2;
-use posing::cli::args::{InputArgs, OutputArgs, parse_rate};
+use posing::cli::args::{InputArgs, OutputArgs, UpArgs, parse_rate};
 use posing::cli::choice::choice;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::motion_library::open_library;
@@ -14,7 +14,7 @@ use posing::ik::solve_missing_channels;
 use posing::inbetween::{KeyedMotion, through_keys};
 use posing::io::motion_file::ReadOptions;
 use posing::io::{Bvh, MotionFile, Table};
-use posing::pose::units::{LengthUnit, Units, UpAxis};
+use posing::pose::units::{LengthUnit, Units};
 use posing::pose::{PointNaming, joints, one_take};
 use posing::restore::body_size::check_body_size;
 use posing::{Error, Place, Result};
@@ -64,9 +64,8 @@ pub struct Args {
     /// Unit of length of keys that do not say it, and of the result [default: cm]
     #[arg(long, value_name = "UNIT", value_parser = choice::<LengthUnit>())]
     units: Option<LengthUnit>,
-    /// Axis that points up in keys that do not say it, and in the result [default: y]
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = choice::<UpAxis>())]
-    up: Option<UpAxis>,
+    #[command(flatten)]
+    axes: UpArgs,
     /// Write to FILE instead of standard output; FILE appears only when it is complete. With keys
     /// from a BVH file, FILE.bvh is BVH
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -81,8 +80,7 @@ pub fn work(args: &Args) -> Result<()> {
     let path = args.keys.as_deref().filter(|p| *p != Path::new("-"));
     let options = ReadOptions {
         units: args.units,
-        up: args.up,
-        ..ReadOptions::default()
+        ..args.axes.options()
     };
     let file = path.map(|path| MotionFile::open(path, &options));
     let file = file.transpose()?;
@@ -91,7 +89,7 @@ pub fn work(args: &Args) -> Result<()> {
         None => {
             let input = InputArgs {
                 units: args.units,
-                up: args.up,
+                axes: args.axes,
                 ..InputArgs::plain(Vec::new(), None)
             };
             input::read_table(&input, false, true)?
@@ -142,7 +140,7 @@ pub fn work(args: &Args) -> Result<()> {
             let xyz = table.poses.xyz.view();
             let units = Units {
                 unit: args.units.unwrap_or(Units::CM_Y.unit),
-                up: args.up.unwrap_or(Units::CM_Y.up),
+                up: args.axes.or(Units::CM_Y.up),
             };
             write_table(&out, [units; 2], &table, xyz, &[], |_| Vec::new())?;
         }

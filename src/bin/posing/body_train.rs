@@ -109,7 +109,7 @@ pub fn work(args: &Args) -> Result<()> {
     } else {
         let units = Units {
             unit: args.shape_units.unwrap_or(units.unit),
-            up: args.shape_up.unwrap_or(units.up),
+            up: (args.shape_up).map_or(units.up, |up| up.handed(args.units.axes.left_handed)),
         };
         Some(read_people(args, units, &poses)?)
     };

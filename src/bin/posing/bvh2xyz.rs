@@ -1,7 +1,7 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{OutputArgs, parse_rate};
+use posing::cli::args::{OutputArgs, UpArgs, parse_rate};
 use posing::cli::choice::{choice, value_name};
 use posing::cli::input::open;
 use posing::cli::messages;
@@ -39,12 +39,8 @@ pub struct Args {
     /// Unit of length of the file [default: cm]
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
     units: Option<LengthUnit>,
-    /// Axis of the file that points up [default: y]
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
-    up: Option<UpAxis>,
-    /// Axes of the file are left-handed, as Unity's and Unreal's: one is reflected
-    #[arg(long)]
-    left_handed: bool,
+    #[command(flatten)]
+    axes: UpArgs,
     /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
@@ -60,18 +56,17 @@ pub fn work(args: &Args) -> Result<()> {
     let input = open(&path)?;
     let name = input.name.clone();
     let unit = args.units.unwrap_or(LengthUnit::Cm);
-    let up = args.up.unwrap_or(UpAxis::Y);
     let bvh = Bvh::read(input, unit.centimeters(), args.keep_whole)?;
     bvh.notes.iter().for_each(|n| messages::info(n));
-    if args.units.is_none() || args.up.is_none() {
+    if args.units.is_none() || args.axes.up.is_none() {
         messages::info(&format!(
             "{name}: assuming {} and {} up; use --units and --up to change this",
             value_name(unit),
-            value_name(up)
+            value_name(args.axes.up.unwrap_or(UpAxis::Y))
         ));
     }
     let rate = rate(args, &bvh, &name)?;
-    let skeleton = BvhSkeleton::new(&bvh.joints, up.handed(args.left_handed).rotation(), true)?;
+    let skeleton = BvhSkeleton::new(&bvh.joints, args.axes.or(UpAxis::Y).rotation(), true)?;
     let points = if args.ends {
         BvhPoints::Ends
     } else {

@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 /// of that surface, and FPn.tx .ty .tz, the free moment about the center of pressure, N m. Below
 /// 10 N along the vertical, center and free moment are empty. No baseline is taken off. Plates of
 /// types 1 to 4 are read. A moment's unit is that of its channel, else force times POINT:UNITS.
+/// With --left-handed each plate's own z points down; its own axes may be right- or left-handed, as
+/// the order of its corners tells.
 ///
 /// FILE.mot and FILE.sto get OpenSim's external loads: ground_force_n_vx vy vz, N,
 /// ground_force_n_px py pz, m, ground_torque_n_x y z, N m. Below 10 N force and torque are 0 and
@@ -57,9 +59,9 @@ pub fn work(args: &Args) -> Result<()> {
     }
     let path = args.file.as_deref().unwrap_or(Path::new("-"));
     let file = C3d::read(open(path)?, args.keep_whole)?;
-    let forces = Forces::from_c3d(&file, args.units.units, args.units.up)?;
     // A unit that differs from the file's is told.
-    args.units.table_units(&file.take)?;
+    let units = args.units.table_units(&file.take)?;
+    let forces = Forces::from_c3d(&file, Some(units.unit), Some(units.up))?;
     let said = |n: &String| messages::info(&format!("{}: {n}", file.take.name));
     file.take.notes.iter().for_each(said);
     let bytes = if is_storage {

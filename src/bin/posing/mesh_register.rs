@@ -59,7 +59,13 @@ pub fn work(args: &Args) -> Result<()> {
     MeshFormat::of(&args.output)?;
     input::check_single_stdin([&args.scan, &args.points])?;
     let units = args.units.table_units();
-    let template = read_template(&args.template, args.template_units.unwrap_or(units.unit))?;
+    let template = read_template(
+        &args.template,
+        Units {
+            unit: args.template_units.unwrap_or(units.unit),
+            up: UpAxis::Y.handed(args.units.axes.left_handed),
+        },
+    )?;
     let points = RegistrationPoints::read(&args.points, template.vertices.len(), units)?;
     let scan = read_scan(&args.scan, units)?;
     points.check(&template.vertices, &scan)?;
@@ -76,14 +82,8 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The template, as a body of one part.
-fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
-    let set = read_meshes(
-        &[path],
-        Units {
-            unit,
-            up: UpAxis::Y,
-        },
-    )?;
+fn read_template(path: &Path, units: Units) -> Result<Template> {
+    let set = read_meshes(&[path], units)?;
     let fail = |what: String| Error::data(Place::file(&set.names[0]), what);
     if set.names.len() != 1 {
         return Err(fail(format!(

@@ -1,7 +1,7 @@
 //! Carries motion to another skeleton.
 
 use clap::Parser;
-use posing::cli::args::parse_rate;
+use posing::cli::args::{UpArgs, parse_rate};
 use posing::cli::batch::{BatchJob, batch, each_told};
 use posing::cli::choice::choice;
 use posing::cli::endings::ending;
@@ -54,7 +54,11 @@ use std::path::PathBuf;
         \n  posing retarget --to hero.bvh --fps 120 07_01.amc -o hero-walk.bvh\
         \n  posing retarget --to hero.bvh walk.fbx -o hero-walk.glb\
         \n  posing retarget --to 07.asf walk.fbx -o walk.amc\
-        \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/"
+        \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/",
+    mut_arg("left_handed", |left| left.help_heading("Input")),
+    mut_arg("up", |up| up.help_heading("Input").help(
+        "Axis that points up in BVH sources [default: that along which the figure stands, else y]"
+    ))
 )]
 pub struct Args {
     /// Takes (BVH, FBX, AMC), and folders that are searched for them; - or nothing: standard input
@@ -96,13 +100,8 @@ pub struct Args {
     /// Frames per second of files that do not say it, as AMC files
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// Axis that points up in BVH sources [default: that along which the figure stands, else y]
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", help_heading = "Input")]
-    #[arg(allow_hyphen_values = true)]
-    up: Option<UpAxis>,
-    /// Axes of BVH sources are left-handed, as Unity's and Unreal's: one is reflected
-    #[arg(long, help_heading = "Input")]
-    left_handed: bool,
+    #[command(flatten)]
+    axes: UpArgs,
     /// Axis that points up in the rig, and so in the results
     #[arg(
         long,
@@ -140,11 +139,9 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let jobs = batch(&inputs, output, &["bvh", "fbx", "amc"], Some("bvh"))?;
     let options = args.fbx.chosen(ReadOptions {
         fps: args.fps,
-        up: args.up,
-        left_handed: args.left_handed,
         asf: args.asf.clone(),
         keep_whole: args.keep_whole,
-        ..ReadOptions::default()
+        ..args.axes.options()
     });
     let name = args.to.display().to_string();
     let (original, asf) = rig(args, &name)?;
@@ -197,11 +194,11 @@ impl Job<'_> {
         let take = RotationTake::read(&job.input, open(&job.input)?, &self.options)?;
         take.notes.iter().for_each(|note| messages::info(note));
         let name = job.input.display().to_string();
-        let own = match self.args.up {
+        let own = match self.args.axes.up {
             Some(_) => None,
             None if take.says_up => None,
             None => up_axis(&take.bvh, self.map.as_ref())
-                .map(|up| up.handed(self.args.left_handed))
+                .map(|up| up.handed(self.args.axes.left_handed))
                 .filter(|up| *up != take.up),
         };
         if let Some(up) = own {

@@ -2,7 +2,6 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::choice::choice;
 use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::messages;
@@ -23,18 +22,20 @@ use std::path::{Path, PathBuf};
     name = "xyz2c3d",
     version,
     after_help = "Examples:\n  posing xyz2c3d -o walk.c3d walk.csv\n  posing c3d2xyz gait.c3d | \
-                  posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d"
+                  posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d",
+    mut_arg("units", |units| units.help(
+        "Unit of length of the file [default: mm, or what ORIGINAL says]"
+    )),
+    mut_arg("up", |up| up.help(
+        "Axis of the file that points up [default: z, or what ORIGINAL says]"
+    ))
 )]
 pub struct Args {
     /// C3D file whose points are replaced; frames and names must be the table's
     #[arg(long, value_name = "ORIGINAL.c3d")]
     into: Option<PathBuf>,
-    /// Unit of length of the file [default: mm, or what ORIGINAL says]
-    #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT")]
-    units: Option<LengthUnit>,
-    /// Axis of the file that points up [default: z, or what ORIGINAL says]
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", allow_hyphen_values = true)]
-    up: Option<UpAxis>,
+    #[command(flatten)]
+    units: MarkerUnitArgs,
     #[command(flatten)]
     out: OneTakeArgs,
 }
@@ -54,19 +55,15 @@ fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
     let original = C3d::read(open(original)?, true)?;
     let said = |n: &String| messages::info(&format!("{}: {n}", original.take.name));
     original.take.notes.iter().for_each(said);
-    let units = MarkerUnitArgs {
-        units: args.units,
-        up: args.up,
-    };
-    let units = units.table_units(&original.take)?;
+    let units = args.units.table_units(&original.take)?;
     original.with_poses(&poses, units, &table)
 }
 
 /// A file of the poses alone.
 fn new(args: &Args, one: OneTake) -> Result<Vec<u8>> {
     let units = Units {
-        unit: args.units.unwrap_or(LengthUnit::Mm),
-        up: args.up.unwrap_or(UpAxis::Z),
+        unit: args.units.units.unwrap_or(LengthUnit::Mm),
+        up: args.units.axes.or(UpAxis::Z),
     };
     args.out.new_take(one, units, "C3D")?.c3d()
 }

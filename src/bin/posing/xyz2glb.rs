@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
-use posing::cli::args::BvhSkeletonArgs;
+use posing::cli::args::BvhUnitArgs;
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton};
 use posing::cli::json_report::JsonArgs;
 use posing::cli::one_take_args::OneTakeArgs;
@@ -27,7 +27,8 @@ use std::path::PathBuf;
     after_help = "Examples:\
         \n  posing xyz2glb -o walk.glb walk.csv\
         \n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\
-        \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
+        \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb",
+    mut_arg("units", |units| units.help("Unit of length of a BVH skeleton"))
 )]
 pub struct Args {
     /// Skeleton to fit, ASF, BVH or FBX [default: measured from the table, whose names a map must
@@ -41,7 +42,7 @@ pub struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
-    units: BvhSkeletonArgs,
+    units: BvhUnitArgs,
     #[command(flatten)]
     json: JsonArgs,
     #[command(flatten)]
@@ -51,7 +52,7 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<Outcome> {
     args.json.prepare(args.take.output.as_deref())?;
     let one = args.take.read(args.skeleton.as_ref())?;
-    let (unit, rotation) = (args.units.units.centimeters(), args.units.up.rotation());
+    let (unit, rotation) = (args.units.centimeters(), args.units.rotation());
     let given = args
         .skeleton
         .as_deref()

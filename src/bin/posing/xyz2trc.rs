@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::args::UpArgs;
 use posing::cli::choice::choice;
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::pose::units::{LengthUnit, Units, UpAxis};
@@ -24,10 +25,8 @@ pub struct Args {
     /// Unit of length of the file
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "mm")]
     units: LengthUnit,
-    /// Axis of the file that points up
-    #[arg(long, value_parser = choice::<UpAxis>(), value_name = "AXIS", default_value = "y")]
-    #[arg(allow_hyphen_values = true)]
-    up: UpAxis,
+    #[command(flatten)]
+    axes: UpArgs,
     #[command(flatten)]
     out: OneTakeArgs,
 }
@@ -36,7 +35,7 @@ pub fn work(args: &Args) -> Result<()> {
     let one = args.out.read(None)?;
     let units = Units {
         unit: args.units,
-        up: args.up,
+        up: args.axes.or(UpAxis::Y),
     };
     let take = args.out.new_take(one, units, "TRC")?;
     args.out.write(&take.trc()?, false)

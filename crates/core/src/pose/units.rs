@@ -163,6 +163,23 @@ impl UpAxis {
         pair.map_or(self, |[right, left]| if is_left { left } else { right })
     }
 
+    /// A triangle of the file with its corners the other way round, if the file's axes are
+    /// left-handed: their reflection turns a surface inside out.
+    ///
+    /// ```
+    /// use posing_core::pose::UpAxis;
+    ///
+    /// assert_eq!(UpAxis::LeftY.triangle([0, 1, 2]), [0, 2, 1]);
+    /// assert_eq!(UpAxis::Z.triangle([0, 1, 2]), [0, 1, 2]);
+    /// ```
+    pub fn triangle<T>(self, [a, b, c]: [T; 3]) -> [T; 3] {
+        if self == self.handed(false) {
+            [a, b, c]
+        } else {
+            [a, c, b]
+        }
+    }
+
     /// The direction that is up, in the file's axes.
     pub(crate) fn direction(self) -> DVec3 {
         DVec3::from_array(self.turn_from_y([0.0, 1.0, 0.0]))

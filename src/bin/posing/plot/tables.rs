@@ -173,9 +173,7 @@ impl PlotTable {
         let options = fbx.chosen(ReadOptions {
             fps: flags.fps,
             units: flags.units,
-            up: flags.up,
-            left_handed: flags.left_handed,
-            ..ReadOptions::default()
+            ..flags.axes.options()
         });
         let name = path.display().to_string();
         if format_of(path)? == MotionFormat::Amc && skeleton_of(path, &options).is_err() {

@@ -38,13 +38,11 @@ pub fn trim(args: &Args, files: &[PathBuf], input: Input) -> Result<()> {
     let options = ReadOptions {
         fps: args.input.fps,
         units: args.input.units,
-        up: args.input.up,
         asf: args.asf.clone(),
         take: args.take.first().cloned(),
         skeleton: args.skeleton.clone(),
-        left_handed: args.input.left_handed,
         keep_whole: args.keep_whole,
-        ..ReadOptions::default()
+        ..args.input.axes.options()
     };
     let bytes = input.read_all(LARGEST_MOTION_FILE)?;
     let file = MotionFile::read(&files[0], bytes, &options)?;
