@@ -372,7 +372,7 @@ def solve(
     bvh : str or path, optional
         Also write skeleton and motion to this file.
     **options
-        Further flags of ``posing solve``: ``page="walk.html"``, ``amc``.
+        Further flags of ``posing solve``: ``angles="walk.mot"``, ``amc``.
 
     Returns
     -------

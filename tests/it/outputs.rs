@@ -63,6 +63,7 @@ const READ: &[&str] = &[
 /// Arguments that name a file or folder to be written; some are read where they are there already.
 const WRITTEN: &[&str] = &[
     "--amc",
+    "--angles",
     "--asf-out",
     "--blend",
     "--bvh",

@@ -10,8 +10,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("body", 4_500),
     // Tracks without names get some, by labeled takes beside them or sets; people apart; the page
     // of a night of takes with findings in groups, places in seconds, and people (750). Skeletons of
-    // joints (110).
-    ("clean", 6_240),
+    // joints (110). Angles of any file of markers (25).
+    ("clean", 6_265),
     // Products of a matrix with itself, and rotations without an eigenvalue problem: for speed.
     // Splines, rotations at other rates, a low-pass filter before them (370).
     // An axis that points down by documentation (1), triangles in left-handed axes (5).
@@ -45,8 +45,8 @@ const BUDGET: [(&str, usize); 18] = [
     ("papers", 6_250),
     // FBX (200), the forces of plates (45), mirror (80), endings of results (45), align, and trim
     // in rotations (450), takes on their floor (80), folders of keypoints (7), plots of two takes
-    // (135), AMC takes (35).
-    ("posing", 14_230),
+    // (135), AMC takes (35), joint angles (33).
+    ("posing", 14_256),
     // Fills that break steady distances stay missing; a gap and its simulated ones share one
     // factor; what a table told of its points stays.
     // Gaps of a whole body from motion (150). Keypoints of video: slow noise, lengths, feet (790).

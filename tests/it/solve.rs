@@ -345,3 +345,34 @@ fn centers_of_plug_in_gaits_markers_are_its_own() {
     let off = off.map(|v| v * v).sum::<f64>().sqrt();
     assert!(off < 0.5, "{off} cm");
 }
+
+#[test]
+fn joint_angles_are_those_of_gait() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name)).to_string();
+    fs::copy("testdata/examples/gait/walk.c3d", at("walk.c3d")).unwrap();
+    let (other, table) = (at("other.c3d"), markers().unwrap());
+    run("xyz2c3d", &["-q", "-o", &other], &table);
+    let solve = |take: &str, out: &str, flags: &[&str]| {
+        let own = [&at(take), "--angles", &at(out), "-o", &at("joints.csv")];
+        let done = command("solve").args(own).args(flags).output().unwrap();
+        let said = String::from_utf8(done.stderr).unwrap();
+        (fs::read_to_string(at(out)).expect(&said), said)
+    };
+    for (name, told) in [("walk", "pig"), ("other", "not Plug-in Gait")] {
+        let (take, out) = (at(&format!("{name}.c3d")), at(name));
+        command("gait").args(["-o", &out, &take]).output().unwrap();
+        for (end, own) in [("mot", "mot"), ("sto", "mot"), ("csv", "csv")] {
+            let wanted = fs::read_to_string(format!("{out}/{name}.{own}")).unwrap();
+            let (angles, said) = solve(&format!("{name}.c3d"), &format!("a.{end}"), &[]);
+            let (_, rows) = wanted.split_once('\n').unwrap();
+            assert!(angles.ends_with(rows) && said.contains(told), "{said}");
+        }
+    }
+    // A file that stores nothing of the person.
+    let (trc, table) = (at("walk.trc"), run("c3d2xyz", &["-q", &at("walk.c3d")], ""));
+    run("xyz2trc", &["-q", "-o", &trc], &table);
+    let (angles, said) = solve("walk.trc", "trc.sto", &["--up", "y"]);
+    assert!(said.contains("estimated") && angles.contains("\n2.69\t"));
+    assert!(fails("solve", &[&trc, "--angles", "a.txt"], b"", 2).contains(".sto or .csv"));
+}

@@ -1,15 +1,17 @@
 //! Trials of gait from their C3D files: gaps filled, computed, and written back.
 
-use crate::gait::{Finding, GaitSettings, GaitTrial, MARKERS, SessionTrial, Trial};
+use crate::gait::{Finding, GaitSettings, GaitTrial, MARKERS, Markers, SessionTrial, Trial};
 use crate::io::motion_file::ReadRules;
 use crate::io::{MotionFile, Table};
+use crate::pose::one_take::first_frame_number;
 use crate::pose::point_at;
 use crate::restore::{Complete, Restorer};
-use crate::solve::{MarkerSet, SolveSettings, solve};
+use crate::solve::{MarkerSet, SolveSettings, SolvedTake, solve};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A filled position that is less sure is left empty, cm: as clean does.
 const MOST_SD: f64 = 5.0;
@@ -19,7 +21,7 @@ pub struct TrialFile {
     /// The name of the trial: that of its file without `.c3d`.
     name: String,
     shown: String,
-    file: MotionFile,
+    file: Arc<MotionFile>,
     trial: Trial,
 }
 
@@ -44,15 +46,36 @@ impl TrialFile {
     /// [`Error::Io`]: it cannot be read. [`Error::Data`]: it is no C3D file, is damaged, or neither
     /// it nor a rule says its rate, unit or axis.
     pub fn open(path: &Path, rules: &ReadRules) -> Result<TrialFile> {
-        let shown = path.display().to_string();
         let file = MotionFile::open_by(path, rules)?;
-        let other = || Error::unfit("is no C3D file").at(Place::file(&shown));
-        let mut c3d = Cow::Borrowed(file.c3d().ok_or_else(other)?);
-        if c3d.take.rate.is_none() {
-            c3d.to_mut().take.rate = file.rate();
-        }
-        let units = file.units();
-        let trial = Trial::from_c3d(&c3d, Some(units.unit), Some(units.up))?;
+        let place = || Place::file(path.display().to_string());
+        file.c3d()
+            .ok_or_else(|| Error::unfit("is no C3D file").at(place()))?;
+        TrialFile::new(path, Arc::new(file))
+    }
+
+    /// The trial of a file of markers. It has force plates, events and the subject's parameters if
+    /// it is a C3D file.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: it does not say its rate.
+    pub fn new(path: &Path, file: Arc<MotionFile>) -> Result<TrialFile> {
+        let shown = path.display().to_string();
+        let trial = if let Some(c3d) = file.c3d() {
+            let mut c3d = Cow::Borrowed(c3d);
+            if c3d.take.rate.is_none() {
+                c3d.to_mut().take.rate = file.rate();
+            }
+            let units = file.units();
+            Trial::from_c3d(&c3d, Some(units.unit), Some(units.up))?
+        } else {
+            let no_rate = "does not say its rate; give it with the option `fps`";
+            let no_rate = || Error::unfit(no_rate).at(Place::file(&shown));
+            let rate = file.rate().ok_or_else(no_rate)?;
+            Trial {
+                first_frame: first_frame_number(file.poses(), Some(rate)) as u32,
+                ..Trial::new(Markers::from_poses(file.poses()), rate)
+            }
+        };
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let ends = name.len().checked_sub(4);
         let ends = ends.filter(|at| name.is_char_boundary(*at));
@@ -83,15 +106,10 @@ impl TrialFile {
         settings: &GaitSettings,
     ) -> Result<(SessionTrial, Option<Vec<u8>>)> {
         let place = |e: Error| e.at(Place::file(&self.shown));
+        let mut done = self.computed(None, statics, settings).map_err(place)?;
         if !self.trial.markers.are_plug_in_gait() {
-            let done = self.by_bones(statics, settings).map_err(place)?;
             return Ok((done, None));
         }
-        let (trial, sd, doubtful) = filled(&self.trial).map_err(place)?;
-        let gait = GaitTrial::new(&trial, statics.map(|s| &s.trial), settings);
-        let mut gait = gait.map_err(place)?;
-        gait.findings.extend(doubtful);
-        let mut done = self.session_trial(trial, gait, &sd)?;
         match self.with_outputs(&done) {
             Ok(bytes) => Ok((done, bytes)),
             Err(e) => {
@@ -104,6 +122,29 @@ impl TrialFile {
                 Ok((done, None))
             }
         }
+    }
+
+    /// The trial computed as by [`TrialFile::compute`], without a file; of other marker sets than
+    /// Plug-in Gait's by the bones of `solved`, a take that is solved of it, and the set.
+    ///
+    /// # Errors
+    /// Those of [`TrialFile::compute`].
+    pub fn computed(
+        &self,
+        solved: Option<(&SolvedTake, Option<&MarkerSet>)>,
+        statics: Option<&TrialFile>,
+        settings: &GaitSettings,
+    ) -> Result<SessionTrial> {
+        if !self.trial.markers.are_plug_in_gait() {
+            return match solved {
+                Some((take, set)) => self.by_bones(take, set, statics, settings),
+                None => self.by_bones(&self.solved(None)?, None, statics, settings),
+            };
+        }
+        let (trial, sd, doubtful) = filled(&self.trial)?;
+        let mut gait = GaitTrial::new(&trial, statics.map(|s| &s.trial), settings)?;
+        gait.findings.extend(doubtful);
+        self.session_trial(trial, gait, &sd)
     }
 
     fn with_outputs(&self, done: &SessionTrial) -> Result<Option<Vec<u8>>> {
@@ -122,18 +163,24 @@ impl TrialFile {
         SessionTrial::new(self.name.clone(), self.shown.clone(), trial, gait, sd)
     }
 
+    fn solved(&self, set: Option<&MarkerSet>) -> Result<SolvedTake> {
+        let by_set = SolveSettings {
+            set,
+            ..SolveSettings::default()
+        };
+        solve(self.file.poses(), &by_set, &mut |_| {})
+    }
+
     /// A trial of other markers, by the bones that are solved under them.
     fn by_bones(
         &self,
+        take: &SolvedTake,
+        set: Option<&MarkerSet>,
         statics: Option<&TrialFile>,
         settings: &GaitSettings,
     ) -> Result<SessionTrial> {
-        let solved = |own: &TrialFile| {
-            let settings = SolveSettings::default();
-            solve(own.file.poses(), &settings, &mut |_| {})
-        };
-        let (take, standing) = (solved(self)?, statics.map(solved).transpose()?);
-        let set = MarkerSet::find(&take.set);
+        let standing = statics.map(|own| own.solved(set)).transpose()?;
+        let set = set.or_else(|| MarkerSet::find(&take.set));
         let set = set.ok_or_else(|| {
             Error::unfit("has not the markers of Plug-in Gait, nor of a known set")
         })?;

@@ -2,6 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::OutputArgs;
+use posing::cli::endings::ending;
 use posing::cli::input::open;
 use posing::cli::json_report::JsonArgs;
 use posing::cli::marker_set::marker_set;
@@ -10,7 +11,7 @@ use posing::cli::progress::Progress;
 use posing::cli::read_args::TakeReadArgs;
 use posing::cli::streams::{write_bytes, write_table};
 use posing::cli::{Outcome, messages};
-use posing::gait::GivenValues;
+use posing::gait::{GaitSettings, GivenValues, SessionTrial, TrialFile};
 use posing::io::motion_file::ReadRules;
 use posing::io::{Amc, Asf, MotionFile, Table};
 use posing::pose::Units;
@@ -19,6 +20,7 @@ use posing::solve::{JointSet, MarkerSet, SolveSettings, SolvedTake, solve};
 use posing::{Error, Place, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Turn labeled markers into joints, a skeleton and its motion
 ///
@@ -38,6 +40,10 @@ use std::path::{Path, PathBuf};
 /// Skeleton and motion (--bvh, --amc) are always the body model's, whose hips are 2 to 3 cm off
 /// Vicon's.
 ///
+/// Angles (--angles) have the names and signs of gait: Plug-in Gait's under its markers, else those
+/// between the bones, with knees that flex only. --static is their zero, or tells Plug-in Gait's
+/// offsets. Unknown values are nan, in tables empty.
+///
 /// The angle of hip, knee and ankle is Vicon's knee flexion up to 1 degree (2.4 at most) in the
 /// mean of a walk by these centers, and 6 degrees (9 at most) larger by the body model's: 12 walks
 /// of 6 children.
@@ -48,7 +54,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\
         \n  posing solve markers.c3d -o joints.csv\
         \n  posing solve markers.c3d --joints anatomical --sd -o centers.csv\
-        \n  posing solve markers.c3d --bvh walk.bvh -o joints.csv"
+        \n  posing solve markers.c3d --bvh walk.bvh -o joints.csv\
+        \n  posing solve markers.c3d --angles walk.mot -o joints.csv"
 )]
 pub struct Args {
     /// Take of labeled markers; with --learn several
@@ -72,6 +79,9 @@ pub struct Args {
     /// Also write skeleton and motion as BVH
     #[arg(long, value_name = "OUT.bvh", help_heading = "Output")]
     bvh: Option<OutputPath>,
+    /// Also write joint angles, degrees, as gait does: .mot or .sto for OpenSim, or .csv, its table
+    #[arg(long, value_name = "OUT.mot", help_heading = "Output")]
+    angles: Option<OutputPath>,
     /// Write the standard deviation of each joint into columns NAME.sd
     #[arg(long, help_heading = "Output")]
     sd: bool,
@@ -157,12 +167,19 @@ pub fn work(args: &Args) -> Result<Outcome> {
         return learn(args, set, path);
     }
     args.json.prepare(args.out.output.as_deref())?;
+    let end = |to: &OutputPath| ending(to).unwrap_or_default();
+    if !matches!(
+        args.angles.as_ref().map(end).as_deref(),
+        None | Some("mot" | "sto" | "csv")
+    ) {
+        return Err(Error::usage("--angles: call the file .mot, .sto or .csv"));
+    }
     let [take] = &args.takes[..] else {
         return Err(Error::usage(
             "several takes: give one, or learn from them with --learn",
         ));
     };
-    let file = one_take(take, &args.read.rules())?;
+    let file = Arc::new(one_take(take, &args.read.rules())?);
     let name = take.display().to_string();
     let place = |e: Error| e.at(Place::file(&name));
     let given = args
@@ -172,10 +189,10 @@ pub fn work(args: &Args) -> Result<Outcome> {
         .transpose()?;
     let statics = args.static_take.as_ref();
     let statics = statics
-        .map(|path| one_take(path, &args.read.rules()))
+        .map(|path| one_take(path, &args.read.rules()).map(Arc::new))
         .transpose()?;
     let mut subject = file.c3d().map(GivenValues::of_c3d).unwrap_or_default();
-    if let Some(statics) = statics.as_ref().and_then(MotionFile::c3d) {
+    if let Some(statics) = statics.as_ref().and_then(|file| file.c3d()) {
         subject.fill_from(&GivenValues::of_c3d(statics));
     }
     let settings = SolveSettings {
@@ -185,7 +202,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         },
         set,
         skeleton: given.as_ref().map(|asf| &asf.skeleton),
-        statics: statics.as_ref().map(MotionFile::poses),
+        statics: statics.as_ref().map(|file| file.poses()),
         deviations_every: usize::from(args.sd),
         subject: Some(&subject),
         filled: file.table.sd.as_ref(),
@@ -196,6 +213,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let findings = solved.findings();
     let lines = solved.lines().into_iter().chain(findings.iter().cloned());
     lines.for_each(|line| messages::info(&format!("{name}: {line}")));
+    if let Some(to) = &args.angles {
+        let standing = args.static_take.as_ref().zip(statics);
+        let standing = standing.map(|(path, file)| TrialFile::new(path, file));
+        let (own, standing) = (TrialFile::new(take, file.clone())?, standing.transpose()?);
+        let settings = GaitSettings::default();
+        let own = own.computed(Some((&solved, set)), standing.as_ref(), &settings);
+        write_angles(to, &own.map_err(place)?)?;
+    }
     write(args, &file, &solved)?;
     Ok(Outcome::of(!findings.is_empty()))
 }
@@ -232,6 +257,18 @@ fn learn(args: &Args, set: Option<&MarkerSet>, to: &Path) -> Result<Outcome> {
     let learned = MarkerSet::learn(&to.display().to_string(), &both, set)?;
     write_bytes(Some(to), learned.to_json()?.as_bytes(), false)?;
     Ok(Outcome::Done)
+}
+
+/// Writes the angles of a take; what costs them is told.
+fn write_angles(to: &Path, trial: &SessionTrial) -> Result<()> {
+    for finding in &trial.gait.findings {
+        if let "estimated" | "other_model" | "static_differs" | "gap_unsure" = finding.kind {
+            messages::info(&format!("{}: {}", trial.file, finding.what));
+        }
+    }
+    let is_table = ending(to).is_some_and(|end| end == "csv");
+    let table = is_table.then(|| trial.to_csv(false));
+    write_bytes(Some(to), &table.unwrap_or_else(|| trial.to_mot()), false)
 }
 
 fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
