@@ -1,15 +1,14 @@
 //! The bones of the limbs of a denoised take held to one length each.
 //!
 //! A bone's length is the median over the take; what varies by more than noise and breathing bones
-//! do is none. In each frame the ends of the bones are moved along
-//! them until every length is near, the less the surer they are (Müller et al. 2007, Position
-//! based dynamics).
+//! do is none. In each frame the ends of the bones are moved along them until every length is near,
+//! the less the surer they are (Müller et al. 2007, Position based dynamics).
 
 use super::take::TakeResult;
 use super::tuning::bone_lengths::*;
 use crate::label::marker_distances::Distance;
 use crate::pose::{Status, point_at};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Holds `bones`, pairs of points, to their lengths. Points that are as they were measured stay.
 pub(crate) fn hold(out: &mut TakeResult, bones: &[[usize; 2]]) {
@@ -36,32 +35,43 @@ fn hold_frame(out: &mut TakeResult, t: usize, bones: &[([usize; 2], f64)]) {
     let mut at: Vec<DVec3> = (0..out.points())
         .map(|p| point_at(out.xyz.view(), t, p))
         .collect();
-    let variance = |p: usize| match out.state(t, p).status {
-        Status::Observed | Status::Unknown => 0.0,
-        _ => out.state(t, p).sd.powi(2),
+    let covariance = |p: usize| match out.state(t, p).status {
+        Status::Observed | Status::Unknown => DMat3::ZERO,
+        _ => DMat3::from_diagonal(DVec3::splat(out.state(t, p).sd.powi(2))),
     };
-    let known = bones.iter().filter_map(|(ends, length)| {
-        let [a, b] = ends.map(variance);
-        let is_known = ends.iter().all(|p| at[*p].is_finite());
-        (is_known && a + b > 0.0).then_some((*ends, *length, [a / (a + b), b / (a + b)]))
-    });
-    let known: Vec<([usize; 2], f64, [f64; 2])> = known.collect();
-    for _ in 0..ROUNDS {
+    draw(&mut at, bones, covariance, ROUNDS, NEAR);
+    for p in bones.iter().flat_map(|(ends, _)| *ends) {
+        (0..3).for_each(|axis| out.xyz[[t, 3 * p + axis]] = at[p][axis]);
+    }
+}
+
+/// Draws the points of a frame along `bones`, their ends and lengths, until every length is within
+/// `near`, in so many rounds at most: each the more the less sure it is, where it is least so, by
+/// the `covariance` of a point; of none it stays.
+pub(crate) fn draw(
+    at: &mut [DVec3],
+    bones: &[([usize; 2], f64)],
+    covariance: impl Fn(usize) -> DMat3,
+    rounds: usize,
+    near: f64,
+) {
+    for _ in 0..rounds {
         let mut worst = 0.0f64;
-        for ([a, b], length, share) in &known {
-            let apart = at[*b] - at[*a];
+        for (ends, length) in bones {
+            let apart = at[ends[1]] - at[ends[0]];
+            let along = apart.normalize_or_zero();
+            let weighed = ends.map(|p| covariance(p) * along);
             let off = apart.length() - length;
-            let along = apart.normalize_or_zero() * off;
-            at[*a] += share[0] * along;
-            at[*b] -= share[1] * along;
-            worst = worst.max(off.abs());
+            let by = off / along.dot(weighed[0] + weighed[1]);
+            if by.is_finite() {
+                at[ends[0]] += by * weighed[0];
+                at[ends[1]] -= by * weighed[1];
+                worst = worst.max(off.abs());
+            }
         }
-        if worst <= NEAR {
+        if worst <= near {
             break;
         }
-    }
-    for p in known.iter().flat_map(|(ends, ..)| ends) {
-        (0..3).for_each(|axis| out.xyz[[t, 3 * p + axis]] = at[*p][axis]);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The bones between joints that have names, their lengths, and the noise that these show.
 
 use super::tuning::*;
+use crate::bone_lengths::draw;
 use crate::numeric::statistics::{mean_of_finite, median, quantile, span};
 use crate::pose::sides::mirror_images;
 use crate::pose::{is_other, point_at};
@@ -275,8 +276,7 @@ impl Lengths {
     }
 
     /// The points (frames, 3 J) moved until every bone has its length, where their noise is largest
-    /// by its `covariance` (Müller et al. 2007, Position based dynamics). Points that are `held`
-    /// in a frame stay.
+    /// by its `covariance` ([`draw`]). Points that are `held` in a frame stay.
     pub(super) fn hold(
         &self,
         xyz: ArrayView2<'_, f64>,
@@ -284,25 +284,11 @@ impl Lengths {
         held: impl Fn(usize, usize) -> bool,
     ) -> Array2<f64> {
         let mut out = xyz.to_owned();
-        let mut at: Vec<DVec3> = Vec::new();
         for t in 0..xyz.nrows() {
-            at.clear();
-            at.extend((0..xyz.ncols() / 3).map(|p| point_at(xyz, t, p)));
-            for _ in 0..ROUNDS {
-                for (ends, length) in &self.bones {
-                    let [a, b] = *ends;
-                    let shares = ends.map(|p| f64::from(u8::from(!held(t, p))));
-                    let apart = at[a] - at[b];
-                    let along = apart.normalize_or_zero();
-                    let weighed = covariance * along;
-                    let all = (shares[0] + shares[1]) * along.dot(weighed);
-                    let by = (apart.length() - length) / all * weighed;
-                    if by.is_finite() {
-                        at[a] -= shares[0] * by;
-                        at[b] += shares[1] * by;
-                    }
-                }
-            }
+            let of_point = |p| point_at(xyz, t, p);
+            let mut at: Vec<DVec3> = (0..xyz.ncols() / 3).map(of_point).collect();
+            let of = |p: usize| f64::from(u8::from(!held(t, p))) * covariance;
+            draw(&mut at, &self.bones, of, ROUNDS, 0.0);
             for (p, at) in at.iter().enumerate() {
                 super::put(&mut out, t, p, *at);
             }
