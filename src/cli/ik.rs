@@ -23,6 +23,7 @@ use crate::restore::body_size::check_body_size;
 use crate::{Error, Place, Result};
 use glam::DMat3;
 use ndarray::Array2;
+use posing_core::often;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -33,11 +34,7 @@ const LISTED: usize = 8;
 pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     let jumps = poses.runs().len().saturating_sub(1);
     if jumps > 0 {
-        let times = if jumps == 1 {
-            "once"
-        } else {
-            &format!("{jumps} times")
-        };
+        let times = often(jumps);
         messages::info(&format!(
             "{name}: the time jumps {times}; {format} cannot show the pause"
         ));

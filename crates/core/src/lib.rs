@@ -28,3 +28,5 @@ pub mod numeric;
 pub mod pose;
 
 pub use error::{Error, Place, Result};
+#[doc(hidden)]
+pub use message::often;

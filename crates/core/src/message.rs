@@ -34,6 +34,15 @@ pub struct OptionName<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct OptionNames(fn(OptionName<'_>) -> String);
 
+/// How often something is: `once`, or `3 times`.
+#[doc(hidden)]
+pub fn often(count: usize) -> String {
+    match count {
+        1 => "once".to_string(),
+        n => format!("{n} times"),
+    }
+}
+
 impl Message {
     /// The options that it names, in order.
     pub fn options(&self) -> impl Iterator<Item = OptionName<'_>> {

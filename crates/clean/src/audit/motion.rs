@@ -7,6 +7,7 @@ use crate::pose::stray::PointApart;
 use crate::restore::outliers::spikes_of_take;
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use posing_core::often;
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
@@ -95,7 +96,7 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
         let what = format!(
             "{} jumps off its path {}, by {height:.1} cm in frame {} (limit {} cm)",
             take.points[p],
-            times(found.len()),
+            often(found.len()),
             worst.start,
             limits.jump
         );
@@ -146,7 +147,7 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
             "{} and {} change places {}, first in frame {}",
             take.points[a],
             take.points[b],
-            times(frames.len()),
+            often(frames.len()),
             frames[0]
         );
         take.finding(
@@ -189,14 +190,6 @@ fn may_swap(take: &Take<'_>, t: usize, far: &[usize]) -> Vec<(usize, usize)> {
         out.extend(later.map(|k| (far[i], far[k])));
     }
     out
-}
-
-/// `once`, or `3 times`.
-fn times(count: usize) -> String {
-    match count {
-        1 => "once".to_string(),
-        n => format!("{n} times"),
-    }
 }
 
 fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {

@@ -3,6 +3,7 @@
 use super::{Finding, FindingKind};
 use crate::pose::JointAngles;
 use crate::pose::rotation::{angle_between, compose};
+use posing_core::often;
 
 /// The smallest jump of an angle from one frame to the next that may be a flip, radians.
 const JUMP: f64 = std::f64::consts::FRAC_PI_2;
@@ -19,10 +20,7 @@ fn flips_of(joint: &JointAngles) -> Option<Finding> {
     let jumps = (1..joint.angles.nrows()).filter_map(|t| Some((t, flip_at(joint, t)?)));
     let jumps: Vec<(usize, f64)> = jumps.collect();
     let (first, by) = *jumps.first()?;
-    let times = match jumps.len() {
-        1 => "once".to_string(),
-        n => format!("{n} times"),
-    };
+    let times = often(jumps.len());
     Some(Finding {
         kind: FindingKind::EulerFlip,
         points: vec![joint.joint.clone()],

@@ -9,6 +9,7 @@ use crate::row_cells::texts_of;
 use crate::text::{Lines, decimal, excerpt, parse_number};
 use crate::text_start::BLANK;
 use crate::{Error, Place, Result};
+use posing_core::often;
 use std::borrow::Cow;
 use std::io::BufRead;
 
@@ -223,15 +224,16 @@ impl Table<'_> {
         }
         if let (falls @ 1.., line) = self.falls {
             take.notes.push(format!(
-                "its time falls {falls} times, first in line {line}, but its rows are taken for \
-                 one take: split a table of several trials"
+                "its time falls {}, first in line {line}, but its rows are taken for one take: \
+                 split a table of several trials",
+                often(falls)
             ));
         }
         if times.is_none() && self.jumps > 0 {
             take.notes.push(format!(
-                "the numbers of its frames jump {} times, but it has no times: its rows are taken \
-                 for frames in a row",
-                self.jumps
+                "the numbers of its frames jump {}, but it has no times: its rows are taken for \
+                 frames in a row",
+                often(self.jumps)
             ));
         }
         take.times = times;
@@ -413,6 +415,6 @@ mod tests {
         );
         fails("a_x,a_y,a_z\n1,2,3\n1,2", "the option `keep_whole`");
         let jumps = take(&ANIPOSE.replace("\n1,", "\n7,")).unwrap();
-        assert!(jumps.notes[0].contains("jump 1 times"), "{:?}", jumps.notes);
+        assert!(jumps.notes[0].contains("jump once,"), "{:?}", jumps.notes);
     }
 }
