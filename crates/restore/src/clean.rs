@@ -40,8 +40,9 @@ pub struct Clean {
     pub outliers: bool,
     /// Longest gap to fill, in seconds; `None`: no limit. Needs a frame rate.
     pub max_gap: Option<f64>,
-    /// Gaps that would be filled with a larger standard deviation of a coordinate stay, cm.
-    pub max_sd: f64,
+    /// Gaps that would be filled with a larger standard deviation of a coordinate stay, cm; `None`:
+    /// 3, and as much more as the points are noisier than 0.5.
+    pub max_sd: Option<f64>,
     /// Frames a second, for a table without times.
     pub fps: Option<f64>,
 }
@@ -52,13 +53,19 @@ impl Default for Clean {
             noise_limit: NOISE_LIMIT,
             outliers: true,
             max_gap: None,
-            max_sd: MOST_SD,
+            max_sd: None,
             fps: None,
         }
     }
 }
 
 impl Clean {
+    /// The largest standard deviation of what is filled, of points without more noise, cm.
+    #[doc(hidden)]
+    pub fn most_sd(&self) -> f64 {
+        self.max_sd.unwrap_or(MOST_SD)
+    }
+
     fn complete(&self) -> Complete {
         Complete {
             max_gap: self.max_gap,
@@ -109,7 +116,8 @@ impl Clean {
         let sd = typical_sd(gap, out);
         let broken_by = || steady(gap.point).broken_by(gap, out);
         // Where the points themselves are off by more, so may fills be.
-        let most = self.max_sd * (out.noise_left / USUAL_NOISE).max(1.0);
+        let usual = || self.most_sd() * (out.noise_left / USUAL_NOISE).max(1.0);
+        let most = self.max_sd.unwrap_or_else(usual);
         sd > most || sd > SURE_SD && broken_by() > 3.0_f64.sqrt() * most
     }
 }

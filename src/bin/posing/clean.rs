@@ -56,8 +56,7 @@ use std::path::{Path, PathBuf};
 /// Joints from video (MediaPipe, OpenPose, COCO, Human3.6M, and others that a map names) whose
 /// bones change their lengths as noise does are cleaned of slow noise too: sides that were
 /// exchanged are put back, each track is filtered by how fast it moves when, bones are drawn to one
-/// length, and feet stay where they stand. Their gaps may be as much less sure than --max-sd says
-/// as the points are noisier than half a centimeter.
+/// length, and feet stay where they stand.
 ///
 /// A folder is searched for such files; its results keep their places below DIR. Beside each
 /// result, RESULT.json says what it was made from, how the file was taken, what was found, and how
@@ -198,17 +197,11 @@ pub struct Args {
         help_heading = "Labels"
     )]
     set: Option<String>,
-    /// Largest standard deviation of positions that are filled, in cm or with a unit (keypoints of
-    /// video that are noisier than 0.5 cm may be as much less sure); a gap that is less sure stays,
-    /// and is a finding
-    #[arg(
-        long,
-        value_name = "CM",
-        default_value = "3",
-        value_parser = parse_length,
-        help_heading = "Method"
-    )]
-    max_sd: f64,
+    /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
+    /// less sure stays, and is a finding [default: 3cm; of keypoints of video that are noisier than
+    /// 0.5 cm as much more]
+    #[arg(long, value_name = "CM", value_parser = parse_length, help_heading = "Method")]
+    max_sd: Option<f64>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
     #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
     butterworth: Option<f64>,

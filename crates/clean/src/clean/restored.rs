@@ -65,7 +65,7 @@ impl Prepared<'_> {
         let motion = body.as_ref().map_or(motion, |body| body.motion.view());
         let cleaned = clean_rotations(&file.channels(), motion, rate, &how);
         let xyz = file.positions_of(cleaned.motion.view())?;
-        let rotations = CleanedFile::new(file, cleaned, settings.method.max_sd);
+        let rotations = CleanedFile::new(file, cleaned, settings.method.most_sd());
         let mut points = Restoration::followed(&file.table, xyz);
         if let Some(body) = body {
             points = points.with_motion(body.bodies, body.sd.view());

@@ -83,7 +83,7 @@ impl CleanSettings {
             "max_gap": self.method.max_gap,
             "zeros_are_missing": read.zeros_are_missing,
             "held_is_missing": self.held_is_missing,
-            "max_sd": self.method.max_sd,
+            "max_sd": self.method.most_sd(),
             "limits": self.limits,
             "force": self.force,
             "to": job.to.map(OutputFormat::name),
@@ -91,6 +91,9 @@ impl CleanSettings {
         // Results from before there were these stay, but for those of rotations.
         if job.keeps_rotations(format) {
             out["rotation_noise_limit"] = json!(self.rotation_noise_limit.to_degrees());
+        }
+        if self.method.max_sd.is_some() {
+            out["max_sd_is_given"] = json!(true);
         }
         if !self.smooth {
             out["smooth"] = json!(false);

@@ -228,6 +228,28 @@ fn outliers_are_told_only_where_they_are_wanted() {
 }
 
 #[test]
+fn a_largest_deviation_that_is_given_holds_for_noisy_points_too() {
+    let mut noisy = noisy(&walk(), 2.0, 0.85);
+    (40..46).for_each(|t| (30..33).for_each(|i| noisy.xyz[[t, i]] = f64::NAN));
+    let model = crate::prior::builtin_model().unwrap();
+    let table = Table::from_poses(noisy);
+    let sd_with = |max_sd: Option<f64>| {
+        let options = Clean {
+            max_sd,
+            ..Clean::default()
+        };
+        let out = Restorer::new(&model).clean(&table, &options).unwrap();
+        (40..46)
+            .map(|t| out.sd(t, 10))
+            .fold(f64::INFINITY, f64::min)
+    };
+    let least = sd_with(None);
+    assert!(least.is_finite());
+    assert!(sd_with(Some(0.95 * least)).is_nan() || sd_with(Some(0.95 * least)).is_infinite());
+    assert!(sd_with(Some(3.0 * least)).is_finite());
+}
+
+#[test]
 fn every_take_of_a_table_has_to_have_noise() {
     let walk = walk();
     let both = |first: &Poses| Poses {
