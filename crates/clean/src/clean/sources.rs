@@ -166,33 +166,24 @@ impl Jobs {
             ..Jobs::default()
         };
         let results = folder.canonicalize().ok();
-        let mut taken: HashSet<PathBuf> = HashSet::new();
+        let mut all = Vec::new();
         for input in inputs {
-            let files = if input.is_dir() {
-                out.files_of(input, results.as_deref())
+            if input.is_dir() {
+                all.extend(out.files_of(input, results.as_deref()));
             } else {
-                vec![(input.clone(), name_of(input))]
-            };
-            for (input, within) in files {
-                let mut output = renamed(&folder.join(&within), to);
-                // Exports of one take in two formats.
-                let other = to
-                    .map(OutputFormat::name)
-                    .or_else(|| becomes(&ending(&unpacked(&within))));
-                if let (Some(other), true) = (other, taken.contains(&output)) {
-                    let name = name_of(&within);
-                    output.set_file_name(format!("{}.{other}", name.display()));
-                }
-                taken.insert(output.clone());
-                out.jobs.push(Job {
-                    name: within.display().to_string(),
-                    input,
-                    named: stem(&output),
-                    output,
-                    to,
-                });
+                all.push((input.clone(), name_of(input)));
             }
         }
+        let outputs = outputs(&all, folder, to);
+        let jobs = all.into_iter().zip(outputs);
+        let jobs = jobs.map(|((input, within), output)| Job {
+            name: within.display().to_string(),
+            input,
+            named: stem(&output),
+            output,
+            to,
+        });
+        out.jobs = jobs.collect();
         out
     }
 
@@ -333,14 +324,33 @@ fn becomes(own: &str) -> Option<&'static str> {
     }
 }
 
-/// The path of a result of another format.
-fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
-    let plain = unpacked(path);
-    match (to, becomes(&ending(&plain))) {
-        (Some(to), _) => plain.with_extension(to.name()),
-        (None, Some(other)) => plain.with_extension(other),
-        (None, None) => path.to_path_buf(),
+/// The paths of the results below `folder` of files, each with its path within a folder. Exports of
+/// one take in two formats that would meet keep their own endings too: all but the one that has that
+/// name itself, or else the first by name, in whatever order they are given.
+fn outputs(files: &[(PathBuf, PathBuf)], folder: &Path, to: Option<OutputFormat>) -> Vec<PathBuf> {
+    let other = |input: &Path| {
+        let becomes = || becomes(&ending(&unpacked(input)));
+        to.map(OutputFormat::name).or_else(becomes)
+    };
+    let output = |(input, within): &(PathBuf, PathBuf)| match other(input) {
+        Some(other) => folder.join(unpacked(within).with_extension(other)),
+        None => folder.join(within),
+    };
+    let mut outputs: Vec<PathBuf> = files.iter().map(output).collect();
+    let mut order: Vec<usize> = (0..files.len()).collect();
+    order.sort_by_key(|k| {
+        let (input, within) = &files[*k];
+        (to.is_none() && other(input).is_some(), within, input)
+    });
+    let mut taken: HashSet<PathBuf> = HashSet::new();
+    for k in order {
+        let (input, within) = &files[k];
+        if let (Some(other), true) = (other(input), taken.contains(&outputs[k])) {
+            outputs[k].set_file_name(format!("{}.{other}", name_of(within).display()));
+        }
+        taken.insert(outputs[k].clone());
     }
+    outputs
 }
 
 #[cfg(test)]
@@ -390,6 +400,25 @@ mod tests {
         assert!(checked(&twice, "o/").is_err());
         let to = super::jobs(&[at("in")], &at("o"), Some(OutputFormat::Csv)).unwrap();
         assert_eq!(to.jobs[1].output, at("o/deep/a.csv"));
+        // The order of files changes no name; a file that has a name itself keeps it.
+        let names = ["walk.json", "walk.csv", "walk.FBX", "walk.bvh"];
+        let names = names.map(|name| at(&format!("in/{name}")));
+        let outputs = |files: &[PathBuf]| {
+            let jobs = super::jobs(files, &at("o/"), None).unwrap().jobs;
+            let mut all: Vec<_> = jobs
+                .into_iter()
+                .map(|job| (job.input, job.output))
+                .collect();
+            all.sort();
+            all
+        };
+        let mut turned = names.clone();
+        turned.reverse();
+        assert_eq!(outputs(&names), outputs(&turned));
+        let want = ["walk.FBX.bvh", "walk.bvh", "walk.csv", "walk.json.csv"];
+        let want = want.map(|name| at(&format!("o/{name}")));
+        let found = outputs(&names).into_iter().map(|(_, output)| output);
+        assert_eq!(found.collect::<Vec<_>>(), want);
         // Skeletons are called after results, whole names where they would not differ.
         let named = |inputs: &[PathBuf]| {
             let jobs = super::jobs(inputs, &at("o/"), None)?.jobs;
