@@ -87,15 +87,7 @@ impl MarkerFileArgs {
         let mut input = open(&path)?;
         // A file of another format is named.
         input.look_ahead()?;
-        let take = read(input, self.keep_whole)?;
-        self.convert_take(&take, &take_name(&path), model_outputs)
-    }
-
-    /// Writes the positions of a take, called `name`, as [`MarkerFileArgs::convert`] does.
-    ///
-    /// # Errors
-    /// Those of [`MarkerFileArgs::convert`].
-    pub fn convert_take(&self, take: &MarkerTake, name: &str, model_outputs: bool) -> Result<()> {
+        let take = &read(input, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         let mut positions = take.only_positions();
@@ -113,7 +105,7 @@ impl MarkerFileArgs {
         } else {
             self.units.table_units(take)?
         };
-        let poses = positions.to_poses(units, self.rate(take)?, name)?;
+        let poses = positions.to_poses(units, self.rate(take)?, &take_name(&path))?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
         let carried = take.carried_rows();

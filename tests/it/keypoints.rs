@@ -161,6 +161,40 @@ fn a_folder_of_openpose_is_a_take() {
     let times: Vec<&str> = rows[1..].iter().map(|row| row[1]).collect();
     assert_eq!(times, ["0.35", "0.4", "0.45", "0.5"]);
     assert!(rows[3][2..].iter().all(|cell| cell.is_empty()));
+    // The folder, and folders of such, are takes of clean, audit and plot too.
+    let flags = [&flags[..], &["--fps", "20", "--force"]].concat();
+    let at = |name: &str| folder.path().join(name);
+    let clean = |input: &str, output: &str| {
+        let output = at(output);
+        run(
+            "clean",
+            &[&flags[..], &[input, "-o", text(&output)]].concat(),
+            "",
+        );
+    };
+    clean(path, "one.csv");
+    clean(path, "out/");
+    clean(text(folder.path()), "all/");
+    for name in ["out/walk.csv", "all/walk.csv"] {
+        assert_eq!(
+            fs::read(at(name)).unwrap(),
+            fs::read(at("one.csv")).unwrap(),
+            "{name}"
+        );
+    }
+    let drawn = run(
+        "plot",
+        &[&flags[..5], &["--fps", "20", "--to", "html", path]].concat(),
+        "",
+    );
+    assert!(drawn.contains("MidHip"));
+    let audited = command("audit")
+        .args(&flags[1..7])
+        .arg(path)
+        .output()
+        .unwrap();
+    let audited = String::from_utf8_lossy(&audited.stdout).into_owned();
+    assert!(audited.contains("25 points"), "{audited}");
     let said = fails("csv2xyz", &["--fps", "20", text(folder.path())], b"", 1);
     assert!(
         said.contains("is a directory, expected a file, or a folder"),
@@ -168,24 +202,26 @@ fn a_folder_of_openpose_is_a_take() {
     );
 }
 
+/// Joints by the names of Human3.6M, and CMU's.
+const JOINTS: [[&str; 2]; 13] = [
+    ["Pelvis", "root"],
+    ["LHip", "lhipjoint"],
+    ["LKnee", "lfemur"],
+    ["LAnkle", "ltibia"],
+    ["RHip", "rhipjoint"],
+    ["RKnee", "rfemur"],
+    ["RAnkle", "rtibia"],
+    ["LShoulder", "lclavicle"],
+    ["LElbow", "lhumerus"],
+    ["LWrist", "lradius"],
+    ["RShoulder", "rclavicle"],
+    ["RElbow", "rhumerus"],
+    ["RWrist", "rradius"],
+];
+
 /// A walk by the names of Human3.6M, 30 frames a second, as a pose table; with noise of 1 cm, three
 /// along z, most of which is that of the frame before.
 fn video(is_noisy: bool) -> String {
-    const JOINTS: [[&str; 2]; 13] = [
-        ["Pelvis", "root"],
-        ["LHip", "lhipjoint"],
-        ["LKnee", "lfemur"],
-        ["LAnkle", "ltibia"],
-        ["RHip", "rhipjoint"],
-        ["RKnee", "rfemur"],
-        ["RAnkle", "rtibia"],
-        ["LShoulder", "lclavicle"],
-        ["LElbow", "lhumerus"],
-        ["LWrist", "lradius"],
-        ["RShoulder", "rclavicle"],
-        ["RElbow", "rhumerus"],
-        ["RWrist", "rradius"],
-    ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu/07");
     let asf = posing::io::Asf::open(folder.join("07.asf")).unwrap();
     let amc = posing::io::Amc::open(folder.join("07_01.amc"), &asf).unwrap();
@@ -265,4 +301,44 @@ fn keypoints_of_video_become_a_table_and_a_bvh_in_one_command() {
         fs::read(path("sound.csv")).unwrap()
     );
     assert!(path("same.bvh").exists());
+}
+
+#[test]
+fn keypoints_in_folders_are_takes_and_results_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("in")).unwrap();
+    write(
+        &path("in/walk.json"),
+        &json!({"fps": 30, "frames": frames(60)}),
+    );
+    write(&path("in/camera.json"), &json!([[1, 0, 0], [0, 1, 0]]));
+    fs::write(path("in/sound.csv"), video(false)).unwrap();
+    let all = |input: &str, output: &str| {
+        let paths = [path(input), path(output)];
+        let flags = ["--json", "--force", text(&paths[0]), "-o", text(&paths[1])];
+        let done = command("clean").args(flags).output().unwrap();
+        let list: Value = serde_json::from_slice(&done.stdout).unwrap();
+        let files = list["files"].as_array().unwrap();
+        let name = |file: &Value| file["file"].as_str().unwrap().to_string();
+        files.iter().map(name).collect::<Vec<String>>()
+    };
+    assert_eq!(all("in", "out"), ["sound.csv", "walk.json"]);
+    // Records, lists and other JSON are no keypoints.
+    let said = fails(
+        "clean",
+        &["-o", text(&path("again")), text(&path("out"))],
+        b"",
+        1,
+    );
+    assert!(said.contains("no files of motion in it"), "{said}");
+    let audited = command("audit").arg(path("out")).output().unwrap();
+    let audited = String::from_utf8_lossy(&audited.stdout).into_owned();
+    assert!(!audited.contains("json"), "{audited}");
+    let audited = command("audit").arg(path("in")).output().unwrap();
+    let audited = String::from_utf8_lossy(&audited.stdout).into_owned();
+    assert!(
+        audited.contains("walk.json") && !audited.contains("camera"),
+        "{audited}"
+    );
 }

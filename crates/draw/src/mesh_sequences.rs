@@ -2,6 +2,7 @@
 
 use super::mesh_scene::MeshFigure;
 use crate::io::input::ContentKind;
+use crate::io::keypoint_files::is_frame_folder;
 use crate::io::{Input, MeshFormat, MeshSet};
 use crate::pose::units::Units;
 use crate::{Error, Place, Result};
@@ -49,7 +50,10 @@ fn is_mesh(path: &Path) -> Result<bool> {
     if path == Path::new("-") {
         return Ok(false);
     }
-    if path.is_dir() || is_mesh_file(path) {
+    if path.is_dir() {
+        return Ok(!is_frame_folder(path));
+    }
+    if is_mesh_file(path) {
         return Ok(true);
     }
     let input = Input::open(path)?;

@@ -1,6 +1,7 @@
 //! Opening an input. The format is recognized by content, never by name.
 
 use super::foreign_format::{self, foreign};
+use super::keypoint_files::joined;
 use super::motion_format::is_told;
 use super::text::wait_for_data;
 use super::utf16::{Decoded, Utf16};
@@ -49,20 +50,19 @@ pub enum ContentKind {
 }
 
 impl Input {
-    /// Opens a file; gzip and zstd are decompressed.
+    /// Opens a file; gzip and zstd are decompressed. A folder of keypoints with a frame a file is
+    /// read as one.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: a directory.
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: another directory.
     pub fn open(path: impl AsRef<Path>) -> Result<Input> {
         let path = path.as_ref();
         let fail = |e| Error::io(path, e);
         let file = File::open(path).map_err(fail)?;
         let about = file.metadata().map_err(fail)?;
         if about.is_dir() {
-            return Err(Error::data(
-                Place::file(path.display().to_string()),
-                "is a directory, expected a file",
-            ));
+            let joined = io::Cursor::new(joined(path)?);
+            return Input::new(path.display().to_string(), joined);
         }
         let mut input = Input::new(path.display().to_string(), file)?;
         input.size = about.len();

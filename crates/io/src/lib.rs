@@ -40,6 +40,8 @@ pub mod fbx;
 mod foreign_format;
 mod frame_times;
 pub mod input;
+#[doc(hidden)]
+pub mod keypoint_files;
 pub mod keypoints;
 mod long_titles;
 pub mod marker_csv;

@@ -1,16 +1,21 @@
 //! The files of motion in a folder and all below it.
 
 use super::input::Input;
+use super::keypoint_files::{is_frame_folder, is_keypoints};
 use super::npz_take::NpzTake;
 use crate::Error;
 use posing_core::error::is_hidden as is_hidden_letter;
 use std::collections::HashSet;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
 pub const EXTENSIONS: [&str; 11] = [
     "c3d", "trc", "bvh", "fbx", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
 ];
+
+/// The bytes by which keypoints are told from other JSON.
+const START: u64 = 1 << 16;
 
 /// What a folder has of files of motion.
 #[derive(Debug, Default)]
@@ -22,6 +27,8 @@ pub struct MotionFolder {
     pub unreadable: Vec<(PathBuf, PathBuf, Error)>,
     /// The number of files that are none of motion, or that were not wanted.
     pub left_out: usize,
+    /// Whether keypoints as JSON are searched for.
+    has_keypoints: bool,
 }
 
 impl MotionFolder {
@@ -32,7 +39,29 @@ impl MotionFolder {
         but: Option<&Path>,
         is_wanted: impl Fn(&Path) -> bool,
     ) -> MotionFolder {
-        let mut out = MotionFolder::default();
+        MotionFolder::default().searched(folder, but, is_wanted)
+    }
+
+    /// [`MotionFolder::search`], also for keypoints as JSON; a folder that has them with a frame a
+    /// file is one of the files.
+    pub fn with_keypoints(
+        folder: &Path,
+        but: Option<&Path>,
+        is_wanted: impl Fn(&Path) -> bool,
+    ) -> MotionFolder {
+        let out = MotionFolder {
+            has_keypoints: true,
+            ..MotionFolder::default()
+        };
+        out.searched(folder, but, is_wanted)
+    }
+
+    fn searched(
+        mut self,
+        folder: &Path,
+        but: Option<&Path>,
+        is_wanted: impl Fn(&Path) -> bool,
+    ) -> MotionFolder {
         let mut folders = vec![folder.to_path_buf()];
         // A link to a folder may lead back here.
         let mut seen: HashSet<PathBuf> = but.map(Path::to_path_buf).into_iter().collect();
@@ -51,22 +80,39 @@ impl MotionFolder {
                         within(&next)
                     };
                     let error = Error::io(&next, e);
-                    out.unreadable.push((next, name, error));
+                    self.unreadable.push((next, name, error));
                     continue;
                 }
             };
+            let is_take = self.has_keypoints && is_frame_folder(&next);
+            if is_take {
+                let name = if next == folder {
+                    name_of(&next.canonicalize().unwrap_or_default())
+                } else {
+                    within(&next)
+                };
+                self.files.push((next.clone(), name));
+            }
             for path in entries.flatten().map(|entry| entry.path()) {
                 if path.is_dir() && !is_hidden(&path) {
                     folders.push(path);
-                } else if is_motion_file(&path) && is_wanted(&path) && !is_model(&path) {
-                    out.files.push((path.clone(), within(&path)));
-                } else if path.is_file() {
-                    out.left_out += 1;
+                } else if self.has_file(&path, is_take) && is_wanted(&path) && !is_model(&path) {
+                    self.files.push((path.clone(), within(&path)));
+                } else if path.is_file() && !(is_take && is_json(&path)) {
+                    self.left_out += 1;
                 }
             }
         }
-        out.files.sort();
-        out
+        self.files.sort();
+        self
+    }
+
+    /// Whether a path is a file of motion that is searched for; those of a folder that is a take
+    /// are no takes of their own.
+    fn has_file(&self, path: &Path, is_of_take: bool) -> bool {
+        let is_visible = || !is_hidden(path) && !is_special(path);
+        let is_asked = self.has_keypoints && !is_of_take && is_json(path);
+        is_motion_file(path) || is_asked && is_visible() && has_keypoints(path)
     }
 }
 
@@ -91,6 +137,25 @@ fn is_hidden(path: &Path) -> bool {
 /// Whether a path is a file of motion by its name, and not hidden.
 fn is_motion_file(path: &Path) -> bool {
     is_motion(path) && !is_hidden(path) && !is_special(path)
+}
+
+fn is_json(path: &Path) -> bool {
+    unpacked(path)
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+/// Whether a file of JSON begins as keypoints do.
+fn has_keypoints(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = |input: Input| {
+        input
+            .into_reader()
+            .take(START)
+            .read_to_end(&mut start)
+            .is_ok()
+    };
+    Input::open(path).is_ok_and(read) && is_keypoints(&String::from_utf8_lossy(&start))
 }
 
 /// Whether an archive is a model of posing or holds meshes.

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 
 /// Find what is wrong in takes: rate, unit, gaps, swaps, jumps
 ///
-/// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and
+/// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables, keypoints
+/// as JSON) and
 /// reports, take by take: rate, size, what is missing by point and how long, and what is not as it
 /// should be. A rate or a unit by which people would move faster or be larger than they are; a body
 /// that lies; zeros that mean missing; points that jump off their path, hold their last value,

@@ -33,8 +33,9 @@ use std::path::{Path, PathBuf};
 
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
-/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own
-/// format, with all else that the file says. Tracks without names get some: by a labeled take in
+/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables and keypoints as JSON (written as
+/// CSV; a folder with a frame a file is a take), and writes each in its own format, with all else
+/// that the file says. Tracks without names get some: by a labeled take in
 /// their folder (a static, or any other), by those of --like, by the set of --set, or by the
 /// built-in set that fits; of several people, each with the person's name before it. Where nothing
 /// fits, none gets a name. Labels are put right then, as label does. Gaps are

@@ -4,7 +4,6 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::choice::choice;
 use posing::cli::marker_files::MarkerFileArgs;
-use posing::io::input::take_name;
 use posing::io::{
     Input, MotionFormat, MotivePoints, NpzTake, keypoints, marker_csv, opensim, parse_point_names,
     read_npy,
@@ -57,11 +56,5 @@ pub fn work(args: &Args) -> Result<()> {
         MotionFormat::Npz => Ok(NpzTake::read(input, joints.as_deref())?.take),
         _ => marker_csv::read(input, args.points, keep_whole),
     };
-    match &args.file.file {
-        Some(folder) if folder.is_dir() => {
-            let take = keypoints::read_folder(folder)?;
-            args.file.convert_take(&take, &take_name(folder), false)
-        }
-        _ => args.file.convert(read, false),
-    }
+    args.file.convert(read, false)
 }

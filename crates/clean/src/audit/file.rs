@@ -160,9 +160,12 @@ pub fn files_to_audit(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<FileAudit>) {
             files.push(path.clone());
             continue;
         }
-        let found = MotionFolder::search(path, None, |_| true);
+        let found = MotionFolder::with_keypoints(path, None, |_| true);
         if found.files.is_empty() && found.unreadable.is_empty() {
-            let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+            let what = format!(
+                "no files of motion in it ({}, keypoints as json)",
+                EXTENSIONS.join(", ")
+            );
             let error = Error::data(Place::file(path.display().to_string()), what);
             unreadable.push(refused(path, &error));
         }

@@ -6,6 +6,7 @@ use super::opened::Opened;
 use super::record::{Fingerprint, Summary};
 use super::settings::CleanSettings;
 use super::sources::Job;
+use crate::io::keypoint_files::bytes_of;
 use crate::{Error, Place, Result};
 
 /// What became of a file.
@@ -32,7 +33,7 @@ impl FileOutcome {
         job: &Job,
         beside: &LabeledBeside,
     ) -> (FileOutcome, Option<String>) {
-        let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e));
+        let packed = bytes_of(&job.input);
         let input = packed.map(|packed| (Fingerprint::of(&job.input, &packed), packed));
         let sha256 = input.as_ref().ok().map(|(input, _)| input.sha256.clone());
         let run = || clean_file(settings, job, beside, input?);

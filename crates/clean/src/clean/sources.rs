@@ -5,6 +5,7 @@ use super::files_beside;
 use super::record::record_path;
 use super::skeleton::{SkeletonSettings, all_called, is_skeleton, stem};
 use crate::io::command_files::CommandFiles;
+use crate::io::keypoint_files::is_frame_folder;
 use crate::io::motion_folder::{
     EXTENSIONS, MotionFolder, is_results_folder, is_special, name_of, unpacked,
 };
@@ -127,7 +128,9 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
         );
         return Err(Error::usage(what));
     }
-    let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !is_results_folder(output, &inputs[0]);
+    let is_take =
+        |path: &Path| !path.is_dir() || output.extension().is_some() && is_frame_folder(path);
+    let is_one = inputs.len() == 1 && is_take(&inputs[0]) && !is_results_folder(output, &inputs[0]);
     let mut out = if is_one {
         Jobs::one(&inputs[0], output, to)?
     } else {
@@ -136,7 +139,10 @@ pub(crate) fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) 
     out.tell_names_apart();
     if out.jobs.is_empty() && out.unreadable.is_empty() {
         let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
-        let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+        let what = format!(
+            "no files of motion in it ({}, keypoints as json)",
+            EXTENSIONS.join(", ")
+        );
         return Err(Error::data(Place::file(folders.join(", ")), what));
     }
     Ok(out)
@@ -215,7 +221,7 @@ impl Jobs {
 
     /// The files of motion below a folder but not below `results`, with their paths within it.
     fn files_of(&mut self, folder: &Path, results: Option<&Path>) -> Vec<(PathBuf, PathBuf)> {
-        let found = MotionFolder::search(folder, results, |path| !is_result(path));
+        let found = MotionFolder::with_keypoints(folder, results, |path| !is_result(path));
         let unreadable = found.unreadable.into_iter();
         let named = unreadable.map(|(_, name, error)| (name.display().to_string(), error));
         self.unreadable.extend(named);
@@ -287,7 +293,7 @@ fn is_result(path: &Path) -> bool {
 /// The format that the name of a result asks for, where it is another than that of the capture's
 /// name.
 fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
-    let [own, asked] = [input, output].map(|path| ending(&unpacked(path)));
+    let (own, asked) = (ending_of_input(input), ending(&unpacked(output)));
     if let Some(other) = becomes(&asked) {
         let [read, made] = [&asked, other].map(str::to_uppercase);
         let what =
@@ -315,6 +321,14 @@ fn ending(path: &Path) -> String {
     ending.to_string_lossy().to_ascii_lowercase()
 }
 
+/// The ending of a capture; a folder with a frame a file is JSON.
+fn ending_of_input(path: &Path) -> String {
+    if path.is_dir() {
+        return "json".to_string();
+    }
+    ending(&unpacked(path))
+}
+
 /// The ending of what a file becomes whose ending, `own`, is that of a format which is not written.
 fn becomes(own: &str) -> Option<&'static str> {
     match own {
@@ -329,7 +343,7 @@ fn becomes(own: &str) -> Option<&'static str> {
 /// name itself, or else the first by name, in whatever order they are given.
 fn outputs(files: &[(PathBuf, PathBuf)], folder: &Path, to: Option<OutputFormat>) -> Vec<PathBuf> {
     let other = |input: &Path| {
-        let becomes = || becomes(&ending(&unpacked(input)));
+        let becomes = || becomes(&ending_of_input(input));
         to.map(OutputFormat::name).or_else(becomes)
     };
     let output = |(input, within): &(PathBuf, PathBuf)| match other(input) {

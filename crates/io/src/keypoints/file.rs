@@ -5,14 +5,12 @@ use super::frame::{Frame, field};
 use super::frames::Frames;
 use crate::bvh::LARGEST_FILE;
 use crate::input::Input;
+use crate::keypoint_files::{CONTENT, FILE, LARGEST_FRAME, NOTE, syntax};
 use crate::marker_take::MarkerTake;
 use crate::{Error, Place, Result};
 use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 use serde_json::{Value, json};
-
-/// The most bytes of a frame: its values take some twenty times the memory.
-pub(super) const LARGEST_FRAME: u64 = 1 << 22;
 
 /// Reads a file: a frame, a list of frames, or an object with `frames`. With `keep_whole`, a file
 /// that ends early gives the frames that it has.
@@ -44,23 +42,6 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     top.take()
 }
 
-/// The error of a text that is no JSON.
-pub(super) fn syntax(name: &str, e: &serde_json::Error) -> Error {
-    let what = if e.is_eof() {
-        "ends early, within its JSON; of a list of frames, the option `keep_whole` reads the whole \
-         ones"
-            .to_string()
-    } else {
-        let said = e.to_string();
-        let said = said.split(" at line ").next().unwrap_or_default();
-        format!(
-            "is no JSON that is read: {said} (column {}); missing is null, not NaN",
-            e.column()
-        )
-    };
-    Error::data(Place::line(name, e.line().max(1) as u64), what)
-}
-
 /// What a file has at its top.
 #[derive(Default)]
 struct Top {
@@ -79,6 +60,11 @@ impl Top {
             return Err(format!("has more than the {LARGEST_FRAME} bytes of a frame").into());
         }
         let value: Value = serde_json::from_str(raw).map_err(|e| format!("is no frame: {e}"))?;
+        if let Some(file) = value[FILE].as_str() {
+            let read = Frame::read(&value[CONTENT]);
+            let pushed = read.and_then(|frame| self.frames.push(frame, value["frame"].as_u64()));
+            return pushed.map_err(|e| e.at(Place::file(file)));
+        }
         self.push_value(&value)
     }
 
@@ -91,8 +77,10 @@ impl Top {
     fn take(mut self) -> Result<MarkerTake> {
         let fields = Value::Object(std::mem::take(&mut self.fields));
         let rate = field(&fields, &["fps", "framerate"]).and_then(Value::as_f64);
+        let place = Place::file(&self.frames.name);
+        let note = fields[NOTE].as_str().map(String::from);
+        self.frames.notes.extend(note);
         if self.frames.count == 0 && fields != json!({}) {
-            let place = Place::file(&self.frames.name);
             self.push_value(&fields).map_err(|e| e.at(place))?;
         }
         self.frames.take(rate.filter(|rate| *rate > 0.0))

@@ -7,13 +7,11 @@
 //! picture's, y down. OpenPose documents neither unit nor axis.
 
 mod file;
-mod folder;
 mod frame;
 mod frames;
 mod layouts;
 
 pub use file::read;
-pub use folder::read_folder;
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
-use super::{read, read_folder};
+use super::read;
 use crate::{Input, MarkerTake, Result};
 use serde_json::{Value, json};
 use std::fs;
+use std::path::Path;
 
 fn take_of(text: &str, keep_whole: bool) -> Result<MarkerTake> {
     let bytes = std::io::Cursor::new(text.as_bytes().to_vec());
@@ -10,6 +11,10 @@ fn take_of(text: &str, keep_whole: bool) -> Result<MarkerTake> {
 
 fn take(value: &Value) -> Result<MarkerTake> {
     take_of(&value.to_string(), false)
+}
+
+fn read_folder(path: &Path) -> Result<MarkerTake> {
+    read(Input::open(path)?, false)
 }
 
 fn fails(text: &str, part: &str) {

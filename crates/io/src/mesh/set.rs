@@ -104,7 +104,7 @@ fn mesh_files(folder: &Path) -> Result<Vec<PathBuf>> {
         let place = Place::file(folder.display().to_string());
         return Err(Error::data(
             place,
-            "has no mesh files (.obj, .ply, .stl, .off)",
+            "has no mesh files (.obj, .ply, .stl, .off); give files of motion by their names",
         ));
     }
     files.sort();
