@@ -111,6 +111,17 @@ impl MarkerRows {
         self.end(start, values.iter().filter(|v| !v.is_nan()).count())
     }
 
+    /// Puts what each frame has in one of several parts, `width` coordinates each, into the first.
+    pub(crate) fn fold(&mut self, width: usize) {
+        let (mut start, mut values) = (0, Vec::new());
+        for end in &mut self.ends {
+            let part = self.values[start..*end].chunks(width).next_back();
+            values.extend_from_slice(part.unwrap_or_default());
+            (start, *end) = (*end, values.len());
+        }
+        (self.values, self.width) = (values, width);
+    }
+
     /// Begins a frame, of this number if it has one. Frames that are left out before it have no
     /// points.
     fn begin(&mut self, number: Option<u64>) -> Result<()> {

@@ -1,12 +1,13 @@
 //! A file of keypoints: a frame, a list of frames, or an object with `frames`. It is read frame by
 //! frame, so that only its text and the positions are in the memory.
 
-use super::frame::{Frame, field};
+use super::frame::{Frame, field, is_seen_point};
 use super::frames::Frames;
 use crate::bvh::LARGEST_FILE;
 use crate::input::Input;
 use crate::keypoint_files::{CONTENT, FILE, LARGEST_FRAME, NOTE, syntax};
 use crate::marker_take::MarkerTake;
+use crate::text::excerpt;
 use crate::{Error, Place, Result};
 use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
@@ -50,6 +51,10 @@ struct Top {
     fields: serde_json::Map<String, Value>,
     /// The bytes of `fields`.
     size: u64,
+    /// The points of a list that is one frame.
+    points: Vec<Value>,
+    /// What the file has as its frames, where that is no list.
+    count: Option<String>,
     failed: Option<Error>,
 }
 
@@ -64,6 +69,10 @@ impl Top {
             let read = Frame::read(&value[CONTENT]);
             let pushed = read.and_then(|frame| self.frames.push(frame, value["frame"].as_u64()));
             return pushed.map_err(|e| e.at(Place::file(file)));
+        }
+        if self.frames.count == 0 && is_seen_point(&value) || !self.points.is_empty() {
+            self.points.push(value);
+            return Ok(());
         }
         self.push_value(&value)
     }
@@ -80,8 +89,19 @@ impl Top {
         let place = Place::file(&self.frames.name);
         let note = fields[NOTE].as_str().map(String::from);
         self.frames.notes.extend(note);
-        if self.frames.count == 0 && fields != json!({}) {
-            self.push_value(&fields).map_err(|e| e.at(place))?;
+        if !self.points.is_empty() {
+            let points = Value::Array(std::mem::take(&mut self.points));
+            self.push_value(&points).map_err(|e| e.at(place))?;
+        } else if self.frames.count == 0 && (fields != json!({}) || self.count.is_some()) {
+            let failed = self.push_value(&fields);
+            let failed = failed.map_err(|e| match &self.count {
+                Some(count) => Error::unfit(format!(
+                    "has {count} as its frames, which are to be a list: call the list of frames \
+                     \"frames\", and their number otherwise"
+                )),
+                None => e,
+            });
+            failed.map_err(|e| e.at(place))?;
         }
         self.frames.take(rate.filter(|rate| *rate > 0.0))
     }
@@ -102,6 +122,16 @@ impl<'de> Visitor<'de> for &mut Top {
 
     fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str("frames of keypoints")
+    }
+
+    fn visit_u64<E>(self, count: u64) -> std::result::Result<(), E> {
+        self.count = Some(count.to_string());
+        Ok(())
+    }
+
+    fn visit_str<E>(self, count: &str) -> std::result::Result<(), E> {
+        self.count = Some(format!("\"{}\"", excerpt(count)));
+        Ok(())
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> std::result::Result<(), A::Error> {

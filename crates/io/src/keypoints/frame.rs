@@ -118,7 +118,7 @@ impl Frame {
             // An id is a list of one number, -1 where people are not tracked.
             let id = person.get("person_id").map(|id| id.get(0).unwrap_or(id));
             frame.people.push(Person {
-                id: id.and_then(Value::as_u64),
+                id: id.and_then(whole),
                 points: points
                     .iter()
                     .enumerate()
@@ -140,6 +140,14 @@ fn is_point(value: &Value) -> bool {
             is_flat && (begins || (1..=5).contains(&list.len()))
         }
         _ => field(value, &["x"]).is_some(),
+    }
+}
+
+/// Whether this is a point in space that is not missing: no frame is one.
+pub(super) fn is_seen_point(value: &Value) -> bool {
+    match value {
+        Value::Array(list) => list.len() > 2 && list[0].is_number() && is_point(value),
+        _ => field(value, &["x"]).is_some_and(Value::is_number),
     }
 }
 
@@ -205,7 +213,13 @@ fn landmark((point, value): (usize, &Value)) -> Result<[f64; 3]> {
 
 /// The number of a frame.
 fn number(value: &Value) -> Option<u64> {
-    field(value, &NUMBER).and_then(Value::as_u64)
+    field(value, &NUMBER).and_then(whole)
+}
+
+/// A whole number, which may stand in quotes.
+fn whole(value: &Value) -> Option<u64> {
+    let quoted = || value.as_str()?.trim().parse().ok();
+    value.as_u64().or_else(quoted)
 }
 
 fn is_empty(value: &Value) -> bool {

@@ -24,6 +24,8 @@ pub(super) struct Frames {
     kind: Option<(Kind, usize)>,
     /// The people, by their numbers.
     people: Vec<Option<u64>>,
+    /// The most people of a frame.
+    most: usize,
     is_planar: bool,
     has_more: bool,
     /// Whether a coordinate cannot be a part of a picture's width or height.
@@ -44,6 +46,7 @@ impl Frames {
         self.count += 1;
         self.is_planar |= frame.is_planar;
         self.has_more |= frame.has_more;
+        self.most = self.most.max(frame.people.len());
         let is_alone = frame.people.len() == 1;
         let mut values = Vec::new();
         for person in &frame.people {
@@ -93,6 +96,27 @@ impl Frames {
         Err(what.into())
     }
 
+    /// Takes people of whom no frame has two for one person, whose number changed.
+    fn join_people(&mut self, points: usize) {
+        let (people, most) = (self.people.len(), self.most);
+        if people == most.max(1) {
+            return;
+        }
+        self.notes.push(if most > 1 {
+            format!(
+                "has {people} people by their numbers, and at most {most} in a frame: where a \
+                 person's number changes, give each one person_id"
+            )
+        } else {
+            self.rows.fold(3 * points);
+            self.people.truncate(1);
+            format!(
+                "has {people} numbers for its person (person_id), and no frame with two people: \
+                     takes them for one"
+            )
+        });
+    }
+
     /// The take, of so many frames a second if the file says it.
     pub(super) fn take(mut self, rate: Option<f64>) -> Result<MarkerTake> {
         let Some((kind, points)) = self.kind else {
@@ -100,6 +124,7 @@ impl Frames {
             let what = if self.is_planar { PLANAR } else { none };
             return Err(Error::data(Place::file(self.name), what));
         };
+        self.join_people(points);
         let is_one = self.people.len() == 1;
         let label = |person: &Option<u64>, name: &str| match person {
             Some(id) if !is_one => format!("person{id}:{name}"),

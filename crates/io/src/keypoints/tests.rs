@@ -189,6 +189,55 @@ fn the_first_landmarks_may_be_missing() {
 }
 
 #[test]
+fn one_frame_may_be_a_list_of_its_points_or_have_a_count() {
+    let numbers: Value = (0..33)
+        .map(|p| json!([at(1, p, 0), at(1, p, 1), at(1, p, 2)]))
+        .collect();
+    let mut hidden = landmarks(1);
+    hidden[7] = Value::Null;
+    let counted = json!({"frames": 1, "pose_world_landmarks": landmarks(1)});
+    for (value, missing) in [(numbers, 0), (landmarks(1), 0), (counted, 0), (hidden, 3)] {
+        let read = take(&value).unwrap();
+        assert_eq!((read.xyz.dim(), read.xyz[[0, 98]]), ((1, 99), at(1, 32, 2)));
+        assert_eq!(read.xyz.iter().filter(|v| v.is_nan()).count(), missing);
+    }
+}
+
+#[test]
+fn numbers_of_frames_and_people_may_change_or_stand_in_quotes() {
+    let frame = |t: usize, people: &[Value]| json!({"frame": format!(" {t}"), "people": people});
+    let one = |t: usize, id: i64| frame(t, &[person(t, 25, id)]);
+    let same = take(&json!([one(3, 4), one(4, 4), one(6, 4)])).unwrap();
+    assert_eq!((same.xyz.dim(), same.first_frame), ((4, 75), 4));
+    assert!(same.notes[0].contains("leaves out the number of 1 frame"));
+    // No frame has two people: the tracker lost the one, or had no number for it.
+    for ids in [[4, 7, 9], [-1, 0, -1], [0, -1, 1]] {
+        let changed = take(&json!([one(3, ids[0]), one(4, ids[1]), one(6, ids[2])])).unwrap();
+        assert_eq!(
+            (&changed.points, &changed.notes[1]),
+            (&same.points, &same.notes[0])
+        );
+        assert!(
+            changed.notes[0].contains("takes them for one"),
+            "{:?}",
+            changed.notes
+        );
+        let is_same = changed
+            .xyz
+            .iter()
+            .zip(&same.xyz)
+            .all(|(a, b)| a.to_bits() == b.to_bits());
+        assert!(is_same);
+    }
+    // Of two people nobody knows whose number changed.
+    let named = |id: &str| json!({"person_id": [id], "pose_keypoints_3d": person(0, 25, 0)["pose_keypoints_3d"]});
+    let two = [[named("0"), named("1")], [named("0"), named("2")]];
+    let read = take(&json!([frame(0, &two[0]), frame(1, &two[1])])).unwrap();
+    assert_eq!((read.points.len(), &*read.points[50]), (75, "person2:Nose"));
+    assert!(read.notes[0].contains("3 people by their numbers, and at most 2 in a frame"));
+}
+
+#[test]
 fn people_are_told_apart_by_their_ids() {
     let frame = |people: &[Value]| json!({"version": 1.3, "people": people});
     for (points, name) in [(25, "RHeel"), (18, "LEar")] {
@@ -280,7 +329,13 @@ fn hostile_texts_end_with_one_line() {
         "has 1 keypoints, expected MediaPipe's 33",
     );
     fails("[\n[{\"x\": NaN}]]", "x.json:2: is no JSON");
-    fails("{\"frames\": \"many\"}", "expected frames of keypoints");
+    fails(
+        "{\"frames\": \"many\"}",
+        "x.json: has \"many\" as its frames, which are to be a list",
+    );
+    let named = json!({"frames": 3, "data": [landmarks(0), landmarks(1)]}).to_string();
+    fails(&named, "has 3 as its frames, which are to be a list");
+    fails("{\"frames\": -1.5}", "expected frames of keypoints");
     fails("[null] [null]", "trailing characters");
     fails(&"[".repeat(100_000), "ends early");
     let deep = format!("[{}{}]", "[".repeat(9000), "]".repeat(9000));
