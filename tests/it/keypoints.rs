@@ -303,6 +303,81 @@ fn keypoints_of_video_become_a_table_and_a_bvh_in_one_command() {
     assert!(path("same.bvh").exists());
 }
 
+/// The points of a table twice, called `Ann:` and `Ben:`, the second a meter aside; by their names
+/// in `as_called`, all if that is empty.
+fn of_two(table: &Numbers, as_called: &[[&str; 2]]) -> String {
+    let called = |name: &str| match as_called {
+        [] => Some(name.to_string()),
+        all => all
+            .iter()
+            .find(|[_, cmu]| *cmu == name)
+            .map(|[own, _]| own.to_string()),
+    };
+    let points: Vec<(usize, String)> = (table.points.iter().enumerate())
+        .filter_map(|(p, name)| Some((p, called(name)?)))
+        .collect();
+    let mut out = "time".to_string();
+    for person in ["Ann", "Ben"] {
+        for (_, name) in &points {
+            out += &format!(",{person}:{name}.x,{person}:{name}.y,{person}:{name}.z");
+        }
+    }
+    for (t, row) in table.rows.iter().enumerate() {
+        out += &format!("\n{}", t as f64 / 120.0);
+        for aside in [0.0, 100.0] {
+            for (p, _) in &points {
+                (0..3).for_each(|c| {
+                    out += &format!(",{}", row[3 * p + c] + if c == 0 { aside } else { 0.0 });
+                });
+            }
+        }
+    }
+    out + "\n"
+}
+
+#[test]
+fn joints_of_any_naming_and_of_two_people_get_skeletons() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let cmu = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu/07");
+    let (asf, amc) = (cmu.join("07.asf"), cmu.join("07_01.amc"));
+    let flags = ["-q", "--fps", "120", "--asf", text(&asf), text(&amc)];
+    let walk = run("amc2xyz", &flags, "");
+    let table = Numbers::read(&walk);
+    fs::write(path("walk.csv"), &walk).unwrap();
+    fs::write(path("cmu.csv"), of_two(&table, &[])).unwrap();
+    fs::write(path("video.csv"), of_two(&table, &JOINTS)).unwrap();
+    let flags = [
+        "-q",
+        "--solve",
+        "--outliers",
+        "none",
+        text(folder.path()),
+        "-o",
+    ];
+    run("clean", &[&flags[..], &[text(&path("out"))]].concat(), "");
+    for name in [
+        "walk",
+        "cmu-Ann",
+        "cmu-Ben",
+        "video-Ann",
+        "video-Ben",
+    ] {
+        let bvh = posing::io::Bvh::open(path(&format!("out/{name}.bvh"))).unwrap();
+        assert_eq!(bvh.motion.nrows(), table.rows.len(), "{name}");
+    }
+    // The joints of the skeleton are at the points.
+    let joints = run("bvh2xyz", &["-q", text(&path("out/walk.bvh"))], "");
+    let solved = Numbers::read(&joints);
+    let column = |of: &Numbers, name: &str| of.points.iter().position(|p| p == name).unwrap();
+    // The end of the thigh is the start of the shin.
+    let (knee, shin) = (column(&table, "lfemur"), column(&solved, "ltibia"));
+    for (a, b) in table.rows.iter().zip(&solved.rows) {
+        let far = (0..3).map(|c| (a[3 * knee + c] - b[3 * shin + c]).powi(2));
+        assert!(far.sum::<f64>().sqrt() < 0.1);
+    }
+}
+
 #[test]
 fn keypoints_in_folders_are_takes_and_results_are_not() {
     let folder = tempfile::tempdir().unwrap();

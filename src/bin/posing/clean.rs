@@ -88,8 +88,8 @@ pub struct Args {
     json: JsonArgs,
     /// Also solve takes of markers: skeleton and motion as NAME.bvh beside each result NAME.c3d, as
     /// solve --bvh has them, one for each of several people (NAME-Ann.bvh); by a marker set's name
-    /// or file [default: of each take the one that knows most of its markers]. Joints of one person
-    /// that a map names get the skeleton that xyz2bvh gives them. The word anatomical: joint
+    /// or file [default: of each take the one that knows most of its markers]. Joints by CMU's names
+    /// or those of a map get the skeleton that xyz2bvh gives them. The word anatomical: joint
     /// centers as NAME.centers.csv, as solve --joints anatomical --sd has them
     #[arg(
         long,

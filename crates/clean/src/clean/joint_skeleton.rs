@@ -2,13 +2,16 @@
 
 use super::person::picture;
 use crate::Result;
-use crate::ik::{FitVerdict, SkeletonFit, named_skeleton};
+use crate::ik::{FitVerdict, SkeletonFit, estimate_skeleton, named_skeleton};
 use crate::io::Bvh;
 use crate::pose::rotation::Axis;
-use crate::pose::{NameMap, Poses, point_at};
+use crate::pose::{PointNaming, Poses, point_at};
 use glam::DMat3;
 use ndarray::Array2;
 use serde_json::{Value, json};
+
+/// The order of the rotation channels.
+const ORDER: [Axis; 3] = [Axis::Z, Axis::Y, Axis::X];
 
 /// A skeleton and its motion, and what is to be known of them.
 pub(super) struct SolvedJoints {
@@ -17,42 +20,63 @@ pub(super) struct SolvedJoints {
 }
 
 impl SolvedJoints {
-    /// Fits the skeleton of a take whose points `map` names; `sd` are their deviations (frames,
+    /// Fits the skeleton of a take whose points are named so; `sd` are their deviations (frames,
     /// points), cm, `rate` is in frames a second.
     ///
     /// # Errors
-    /// Those of [`named_skeleton`] and [`SkeletonFit::fit`].
+    /// Those of [`named_skeleton`], [`estimate_skeleton`] and [`SkeletonFit::fit`].
     pub(super) fn of(
         poses: &Poses,
-        map: &NameMap,
+        naming: &PointNaming,
         sd: &Array2<f64>,
         rate: f64,
     ) -> Result<SolvedJoints> {
-        let order = [Axis::Z, Axis::Y, Axis::X];
-        let named = named_skeleton(poses, map, order)?;
-        let sd = named.with_middles(sd);
-        let fit = SkeletonFit::with_joints(&named.template);
-        let fitted = fit.map(Some(map)).sd(Some(sd.view())).fit(&named.poses)?;
-        let quality = fitted.quality(&named.poses);
+        let mut solved = match naming {
+            PointNaming::Map(map) => {
+                let named = named_skeleton(poses, map, ORDER)?;
+                let fit = SkeletonFit::with_joints(&named.template).map(Some(map));
+                SolvedJoints::fitted(fit, &named.poses, &named.with_middles(sd), rate)?
+            }
+            PointNaming::Bones(_) => {
+                let mut ends = poses.clone();
+                ends.points = naming.model_names(&poses.points).into_owned();
+                let skeleton = estimate_skeleton(&ends)?;
+                SolvedJoints::fitted(SkeletonFit::new(&skeleton), &ends, sd, rate)?
+            }
+        };
+        if let PointNaming::Map(map) = naming {
+            solved.report["map"] = json!(map.name);
+        }
+        let seen = |t: usize| {
+            let is_seen = |p: &usize| point_at(poses.xyz.view(), t, *p).is_finite();
+            (0..poses.points.len()).filter(is_seen).count()
+        };
+        solved.report["picture"] = json!(picture(poses, None, seen));
+        Ok(solved)
+    }
+
+    /// The fit to poses whose points the skeleton has.
+    fn fitted<'a>(
+        fit: SkeletonFit<'a>,
+        poses: &Poses,
+        sd: &'a Array2<f64>,
+        rate: f64,
+    ) -> Result<SolvedJoints> {
+        let fitted = fit.sd(Some(sd.view())).fit(poses)?;
+        let quality = fitted.quality(poses);
         let far = quality.filter(|quality| quality.verdict() != FitVerdict::Good);
         let finding = far.map(|quality| {
             let mean = quality.mean;
             format!("its joints are {mean:.2} cm from their points in the mean")
         });
-        let seen = |t: usize| {
-            let is_seen = |p: &usize| point_at(poses.xyz.view(), t, *p).is_finite();
-            (0..poses.points.len()).filter(is_seen).count()
-        };
         let report = json!({
-            "map": map.name,
             "joints": fitted.points,
-            "frames": named.poses.frames(),
+            "frames": poses.frames(),
             "mean": quality.map(|quality| quality.mean),
             "findings": finding.into_iter().collect::<Vec<_>>(),
-            "picture": picture(poses, None, seen),
         });
         Ok(SolvedJoints {
-            bvh: fitted.to_bvh_with(order, DMat3::IDENTITY, rate)?,
+            bvh: fitted.to_bvh_with(ORDER, DMat3::IDENTITY, rate)?,
             report,
         })
     }

@@ -5,9 +5,11 @@ use super::replaced::ReplacedPosition;
 use super::restored::Restored;
 use super::sources::OutputFormat;
 use super::written::Written;
+use crate::audit::count;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
-use crate::label::unlabeled::left_alone;
+use crate::label::people::people_by_name;
+use crate::label::unlabeled::{labeled_poses, left_alone};
 use crate::pose::{PointNaming, point_at};
 use crate::restore::Restoration;
 use crate::restore::inbetween::{NO_BODY, knows_body};
@@ -94,11 +96,25 @@ fn of_points(restored: &Restored<'_>) -> Vec<String> {
     if let PointNaming::Map(map) = &restored.naming {
         out.push(format!("the points have the names of the map {}", map.name));
     }
+    let is_noisy = |(_, own): &(String, Vec<(usize, String)>)| {
+        let own: Vec<usize> = own.iter().map(|(p, _)| *p).collect();
+        let run = &restored.take.run;
+        run.are_keypoints(&labeled_poses(file.poses(), &own), file.format)
+    };
+    let people = people_by_name(&file.poses().points);
+    if people.iter().any(is_noisy) {
+        out.push(format!(
+            "the joints of {} people are cleaned as markers are, and slow noise of video stays: \
+             give a file of each person alone",
+            people.len()
+        ));
+    }
     out.extend(left_alone(&seen(points)));
     match points.counts().exchanged {
         0 => {}
         n => out.push(format!(
-            "left and right are exchanged ({n} pairs of points, frame by frame): put back"
+            "left and right are exchanged ({} of points, frame by frame): put back",
+            count(n, "pair")
         )),
     }
     if let Some(noise) = points.counts().doubtful_noise() {

@@ -140,13 +140,18 @@ impl<'a> Run<'a> {
     /// Whether the points of every take are joints whose noise cleaning removes as that of
     /// keypoints, and whose sides it puts back.
     pub(super) fn has_keypoints(&self, file: &MotionFile) -> bool {
-        let (settings, poses) = (self.settings, file.poses());
+        self.are_keypoints(file.poses(), file.format)
+    }
+
+    /// The same of some of the points.
+    pub(super) fn are_keypoints(&self, poses: &Poses, format: MotionFormat) -> bool {
+        let settings = self.settings;
         let naming = self.naming(poses);
         let limit = settings.unless_noise_stays(settings.method.noise_limit);
         let is_mapped = settings.model.is_some() && matches!(naming, PointNaming::Map(_));
         is_mapped
             && settings.method.outliers
-            && !self.job.keeps_rotations(file.format)
+            && !self.job.keeps_rotations(format)
             && keypoint_noise(poses, &naming.model_names(&poses.points)).is_some_and(|n| n > limit)
     }
 

@@ -9,7 +9,7 @@ use crate::gait::GivenValues;
 use crate::io::Output;
 use crate::io::output::write_file;
 use crate::label::people::people_by_name;
-use crate::pose::{FillMethod, NameMap, PointNaming, Poses, Status};
+use crate::pose::{FillMethod, PointNaming, Poses, Status};
 use crate::solve::{JointSet, MarkerSet, SolveSettings, solve};
 use crate::{Error, Result};
 use ndarray::{Array2, Axis};
@@ -20,15 +20,11 @@ use std::path::Path;
 const FRAMES_OF_SD: usize = 30;
 
 impl SkeletonSettings {
-    /// The map of names by which more of the points are joints than are markers: then the skeleton
-    /// is theirs.
-    fn map_of_joints<'n>(&self, points: &[String], naming: &'n PointNaming) -> Option<&'n NameMap> {
+    /// Whether more of the points are joints by their naming than are markers: then the skeleton is
+    /// theirs.
+    fn are_joints(&self, points: &[String], naming: &PointNaming) -> bool {
         let is_for_markers = self.set.is_some() || self.joints == JointSet::Anatomical;
-        let PointNaming::Map(map) = naming else {
-            return None;
-        };
-        let joints = map.columns(points).len();
-        (!is_for_markers && joints > MarkerSet::known(points)).then_some(map)
+        !is_for_markers && naming.joints(points) > MarkerSet::known(points)
     }
 
     /// Solves a take whose points were cleaned, and writes its skeleton and motion, or its centers,
@@ -80,8 +76,10 @@ impl SkeletonSettings {
             xyz: points.xyz().select(Axis(1), &columns),
             ..file.poses().clone()
         };
-        if let Some(map) = self.map_of_joints(&poses.points, &restored.naming) {
-            return write_joints(path, restored, own, &poses, map);
+        // Names that two people have are of no map; those of one of them may be.
+        let naming = take.run.naming(&poses);
+        if self.are_joints(&poses.points, &naming) {
+            return write_joints(path, restored, own, &poses, &naming);
         }
         let is_centers = self.joints == JointSet::Anatomical;
         let of_points = (poses.frames(), poses.points.len());
@@ -128,7 +126,7 @@ fn write_joints(
     restored: &Restored<'_>,
     own: &[(usize, String)],
     poses: &Poses,
-    map: &NameMap,
+    naming: &PointNaming,
 ) -> Result<Value> {
     let points = &restored.points;
     let sd = |(t, k): (usize, usize)| match points.method(t, own[k].0) {
@@ -139,7 +137,7 @@ fn write_joints(
     let sd = Array2::from_shape_fn((poses.frames(), own.len()), sd);
     let rate = restored.take.file.rate();
     let rate = rate.ok_or("no rate, which BVH needs")?;
-    let mut solved = SolvedJoints::of(poses, map, &sd, rate)?;
+    let mut solved = SolvedJoints::of(poses, naming, &sd, rate)?;
     write_file(path, &solved.bvh.to_bytes(1.0))?;
     solved.report["output"] = json!(Fingerprint::read(path)?);
     Ok(solved.report)

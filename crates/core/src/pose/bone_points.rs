@@ -88,7 +88,8 @@ fn parent(name: &str) -> Option<&'static str> {
     own.or_else(further)
 }
 
-fn is_bone(name: &str) -> bool {
+/// Whether CMU's skeleton has a bone of this name.
+pub(super) fn is_bone(name: &str) -> bool {
     CMU.contains(&name) || parent(name).is_some()
 }
 

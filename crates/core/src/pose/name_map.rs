@@ -1,6 +1,6 @@
 //! Names of other skeletons: which of a file's points is which point of a model.
 
-use super::bone_points::BonePoints;
+use super::bone_points::{BonePoints, is_bone};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -347,6 +347,22 @@ impl PointNaming {
         map.map_or(PointNaming::Bones(bones), |map| {
             PointNaming::Map(map.clone())
         })
+    }
+
+    /// How many of the points are joints: of the map, or of CMU's bones by their own names, if hips,
+    /// knees, ankles, shoulders, elbows and wrists are there.
+    #[doc(hidden)]
+    pub fn joints(&self, points: &[String]) -> usize {
+        match self {
+            PointNaming::Bones(_) => {
+                let is_whole = CORE
+                    .iter()
+                    .all(|core| points.iter().any(|name| name == core));
+                let bones = points.iter().filter(|name| is_whole && is_bone(name));
+                bones.count()
+            }
+            PointNaming::Map(map) => map.columns(points).len(),
+        }
     }
 
     /// The names by which a model of bone ends knows the points.
