@@ -347,6 +347,8 @@ fn joints_of_any_naming_and_of_two_people_get_skeletons() {
     fs::write(path("walk.csv"), &walk).unwrap();
     fs::write(path("cmu.csv"), of_two(&table, &[])).unwrap();
     fs::write(path("video.csv"), of_two(&table, &JOINTS)).unwrap();
+    // A take called as the skeleton of a person would be.
+    fs::write(path("cmu-Ben.csv"), &walk).unwrap();
     let flags = [
         "-q",
         "--solve",
@@ -359,6 +361,7 @@ fn joints_of_any_naming_and_of_two_people_get_skeletons() {
     for name in [
         "walk",
         "cmu-Ann",
+        "cmu.csv-Ben",
         "cmu-Ben",
         "video-Ann",
         "video-Ben",

@@ -46,7 +46,10 @@ impl SkeletonSettings {
             return self.write_person(&self.path(named), restored, &all.collect::<Vec<_>>());
         }
         let one = |(person, own): &(String, Vec<(usize, String)>)| {
-            let path = self.path_of_person(named, person);
+            let mut path = self.path_of_person(named, person);
+            if run.job.others.contains(&path) {
+                path = self.path_of_person(&run.job.output, person);
+            }
             let mut report = match self.check_path(earlier, &path) {
                 Err(e) => json!({"none": e.to_string(), "in_the_way": true}),
                 Ok(()) => match self.write_person(&path, restored, own) {

@@ -70,6 +70,8 @@ pub(crate) struct Job {
     pub output: PathBuf,
     /// What a skeleton beside it is called after.
     pub named: PathBuf,
+    /// Results and skeletons of other files that one of a person of this may be called as.
+    pub others: Vec<PathBuf>,
     /// The format of the result, by the flag or its name; `None`: that of the capture.
     pub to: Option<OutputFormat>,
 }
@@ -155,6 +157,7 @@ impl Jobs {
             input: input.to_path_buf(),
             output: output.to_path_buf(),
             named: stem(output),
+            others: Vec::new(),
             to: match to {
                 Some(to) => Some(to),
                 None => by_extension(input, output)?,
@@ -186,6 +189,7 @@ impl Jobs {
             name: within.display().to_string(),
             input,
             named: stem(&output),
+            others: Vec::new(),
             output,
             to,
         });
@@ -199,6 +203,13 @@ impl Jobs {
         // A whole name may be as the stem of another.
         for _ in 0..2 {
             self.call_by_whole_names();
+        }
+        let called = |job: &Job| [vec![job.output.clone()], all_called(&job.named).to_vec()];
+        let all: Vec<PathBuf> = self.jobs.iter().flat_map(called).flatten().collect();
+        for job in &mut self.jobs {
+            let start = format!("{}-", job.named.display());
+            let is_met = |path: &&PathBuf| path.display().to_string().starts_with(&start);
+            job.others = all.iter().filter(is_met).cloned().collect();
         }
     }
 
