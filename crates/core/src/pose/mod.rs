@@ -47,9 +47,9 @@ pub use body::Body;
 pub use bone_points::BonePoints;
 pub use joint_angles::{JointAngles, JointChannels};
 pub use kinematics::Space;
-#[doc(hidden)]
-pub use name_map::is_other;
 pub use name_map::{NameFinder, NameMap, PointNaming};
+#[doc(hidden)]
+pub use name_map::{is_other, same_points};
 pub use observation::Observation;
 pub use one_take::one_take;
 pub use placement::Anchor;

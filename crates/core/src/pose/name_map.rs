@@ -3,7 +3,7 @@
 use super::bone_points::{BonePoints, is_bone};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// The end of the names of points that are none of the model's.
@@ -314,6 +314,38 @@ impl<'p> NameFinder<'p> {
     }
 }
 
+/// The place among `b` of each point of `a` that has the same name; where no names are the same, of
+/// those that are so but for a prefix (`mixamorig:Hips` and Hips).
+#[doc(hidden)]
+pub fn same_points(a: &[String], b: &[String]) -> Vec<Option<usize>> {
+    let at: HashMap<&String, usize> = b.iter().enumerate().map(|(p, name)| (name, p)).collect();
+    let same: Vec<Option<usize>> = a.iter().map(|name| at.get(name).copied()).collect();
+    if same.iter().any(Option::is_some) {
+        return same;
+    }
+    let mut there = places_after_prefix(a, b);
+    if there.iter().all(Option::is_none) {
+        let back = places_after_prefix(b, a).into_iter().enumerate();
+        back.for_each(|(q, place)| place.into_iter().for_each(|p| there[p] = Some(q)));
+    }
+    there
+}
+
+/// The place of each of the `names`, without what is before a colon, among points that may all have
+/// a prefix; none where one of the two is of several people.
+fn places_after_prefix(names: &[String], points: &[String]) -> Vec<Option<usize>> {
+    let own = || names.iter().map(|n| n.rsplit(':').next().unwrap_or(n));
+    let finder = NameFinder::new(points, own());
+    let places: Vec<Option<usize>> = own().map(|name| finder.find(name)).collect();
+    let mut taken = HashSet::new();
+    let is_one = places.iter().flatten().all(|p| taken.insert(*p));
+    if is_one && !finder.is_ambiguous() {
+        places
+    } else {
+        vec![None; names.len()]
+    }
+}
+
 /// A name without what does not count: case, and what stands between its words.
 fn fold(name: &str) -> String {
     name.to_ascii_lowercase().replace([' ', '-', '.'], "_")
@@ -378,6 +410,35 @@ impl PointNaming {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_are_the_same_by_name_or_else_but_for_a_prefix() {
+        let same = |a: &str, b: &str| {
+            let [a, b] = [a, b].map(|all| all.split(' ').map(String::from).collect::<Vec<_>>());
+            same_points(&a, &b)
+        };
+        assert_eq!(same("Hips Spine", "Spine rig:Hips"), [None, Some(0)]);
+        for [a, b] in [
+            ["mixamorig:Hips mixamorig:Head", "Head Hips"],
+            ["Hips Head", "mixamorig_Head mixamorig_Hips"],
+            ["Ann:Hips Ann:Head", "Ben:Head Ben:hips"],
+        ] {
+            assert_eq!(same(a, b), [Some(1), Some(0)], "{a} {b}");
+        }
+        // Nobody knows which of two people, or which side, is meant.
+        assert_eq!(
+            same("Hips Head", "Ann:Hips Ann:Head Ben:Hips Ben:Head"),
+            [None; 2]
+        );
+        assert_eq!(
+            same("hip knee", "left_hip left_knee right_hip right_knee"),
+            [None; 2]
+        );
+        assert_eq!(
+            same("left_hip left_knee", "right_hip right_knee"),
+            [None; 2]
+        );
+    }
     use crate::pose::joints;
 
     fn names(list: &[&str]) -> Vec<String> {

@@ -8,9 +8,8 @@ pub use differences::{Differences, FrameDifference, PointDifference};
 pub use timeline::PairRun;
 
 use crate::Result;
-use crate::pose::{FillMethod, Poses, Status};
+use crate::pose::{FillMethod, Poses, Status, same_points};
 use ndarray::Array2;
-use std::collections::HashMap;
 use timeline::{Timeline, seconds};
 
 /// A take to lay beside another.
@@ -85,17 +84,12 @@ impl TakePair {
     pub fn new(takes: [PairTake<'_>; 2]) -> Result<TakePair> {
         let line = Timeline::new(&takes)?;
         let [first, second] = takes.map(|take| &take.poses.points);
-        let known: HashMap<&str, usize> = first
-            .iter()
-            .enumerate()
-            .map(|(i, name)| (&**name, i))
-            .collect();
         let mut points = first.clone();
         // Where each point of the second stands among all.
         let mut places = Vec::new();
-        for name in second {
-            places.push(known.get(&**name).copied().unwrap_or(points.len()));
-            if !known.contains_key(&**name) {
+        for (name, place) in second.iter().zip(same_points(second, first)) {
+            places.push(place.unwrap_or(points.len()));
+            if place.is_none() {
                 points.push(name.clone());
             }
         }
@@ -206,8 +200,9 @@ fn remarks(
     } else if !are_compared {
         out.push("No point is seen in both at one time: no differences can be told.".into());
     } else if count != [shared; 2] {
+        let s = if shared == 1 { "" } else { "s" };
         out.push(format!(
-            "Differences are those of the {shared} points that both have by name, of {} and {}.",
+            "Differences are those of the {shared} point{s} that both have by name, of {} and {}.",
             count[0], count[1]
         ));
     }

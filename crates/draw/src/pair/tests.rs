@@ -68,6 +68,18 @@ fn a_planted_difference_is_found_with_its_point_and_frame() {
 }
 
 #[test]
+fn a_prefix_of_all_names_parts_no_points() {
+    let a = poses(&["mixamorig:Hips", "mixamorig:Head"], 20, 0.0, 100.0);
+    let mut b = poses(&["Head", "Hips"], 20, 0.0, 100.0);
+    b.xyz[[7, 0]] += 2.0;
+    let pair = pair(&a, &b, [100.0; 2]);
+    assert_eq!(pair.points, a.points);
+    let told = pair.differences.as_ref().unwrap();
+    assert_eq!(told.frames[7].unwrap().point, 1);
+    assert!((largest(&pair) - 2.0).abs() <= 1e-9);
+}
+
+#[test]
 fn every_fourth_frame_of_a_take_differs_from_it_by_nothing() {
     let whole = poses(&["hip"], 41, 0.0, 120.0);
     let fourth = poses(&["hip"], 11, 0.0, 30.0);

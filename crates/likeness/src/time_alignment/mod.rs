@@ -27,7 +27,7 @@ mod speeds;
 
 pub use aligned_takes::{AlignedTakes, FramesInSecond, timed};
 
-use crate::pose::{NameMap, Poses};
+use crate::pose::{NameMap, Poses, same_points};
 use crate::{Error, Result};
 use drift::LARGEST_DRIFT;
 use refinement::{Fit, refine};
@@ -85,8 +85,8 @@ impl TimeAlignment {
     }
 }
 
-/// The points that two files share, by their indices in both: those of one name, or that a map
-/// names alike.
+/// The points that two files share, by their indices in both: those of one name (without a prefix,
+/// where that alone tells them apart), or that a map names alike.
 ///
 /// ```
 /// use posing_likeness::time_alignment::shared_points;
@@ -94,14 +94,14 @@ impl TimeAlignment {
 /// let names = |names: &[&str]| names.iter().map(|n| n.to_string()).collect::<Vec<_>>();
 /// let (a, b) = (names(&["hip", "knee"]), names(&["knee", "toe"]));
 /// assert_eq!(shared_points(&a, &b, None), [[1, 0]]);
+/// let rig = names(&["mixamorig:Knee", "mixamorig:Hips"]);
+/// assert_eq!(shared_points(&b, &rig, None), [[0, 0]]);
 /// ```
 pub fn shared_points(a: &[String], b: &[String], map: Option<&NameMap>) -> Vec<[usize; 2]> {
     let place = |points: &[String], name: &str| points.iter().position(|p| p == name);
     let Some(map) = map else {
-        let both = a.iter().enumerate();
-        return both
-            .filter_map(|(i, name)| Some([i, place(b, name)?]))
-            .collect();
+        let both = same_points(a, b).into_iter().enumerate();
+        return both.filter_map(|(i, place)| Some([i, place?])).collect();
     };
     let named = |points: &[String], name: &str| {
         let mapped = map.columns(points).get(name).copied();
