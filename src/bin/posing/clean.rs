@@ -33,15 +33,15 @@ use std::path::{Path, PathBuf};
 
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
-/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables and keypoints as JSON (written as
-/// CSV; a folder with a frame a file is a take), and writes each in its own format, with all else
-/// that the file says. Tracks without names get some: by a labeled take in
-/// their folder (a static, or any other), by those of --like, by the set of --set, or by the
-/// built-in set that fits; of several people, each with the person's name before it. Where nothing
-/// fits, none gets a name. Labels are put right then, as label does. Gaps are
-/// filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
-/// --noise-limit are denoised; all else stays to the last digit. With --to, BVH and AMC files
-/// become positions, which are cleaned as others are.
+/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables and keypoints as JSON (written
+/// as CSV; a folder with a frame a file is a take), and writes each in its own format, with all
+/// else that the file says. Tracks without names get some: by a labeled take in their folder (a
+/// static, or any other), by those of --like, by the set of --set, or by the built-in set that
+/// fits; of several people, each with the person's name before it. Where nothing fits, none gets a
+/// name. Labels are put right then, as label does. Gaps are filled as by complete, outliers
+/// replaced (the record keeps them), and takes with more noise than --noise-limit are denoised; all
+/// else stays to the last digit. With --to, BVH and AMC files become positions, which are cleaned
+/// as others are.
 ///
 /// Else these keep their own rotations, which are cleaned joint by joint, without a model: any rig,
 /// hands too. Where the joints tremble more than the limit, each is smoothed as strongly as it
@@ -88,8 +88,8 @@ pub struct Args {
     json: JsonArgs,
     /// Also solve takes of markers: skeleton and motion as NAME.bvh beside each result NAME.c3d, as
     /// solve --bvh has them, one for each of several people (NAME-Ann.bvh); by a marker set's name
-    /// or file [default: of each take the one that knows most of its markers]. Joints by CMU's names
-    /// or those of a map get the skeleton that xyz2bvh gives them. The word anatomical: joint
+    /// or file [default: of each take the one that knows most of its markers]. Joints by CMU's
+    /// names or those of a map get the skeleton that xyz2bvh gives them. The word anatomical: joint
     /// centers as NAME.centers.csv, as solve --joints anatomical --sd has them
     #[arg(
         long,

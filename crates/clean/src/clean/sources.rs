@@ -350,8 +350,8 @@ fn becomes(own: &str) -> Option<&'static str> {
 }
 
 /// The paths of the results below `folder` of files, each with its path within a folder. Exports of
-/// one take in two formats that would meet keep their own endings too: all but the one that has that
-/// name itself, or else the first by name, in whatever order they are given.
+/// one take in two formats that would meet keep their own endings too: all but the one that has
+/// that name itself, or else the first by name, in whatever order they are given.
 fn outputs(files: &[(PathBuf, PathBuf)], folder: &Path, to: Option<OutputFormat>) -> Vec<PathBuf> {
     let other = |input: &Path| {
         let becomes = || becomes(&ending_of_input(input));
