@@ -40,6 +40,32 @@ fn part(table: &str, frames: std::ops::Range<usize>, rate: f64) -> String {
 }
 
 #[test]
+fn columns_that_are_left_out_are_told() {
+    let (_kept, at) = folder();
+    let own = fs::read_to_string(at("07.csv")).unwrap();
+    fs::write(at("a.csv"), part(&own, 0..250, 120.0)).unwrap();
+    let b = part(&own, 40..300, 120.0);
+    let noted: Vec<String> = b.lines().map(|line| format!("{line},1")).collect();
+    fs::write(
+        at("b.csv"),
+        noted.join("\n").replacen(",1\n", ",grade\n", 1),
+    )
+    .unwrap();
+    let told = |b: &str| {
+        let done = command("align")
+            .args([text(&at("a.csv")), text(&at(b))])
+            .output();
+        String::from_utf8(done.unwrap().stderr).unwrap()
+    };
+    let said = told("b.csv");
+    assert!(
+        said.contains("b.csv: other columns are left out: grade\n"),
+        "{said}"
+    );
+    assert!(!told("07.csv").contains("left out"));
+}
+
+#[test]
 fn a_later_recording_comes_onto_the_frames_of_the_first() {
     let (_kept, at) = folder();
     let own = fs::read_to_string(at("07.csv")).unwrap();

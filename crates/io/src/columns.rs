@@ -41,29 +41,31 @@ impl Columns {
     /// What an array does not hold of a table, in a line; `None`: it holds all.
     #[doc(hidden)]
     pub fn lost_in_array(&self) -> Option<String> {
-        let held: Vec<usize> = self
-            .coordinates
-            .iter()
-            .flatten()
-            .flatten()
-            .copied()
-            .collect();
-        let lost = self
-            .names
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| !held.contains(i));
-        let lost: Vec<&str> = lost.map(|(_, name)| name.as_str()).collect();
-        let some = match lost.len() {
-            0 => return None,
-            1..=MOST_LOST => lost.join(", "),
-            n => format!(
-                "{} and {} more",
-                lost[..MOST_LOST].join(", "),
-                n - MOST_LOST
-            ),
-        };
+        let some = self.but_for(&[])?;
         Some(format!("NPY holds coordinates only: without {some}"))
+    }
+
+    /// The columns that are neither take, time nor of a point, the first of them by name; `None`:
+    /// there are none.
+    #[doc(hidden)]
+    pub fn of_no_point(&self) -> Option<String> {
+        self.but_for(&[self.take, self.time])
+    }
+
+    /// The columns but for coordinates and `held`.
+    fn but_for(&self, held: &[Option<usize>]) -> Option<String> {
+        let coordinates = self.coordinates.iter().flatten();
+        let held: HashSet<usize> = coordinates.chain(held).flatten().copied().collect();
+        let lost = (self.names.iter().enumerate()).filter(|(i, _)| !held.contains(i));
+        let lost: Vec<&str> = lost.map(|(_, name)| name.as_str()).collect();
+        match lost.len() {
+            0 => None,
+            1..=MOST_LOST => Some(lost.join(", ")),
+            n => {
+                let (first, more) = (lost[..MOST_LOST].join(", "), n - MOST_LOST);
+                Some(format!("{first} and {more} more"))
+            }
+        }
     }
 
     /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the

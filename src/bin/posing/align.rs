@@ -216,6 +216,10 @@ fn write(
             b.table.name
         ));
     }
+    if let Some(others) = b.table.columns.of_no_point() {
+        let name = &b.table.name;
+        messages::info(&format!("{name}: other columns are left out: {others}"));
+    }
     let table_units = if b.format.is_pose_table() {
         b.units()
     } else {
