@@ -37,7 +37,7 @@ const BUDGET: [(&str, usize); 18] = [
     // Feet stand on the soles of the rig (330).
     // Rotations by the least turns to positions (90).
     // Takes on their floor: the fit, contacts, legs that hold feet, and their tests (1,300).
-    ("joints", 10_270),
+    ("joints", 10_290),
     // Labels of any set by the postures of labeled takes (800 lines), several people without
     // names, the body as evidence, and loose pieces that close gaps. Points that follow a limb (40).
     ("label", 6_520),

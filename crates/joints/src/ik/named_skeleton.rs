@@ -285,13 +285,19 @@ impl<'a> Builder<'a> {
         let [left, right] = self.points.hips.map(|p| vec![p]);
         let x = [&right, &left];
         // The root above the hips tells how the pelvis is tilted, as it does in CMU's rest pose.
-        let tilt = self
-            .length(&hips, &root)
-            .filter(|d| *d > LEAST_TILT * self.leg);
-        if tilt.is_some() {
+        if self.has_tilt() {
             return Some(rest_pelvis() * self.within(body_point, &root, x, [&hips, &root])?);
         }
         self.within(body_point, &root, x, [&hips, &self.neck_point()])
+    }
+
+    /// Whether the root stands off the middle of the hips: in the median, so that noise tells none.
+    fn has_tilt(&self) -> bool {
+        let hips = self.hips();
+        let [left, right] = self.points.hips.map(|p| vec![p]);
+        let up = [&hips, &self.neck_point()];
+        let at = self.within(&self.root_point(), &hips, [&right, &left], up);
+        at.is_some_and(|at| at.length() > LEAST_TILT * self.leg)
     }
 
     /// The spine; gives the joint that carries neck and arms.
@@ -319,7 +325,11 @@ impl<'a> Builder<'a> {
         let p = self.points;
         let [hip, knee, ankle] = [p.hips[side], p.knees[side], p.ankles[side]];
         let aside = DVec3::X * outward(side) * HIP * self.leg;
-        let rest = self.on_pelvis(&vec![hip]).unwrap_or(aside);
+        let mut rest = self.on_pelvis(&vec![hip]).unwrap_or(aside);
+        if !self.has_tilt() {
+            // Off the line through the root, noise of millimeters would tell a tilt.
+            rest = DVec3::X * rest.x;
+        }
         let hip_joint = self.push_point(hip, 0, rest);
         let down = |long: f64| DVec3::NEG_Y * long;
         let rest = rest + down(self.long(&vec![hip], &vec![knee], 0.5));
@@ -479,6 +489,33 @@ mod tests {
             points,
             ..Poses::default()
         }
+    }
+
+    /// Where the left hip stands from the root at rest, in a take whose root is moved.
+    fn left_hip(moved: impl Fn(usize, DVec3) -> DVec3) -> DVec3 {
+        let map = NameMap::shipped().iter().find(|m| m.name == "openpose");
+        let map = map.unwrap();
+        let mut poses = take(map, 30);
+        let columns = map.columns(&poses.points);
+        let [root, left, right] = ["root", "lhipjoint", "rhipjoint"].map(|name| columns[name]);
+        for t in 0..30 {
+            let hips = [left, right].map(|p| point_at(poses.xyz.view(), t, p));
+            let at = moved(t, (hips[0] + hips[1]) / 2.0);
+            (0..3).for_each(|axis| poses.xyz[[t, 3 * root + axis]] = at[axis]);
+        }
+        let named = named_skeleton(&poses, map, ORDER).unwrap();
+        let joints = named.template.joints();
+        let hip = joints.iter().find(|j| j.name == poses.points[left]);
+        hip.unwrap().offset
+    }
+
+    #[test]
+    fn a_root_among_the_hips_tells_no_tilt_whatever_its_noise() {
+        let noise = |t: usize| DVec3::new(0.0, (9 * t) as f64, (5 * t) as f64).map(f64::sin);
+        let hip = left_hip(|t, middle| middle + 2.0 * noise(t));
+        assert!(hip.x > 5.0 && hip.y == 0.0 && hip.z == 0.0, "{hip}");
+        let hip = left_hip(|_, middle| middle + 8.0 * DVec3::Y);
+        assert!(hip.x > 5.0 && hip.y < -5.0, "{hip}");
     }
 
     #[test]
