@@ -381,8 +381,8 @@ impl PointNaming {
         })
     }
 
-    /// How many of the points are joints: of the map, or of CMU's bones by their own names, if hips,
-    /// knees, ankles, shoulders, elbows and wrists are there.
+    /// How many of the points are joints: of the map, or of CMU's bones by their own names, if
+    /// hips, knees, ankles, shoulders, elbows and wrists are there.
     #[doc(hidden)]
     pub fn joints(&self, points: &[String]) -> usize {
         match self {

@@ -230,7 +230,8 @@ fn numbers_of_frames_and_people_may_change_or_stand_in_quotes() {
         assert!(is_same);
     }
     // Of two people nobody knows whose number changed.
-    let named = |id: &str| json!({"person_id": [id], "pose_keypoints_3d": person(0, 25, 0)["pose_keypoints_3d"]});
+    let key = "pose_keypoints_3d";
+    let named = |id: &str| json!({"person_id": [id], key: person(0, 25, 0)[key]});
     let two = [[named("0"), named("1")], [named("0"), named("2")]];
     let read = take(&json!([frame(0, &two[0]), frame(1, &two[1])])).unwrap();
     assert_eq!((read.points.len(), &*read.points[50]), (75, "person2:Nose"));
