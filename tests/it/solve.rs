@@ -375,4 +375,22 @@ fn joint_angles_are_those_of_gait() {
     let (angles, said) = solve("walk.trc", "trc.sto", &["--up", "y"]);
     assert!(said.contains("estimated") && angles.contains("\n2.69\t"));
     assert!(fails("solve", &[&trc, "--angles", "a.txt"], b"", 2).contains(".sto or .csv"));
+    // A rate is asked for before anything is solved.
+    let lines = markers().unwrap();
+    let of = |line: &str| line.split(',').skip(2).collect::<Vec<_>>().join(",") + "\n";
+    fs::write(at("untimed.csv"), lines.lines().map(of).collect::<String>()).unwrap();
+    for flag in ["--angles", "--bvh"] {
+        let (to, out) = (at("b.mot"), at("b.csv"));
+        let said = fails(
+            "solve",
+            &[&at("untimed.csv"), flag, &to, "-o", &out],
+            b"",
+            1,
+        );
+        assert!(said.contains("says no rate"), "{said}");
+    }
+    let learn = [
+        "--learn", "s.json", "--truth", &trc, "--angles", "a.mot", &trc,
+    ];
+    assert!(fails("solve", &learn, b"", 2).contains("cannot be used with"));
 }

@@ -117,7 +117,7 @@ pub struct Args {
         long,
         value_name = "SET.json",
         requires = "truth",
-        conflicts_with = "json",
+        conflicts_with_all = ["json", "bvh", "angles", "amc", "asf_out", "page", "output"],
         help_heading = "Method"
     )]
     learn: Option<OutputPath>,
@@ -167,19 +167,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
         return learn(args, set, path);
     }
     args.json.prepare(args.out.output.as_deref())?;
-    let end = |to: &OutputPath| ending(to).unwrap_or_default();
-    if !matches!(
-        args.angles.as_ref().map(end).as_deref(),
-        None | Some("mot" | "sto" | "csv")
-    ) {
-        return Err(Error::usage("--angles: call the file .mot, .sto or .csv"));
-    }
-    let [take] = &args.takes[..] else {
-        return Err(Error::usage(
-            "several takes: give one, or learn from them with --learn",
-        ));
-    };
-    let file = Arc::new(one_take(take, &args.read.rules())?);
+    let (take, file) = take(args)?;
     let name = take.display().to_string();
     let place = |e: Error| e.at(Place::file(&name));
     let given = args
@@ -223,6 +211,30 @@ pub fn work(args: &Args) -> Result<Outcome> {
     }
     write(args, &file, &solved)?;
     Ok(Outcome::of(!findings.is_empty()))
+}
+
+/// The take to solve, with a rate where a result needs one.
+fn take(args: &Args) -> Result<(&PathBuf, Arc<MotionFile>)> {
+    let end = |to: &OutputPath| ending(to).unwrap_or_default();
+    if !matches!(
+        args.angles.as_ref().map(end).as_deref(),
+        None | Some("mot" | "sto" | "csv")
+    ) {
+        return Err(Error::usage("--angles: call the file .mot, .sto or .csv"));
+    }
+    let [take] = &args.takes[..] else {
+        return Err(Error::usage(
+            "several takes: give one, or learn from them with --learn",
+        ));
+    };
+    let file = one_take(take, &args.read.rules())?;
+    let is_timed = args.bvh.is_some() || args.angles.is_some();
+    if is_timed && file.rate().is_none() {
+        let what = "says no rate, which --bvh and --angles need; give it with --fps (frames per \
+                    second)";
+        return Err(Error::data(Place::file(&file.table.name), what));
+    }
+    Ok((take, Arc::new(file)))
 }
 
 /// A file of one take.
@@ -290,9 +302,7 @@ fn write(args: &Args, file: &MotionFile, solved: &SolvedTake) -> Result<()> {
         write_bytes(Some(path), &amc.to_bytes(), false)?;
     }
     if let Some(path) = &args.bvh {
-        let what = "says no rate, which BVH needs; give it with --fps (frames per second)";
-        let no_rate = || Error::data(Place::file(&file.table.name), what);
-        let bvh = solved.to_bvh(file.rate().ok_or_else(no_rate)?)?;
+        let bvh = solved.to_bvh(file.rate().unwrap_or(1.0))?;
         write_bytes(Some(path), &bvh.to_bytes(1.0), false)?;
     }
     if let Some(path) = &args.page {
