@@ -5,8 +5,8 @@ use crate::io::motion_folder::{EXTENSIONS, unpacked};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Endings of motion files that no reader here knows.
-const OTHERS: [&str; 2] = ["glb", "gltf"];
+/// Endings of motion files that are not written anew, or that no reader here knows.
+const OTHERS: [&str; 3] = ["json", "glb", "gltf"];
 
 /// The ending of files of a format; FBX becomes BVH, keypoints become a table.
 pub fn ending_of(format: MotionFormat) -> String {

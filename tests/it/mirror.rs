@@ -136,6 +136,9 @@ fn sides_without_names_are_given_or_asked_for() {
     fs::write(&path, "a.x,a.y,a.z,b.x,b.y,b.z\n1,2,3,-4,5,6\n").unwrap();
     let said = fails("mirror", &[text(&path)], b"", 1);
     assert!(said.contains("--pairs LEFT:RIGHT"), "{said}");
+    let named = ["--pairs", "a:b", text(&path), "-o", "mirrored.json"];
+    let said = fails("mirror", &named, b"", 2);
+    assert!(said.contains("the result is CSV; call it .csv"), "{said}");
     let said = fails("mirror", &["--pairs", "a:c", text(&path)], b"", 1);
     assert!(said.contains("no point or joint \"c\""), "{said}");
     let found = run("mirror", &["-q", "--pairs", "a:b", text(&path)], "");
