@@ -103,7 +103,10 @@ impl UpArgs {
 
 /// The tables of a command that converts them.
 #[derive(Debug, Clone, Args)]
-#[command(mut_arg("left_handed", |left| left.help_heading("Input")))]
+#[command(mut_arg("left_handed", |left| left.help_heading("Input").help(
+    "Axes of the input are left-handed, as Unity's and Unreal's: one is reflected (FBX files say \
+     it themselves)"
+)))]
 #[command(mut_arg("up", |up| up.help_heading("Input").help(
     "Axis of the input that points up [default: y; of AMASS' markers z]"
 )))]
@@ -252,6 +255,13 @@ impl MeshUnitArgs {
 
 /// The unit and the axis of BVH files.
 #[derive(Debug, Clone, Args)]
+#[command(mut_arg("up", |up| up.help(
+    "Axis that points up in the BVH files written, and in a BVH skeleton [default: y]"
+)))]
+#[command(mut_arg("left_handed", |left| left.help(
+    "Axes of the BVH files written, and of a BVH skeleton, are left-handed, as Unity's and \
+     Unreal's; the input is right-handed (trim --left-handed --out-up y makes it so)"
+)))]
 pub struct BvhUnitArgs {
     /// Unit of length of the BVH files written, and of a BVH skeleton
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "cm")]
@@ -264,6 +274,11 @@ impl BvhUnitArgs {
     /// The unit in centimeters.
     pub fn centimeters(&self) -> f64 {
         self.units.centimeters()
+    }
+
+    /// Whether one is asked for.
+    pub fn is_given(&self) -> bool {
+        self.units != LengthUnit::Cm || self.axes.up.is_some() || self.axes.left_handed
     }
 
     /// The rotation that carries the files' axes to y up.

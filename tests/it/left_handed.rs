@@ -102,6 +102,15 @@ fn left_handed_files_are_read_as_what_they_show() {
     assert!(audit.contains("\"frames\": 40"), "{audit}");
 }
 
+#[test]
+fn a_glb_file_without_a_bvh_skeleton_has_no_other_axes() {
+    for flags in [&["--up", "z"][..], &["--left-handed"], &["--units", "m"]] {
+        let all = [flags, &["-o", "walk.glb"]].concat();
+        let said = fails("xyz2glb", &all, walk(3, |at| at).as_bytes(), 2);
+        assert!(said.contains("--skeleton FILE.bvh"), "{said}");
+    }
+}
+
 /// The flags of a command and of those below it.
 fn flags(command: &Value) -> Vec<&str> {
     let below = command["commands"].as_array().into_iter().flatten();

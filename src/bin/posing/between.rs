@@ -41,6 +41,12 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  posing between --prior motion.npz -o walk.csv keys.csv\n  \
                   posing between --prior motion.npz --fps 24 -o walk.bvh keys.bvh"
 )]
+#[command(mut_arg("up", |up| up.help(
+    "Axis that points up in keys that do not say it, and in the result [default: y]"
+)))]
+#[command(mut_arg("left_handed", |left| left.help(
+    "Axes of such keys, and of the result, are left-handed, as Unity's and Unreal's"
+)))]
 pub struct Args {
     /// Key poses: a pose table with times, BVH or AMC; - or nothing: a table from standard input
     #[arg(value_name = "KEYS")]

@@ -55,7 +55,10 @@ use std::path::PathBuf;
         \n  posing retarget --to hero.bvh walk.fbx -o hero-walk.glb\
         \n  posing retarget --to 07.asf walk.fbx -o walk.amc\
         \n  posing retarget --to hero.bvh --map-to cmu motions/ -o hero-motions/",
-    mut_arg("left_handed", |left| left.help_heading("Input")),
+    mut_arg("left_handed", |left| left.help_heading("Input").help(
+        "Axes of BVH sources are left-handed, as Unity's and Unreal's: one is reflected (FBX files \
+         say it themselves)"
+    )),
     mut_arg("up", |up| up.help_heading("Input").help(
         "Axis that points up in BVH sources [default: that along which the figure stands, else y]"
     ))

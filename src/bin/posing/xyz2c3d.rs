@@ -28,6 +28,9 @@ use std::path::{Path, PathBuf};
     )),
     mut_arg("up", |up| up.help(
         "Axis of the file that points up [default: z, or what ORIGINAL says]"
+    )),
+    mut_arg("left_handed", |left| left.help(
+        "Axes of the file are left-handed, as Unity's and Unreal's: one is reflected"
     ))
 )]
 pub struct Args {

@@ -1,7 +1,6 @@
 //! Turns a pose table into a simple body that viewers play.
 
 use clap::Parser;
-use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::BvhUnitArgs;
 use posing::cli::ik::{JointArgs, fit, name_bone_ends, read_skeleton};
@@ -11,6 +10,7 @@ use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
 use posing::pose::rotation::Axis;
 use posing::pose::units::Units;
+use posing::{Error, Result};
 use std::path::PathBuf;
 
 /// Convert a pose table to binary glTF: a body that viewers play
@@ -28,7 +28,11 @@ use std::path::PathBuf;
         \n  posing xyz2glb -o walk.glb walk.csv\
         \n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\
         \n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb",
-    mut_arg("units", |units| units.help("Unit of length of a BVH skeleton"))
+    mut_arg("units", |units| units.help("Unit of length of a BVH skeleton")),
+    mut_arg("up", |up| up.help("Axis of a BVH skeleton that points up [default: y]")),
+    mut_arg("left_handed", |left| left.help(
+        "Axes of a BVH skeleton are left-handed, as Unity's and Unreal's: one is reflected"
+    ))
 )]
 pub struct Args {
     /// Skeleton to fit, ASF, BVH or FBX [default: measured from the table, whose names a map must
@@ -63,6 +67,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
         mut poses, rate, ..
     } = args.take.new_take(one, Units::CM_Y, "GLB")?;
     let is_bvh = matches!(given, Some(SkeletonFile::Bvh(_)));
+    if !is_bvh && args.units.is_given() {
+        let what = "--units, --up and --left-handed are for a BVH skeleton: give it with \
+                    --skeleton FILE.bvh; a GLB file is in meters, y up";
+        return Err(Error::usage(what));
+    }
     name_bone_ends(&mut poses, &table, args.force, is_bvh)?;
     let order = [Axis::Z, Axis::Y, Axis::X];
     let skeleton = args.joints.skeleton(given, &mut poses, sd, order)?;

@@ -21,6 +21,10 @@ use posing::pose::units::{LengthUnit, Units, UpAxis};
         \n  posing xyz2trc -o walk.trc walk.csv\
         \n  posing trc2xyz --up y gait.trc | posing complete --self | posing xyz2trc -o filled.trc"
 )]
+#[command(mut_arg("up", |up| up.help("Axis of the file written that points up [default: y]")))]
+#[command(mut_arg("left_handed", |left| left.help(
+    "Axes of the file written are left-handed, as Unity's and Unreal's: one is reflected"
+)))]
 pub struct Args {
     /// Unit of length of the file
     #[arg(long, value_parser = choice::<LengthUnit>(), value_name = "UNIT", default_value = "mm")]

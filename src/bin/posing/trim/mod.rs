@@ -103,7 +103,8 @@ pub struct Args {
     /// 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf", help_heading = "Input")]
     asf: Option<PathBuf>,
-    /// Skeleton of an FBX file that has several: its root joint, or what stands above that
+    /// Skeleton of an FBX file that has several: the name of its root joint; of roots that are
+    /// called alike, of the node above
     #[arg(long, value_name = "NAME", help_heading = "Input")]
     skeleton: Option<String>,
     /// Accept a BVH or AMC file whose last frame is cut off; that frame is dropped
