@@ -17,7 +17,8 @@ use super::text::{excerpt, push_f64};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayD, IxDyn, ShapeBuilder};
-use std::collections::HashMap;
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Arrays that are no columns; `posing` is the version of the format, and tells that an archive is
@@ -42,10 +43,12 @@ pub(super) struct ArchiveRows {
 /// Columns of points of one kind: what stands behind the names, and the column of each point.
 type PointColumns<'a> = (&'a str, Vec<Option<&'a Cells>>);
 
-/// A column: each cell's number among the different texts that the column has.
+/// A column: each cell's number among the different texts that the column has; of coordinates the
+/// values alone.
 #[derive(Default)]
 struct Cells {
     name: String,
+    coordinates: Option<Vec<f64>>,
     texts: Vec<Arc<str>>,
     known: HashMap<Arc<str>, u32>,
     cells: Vec<u32>,
@@ -53,6 +56,10 @@ struct Cells {
 
 impl Cells {
     fn push(&mut self, text: &str) {
+        if let Some(values) = &mut self.coordinates {
+            values.push(fast_float2::parse(text).unwrap_or(f64::NAN));
+            return;
+        }
         let id = match self.known.get(text) {
             Some(id) => *id,
             None => {
@@ -67,6 +74,9 @@ impl Cells {
 
     /// The cells as numbers, NaN where they are empty; `None`: some are none.
     fn numbers(&self) -> Option<Vec<f64>> {
+        if self.coordinates.is_some() {
+            return self.coordinates.clone();
+        }
         let number = |text: &Arc<str>| match &**text {
             "" => Some(f64::NAN),
             text => fast_float2::parse::<f64, _>(text).ok(),
@@ -110,12 +120,15 @@ impl ArchiveRows {
             frames: 0,
         };
         rows.format.push_header(&mut rows.line);
-        let names = rows.fields();
-        let named = |name| Cells {
-            name,
+        let of_point = |point: &String| ["x", "y", "z"].map(|axis| format!("{point}.{axis}"));
+        let coordinates: HashSet<String> = columns.points.iter().flat_map(of_point).collect();
+        let (text, ends) = rows.fields();
+        let named = |name: Cow<'_, str>| Cells {
+            coordinates: coordinates.contains(&*name).then(Vec::new),
+            name: name.into_owned(),
             ..Cells::default()
         };
-        rows.columns = names.into_iter().map(named).collect();
+        rows.columns = cells(&text, &ends).map(named).collect();
         rows
     }
 
@@ -123,22 +136,20 @@ impl ArchiveRows {
     pub(super) fn push(&mut self, row: &Row, xyz: &[f64], added: &[String]) {
         self.line.clear();
         self.format.push_row(&mut self.line, row, xyz, added);
-        let cells = self.fields();
-        for (column, cell) in self.columns.iter_mut().zip(cells) {
+        let (text, ends) = self.fields();
+        for (column, cell) in self.columns.iter_mut().zip(cells(&text, &ends)) {
             column.push(&cell);
         }
         self.frames += 1;
     }
 
-    /// The cells of the line.
-    fn fields(&mut self) -> Vec<String> {
+    /// The text of the line's cells, and where each ends.
+    fn fields(&mut self) -> (Vec<u8>, Vec<usize>) {
         let mut text = vec![0; self.line.len() + 1];
         let mut ends = vec![0; self.line.len() + 1];
         let read = self.reader.read_record(&self.line, &mut text, &mut ends);
-        let ends = &ends[..read.3];
-        let starts = std::iter::once(0).chain(ends.iter().copied());
-        let cell = |(from, to): (usize, &usize)| String::from_utf8_lossy(&text[from..*to]).into();
-        starts.zip(ends).map(cell).collect()
+        ends.truncate(read.3);
+        (text, ends)
     }
 
     /// The bytes of the archive.
@@ -251,6 +262,13 @@ impl ArchiveRows {
             .then_some(first)
             .flatten()
     }
+}
+
+/// The cells of a line.
+fn cells<'a>(text: &'a [u8], ends: &'a [usize]) -> impl Iterator<Item = Cow<'a, str>> {
+    let starts = std::iter::once(0).chain(ends.iter().copied());
+    let both = starts.zip(ends);
+    both.map(|(from, to)| String::from_utf8_lossy(&text[from..*to]))
 }
 
 /// The name of an array that holds a column: another than those that are there.
