@@ -410,6 +410,7 @@ impl PointNaming {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pose::joints;
 
     #[test]
     fn points_are_the_same_by_name_or_else_but_for_a_prefix() {
@@ -439,8 +440,6 @@ mod tests {
             [None; 2]
         );
     }
-    use crate::pose::joints;
-
     fn names(list: &[&str]) -> Vec<String> {
         list.iter().map(|n| n.to_string()).collect()
     }
