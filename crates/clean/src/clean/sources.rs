@@ -358,6 +358,8 @@ fn outputs(files: &[(PathBuf, PathBuf)], folder: &Path, to: Option<OutputFormat>
         to.map(OutputFormat::name).or_else(becomes)
     };
     let output = |(input, within): &(PathBuf, PathBuf)| match other(input) {
+        // A folder has no ending.
+        Some(other) if input.is_dir() => folder.join(format!("{}.{other}", within.display())),
         Some(other) => folder.join(unpacked(within).with_extension(other)),
         None => folder.join(within),
     };
@@ -365,13 +367,15 @@ fn outputs(files: &[(PathBuf, PathBuf)], folder: &Path, to: Option<OutputFormat>
     let mut order: Vec<usize> = (0..files.len()).collect();
     order.sort_by_key(|k| {
         let (input, within) = &files[*k];
-        (to.is_none() && other(input).is_some(), within, input)
+        (outputs[*k] != folder.join(within), within, input)
     });
     let mut taken: HashSet<PathBuf> = HashSet::new();
     for k in order {
         let (input, within) = &files[k];
-        if let (Some(other), true) = (other(input), taken.contains(&outputs[k])) {
-            outputs[k].set_file_name(format!("{}.{other}", name_of(within).display()));
+        let mut name = name_of(within).display().to_string();
+        while let (Some(other), true) = (other(input), taken.contains(&outputs[k])) {
+            name = format!("{name}.{other}");
+            outputs[k].set_file_name(&name);
         }
         taken.insert(outputs[k].clone());
     }
@@ -444,6 +448,33 @@ mod tests {
         let want = want.map(|name| at(&format!("o/{name}")));
         let found = outputs(&names).into_iter().map(|(_, output)| output);
         assert_eq!(found.collect::<Vec<_>>(), want);
+        let to_csv = super::jobs(&names, &at("o/"), Some(OutputFormat::Csv)).unwrap();
+        assert_eq!(to_csv.jobs[1].output, at("o/walk.csv"));
+        // A whole name may be taken too, and folders have no endings.
+        fs::create_dir_all(at("f/walk"))?;
+        fs::create_dir_all(at("f/2024.05.01"))?;
+        let frame = format!(
+            r#"{{"people":[{{"pose_keypoints_3d":[{}0]}}]}}"#,
+            "0,".repeat(99)
+        );
+        for name in ["walk/a_0.json", "2024.05.01/a_0.json", "walk.json"] {
+            fs::write(at(&format!("f/{name}")), &frame)?;
+        }
+        for name in ["walk.csv", "walk.json.csv"] {
+            fs::write(at(&format!("f/{name}")), "x")?;
+        }
+        let want = [
+            ("2024.05.01", "2024.05.01.csv"),
+            ("walk", "walk.csv.csv"),
+            ("walk.csv", "walk.csv"),
+            ("walk.json", "walk.json.csv.csv"),
+            ("walk.json.csv", "walk.json.csv"),
+        ];
+        let want =
+            want.map(|(input, output)| (at(&format!("f/{input}")), at(&format!("o/{output}"))));
+        let mut found = outputs(&[at("f")]);
+        found.sort();
+        assert_eq!(found, want);
         // Skeletons are called after results, whole names where they would not differ.
         let named = |inputs: &[PathBuf]| {
             let jobs = super::jobs(inputs, &at("o/"), None)?.jobs;
