@@ -273,10 +273,14 @@ fn kind_of(start: &[u8]) -> ContentKind {
     }
 }
 
-/// The name of a file as a take: without folder and last extension.
+/// The name of a file as a take: without folder and last extension, which a folder has not.
 pub fn take_name(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default();
-    stem.to_string_lossy().into_owned()
+    let stem = if path.is_dir() {
+        path.file_name()
+    } else {
+        path.file_stem()
+    };
+    stem.unwrap_or_default().to_string_lossy().into_owned()
 }
 
 #[cfg(test)]
