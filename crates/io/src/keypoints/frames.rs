@@ -1,6 +1,6 @@
 //! The frames of keypoints that were read so far, and the take that they are.
 
-use super::frame::{Frame, PLANAR};
+use super::frame::{Frame, PLANAR, Person};
 use super::layouts::Kind;
 use crate::marker_rows::{MarkerRows, Stated};
 use crate::marker_take::MarkerTake;
@@ -14,6 +14,37 @@ const PICTURE: &str = "has landmarks whose x and y all lie between 0 and 1, as p
                        picture's width and height do (pose_landmarks): such are no positions in \
                        space (pose_world_landmarks)";
 
+/// The most frames in which a person may be lost and found with another number.
+const LOST: u64 = 30;
+
+/// Where somebody was seen alone: the number, the frame, and the least and largest coordinates.
+struct Seen(Option<u64>, u64, [[f64; 2]; 3]);
+
+impl Seen {
+    /// `None`: no point is seen.
+    fn new(person: &Person, frame: u64) -> Option<Seen> {
+        let range = |c: usize| {
+            let all = person.points.iter().map(|point| point[c]);
+            let ends = [
+                all.clone().fold(f64::NAN, f64::min),
+                all.fold(f64::NAN, f64::max),
+            ];
+            (!ends[0].is_nan()).then_some(ends)
+        };
+        Some(Seen(person.id, frame, [range(0)?, range(1)?, range(2)?]))
+    }
+
+    /// Whether this may be the same person soon after `before`, who is no body's size away.
+    fn may_follow(&self, before: &Seen) -> bool {
+        let size = |seen: &Seen| seen.2.map(|[low, high]| high - low).map(|v| v * v);
+        let size = [size(self), size(before)].map(|axes| axes.iter().sum::<f64>());
+        let middle = |seen: &Seen, c: usize| (seen.2[c][0] + seen.2[c][1]) / 2.0;
+        let far = (0..3).map(|c| (middle(self, c) - middle(before, c)).powi(2));
+        let is_near = far.sum::<f64>() <= size[0].max(size[1]);
+        self.0 == before.0 || is_near && self.1.saturating_sub(before.1) <= LOST
+    }
+}
+
 /// The frames that were read so far.
 #[derive(Default)]
 pub(super) struct Frames {
@@ -26,6 +57,9 @@ pub(super) struct Frames {
     people: Vec<Option<u64>>,
     /// The most people of a frame.
     most: usize,
+    /// Where the person of a frame was last, and whether another number was elsewhere or later.
+    last: Option<Seen>,
+    has_others: bool,
     is_planar: bool,
     has_more: bool,
     /// Whether a coordinate cannot be a part of a picture's width or height.
@@ -48,6 +82,12 @@ impl Frames {
         self.has_more |= frame.has_more;
         self.most = self.most.max(frame.people.len());
         let is_alone = frame.people.len() == 1;
+        let at = number.unwrap_or(self.count as u64);
+        if let Some(now) = frame.people.first().and_then(|one| Seen::new(one, at)) {
+            let last = self.last.as_ref();
+            self.has_others |= last.is_some_and(|last| !now.may_follow(last));
+            self.last = Some(now);
+        }
         let mut values = Vec::new();
         for person in &frame.people {
             let points = person.points.len();
@@ -96,13 +136,14 @@ impl Frames {
         Err(what.into())
     }
 
-    /// Takes people of whom no frame has two for one person, whose number changed.
+    /// Takes people of whom no frame has two for one person, whose number changed, where each was
+    /// near the last.
     fn join_people(&mut self, points: usize) {
         let (people, most) = (self.people.len(), self.most);
         if people == most.max(1) {
             return;
         }
-        self.notes.push(if most > 1 {
+        self.notes.push(if most > 1 || self.has_others {
             format!(
                 "has {people} people by their numbers, and at most {most} in a frame: where a \
                  person's number changes, give each one person_id"

@@ -206,7 +206,7 @@ fn one_frame_may_be_a_list_of_its_points_or_have_a_count() {
 #[test]
 fn numbers_of_frames_and_people_may_change_or_stand_in_quotes() {
     let frame = |t: usize, people: &[Value]| json!({"frame": format!(" {t}"), "people": people});
-    let one = |t: usize, id: i64| frame(t, &[person(t, 25, id)]);
+    let one = |t: usize, id: i64| frame(t, &[person(0, 25, id)]);
     let same = take(&json!([one(3, 4), one(4, 4), one(6, 4)])).unwrap();
     assert_eq!((same.xyz.dim(), same.first_frame), ((4, 75), 4));
     assert!(same.notes[0].contains("leaves out the number of 1 frame"));
@@ -228,6 +228,14 @@ fn numbers_of_frames_and_people_may_change_or_stand_in_quotes() {
             .zip(&same.xyz)
             .all(|(a, b)| a.to_bits() == b.to_bits());
         assert!(is_same);
+    }
+    // Somebody who is elsewhere, or who comes much later, is another.
+    let elsewhere = frame(4, &[person(9, 25, 7)]);
+    for second in [elsewhere, one(300, 7)] {
+        let read = take(&json!([one(3, 4), second])).unwrap();
+        assert_eq!((read.points.len(), &*read.points[25]), (50, "person7:Nose"));
+        let said = "2 people by their numbers, and at most 1 in a frame";
+        assert!(read.notes[0].contains(said), "{:?}", read.notes);
     }
     // Of two people nobody knows whose number changed.
     let key = "pose_keypoints_3d";
