@@ -1,21 +1,18 @@
 //! The files of motion in a folder and all below it.
 
 use super::input::Input;
-use super::keypoint_files::{is_frame_folder, is_keypoints};
+use super::keypoint_files::frames_in;
+use super::keypoints::is_keypoints;
 use super::npz_take::NpzTake;
 use crate::Error;
 use posing_core::error::is_hidden as is_hidden_letter;
 use std::collections::HashSet;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
 pub const EXTENSIONS: [&str; 11] = [
     "c3d", "trc", "bvh", "fbx", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
 ];
-
-/// The bytes by which keypoints are told from other JSON.
-const START: u64 = 1 << 16;
 
 /// What a folder has of files of motion.
 #[derive(Debug, Default)]
@@ -84,8 +81,9 @@ impl MotionFolder {
                     continue;
                 }
             };
-            let is_take = self.has_keypoints && is_frame_folder(&next);
-            if is_take {
+            let asked = self.has_keypoints.then(|| frames_in(&next));
+            let frames = asked.unwrap_or_default();
+            if !frames.is_empty() {
                 let name = if next == folder {
                     name_of(&next.canonicalize().unwrap_or_default())
                 } else {
@@ -96,9 +94,11 @@ impl MotionFolder {
             for path in entries.flatten().map(|entry| entry.path()) {
                 if path.is_dir() && !is_hidden(&path) {
                     folders.push(path);
-                } else if self.has_file(&path, is_take) && is_wanted(&path) && !is_model(&path) {
+                } else if frames.contains(&path) {
+                    // A part of the take.
+                } else if self.has_file(&path) && is_wanted(&path) && !is_model(&path) {
                     self.files.push((path.clone(), within(&path)));
-                } else if path.is_file() && !(is_take && is_json(&path)) {
+                } else if path.is_file() {
                     self.left_out += 1;
                 }
             }
@@ -107,12 +107,12 @@ impl MotionFolder {
         self
     }
 
-    /// Whether a path is a file of motion that is searched for; those of a folder that is a take
-    /// are no takes of their own.
-    fn has_file(&self, path: &Path, is_of_take: bool) -> bool {
+    /// Whether a path is a file of motion that is searched for.
+    fn has_file(&self, path: &Path) -> bool {
+        let is_asked = || self.has_keypoints && is_json(path);
         let is_visible = || !is_hidden(path) && !is_special(path);
-        let is_asked = self.has_keypoints && !is_of_take && is_json(path);
-        is_motion_file(path) || is_asked && is_visible() && has_keypoints(path)
+        let is_read = || Input::open(path).is_ok_and(is_keypoints);
+        is_motion_file(path) || is_asked() && is_visible() && is_read()
     }
 }
 
@@ -143,19 +143,6 @@ fn is_json(path: &Path) -> bool {
     unpacked(path)
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"))
-}
-
-/// Whether a file of JSON begins as keypoints do.
-fn has_keypoints(path: &Path) -> bool {
-    let mut start = Vec::new();
-    let read = |input: Input| {
-        input
-            .into_reader()
-            .take(START)
-            .read_to_end(&mut start)
-            .is_ok()
-    };
-    Input::open(path).is_ok_and(read) && is_keypoints(&String::from_utf8_lossy(&start))
 }
 
 /// Whether an archive is a model of posing or holds meshes.

@@ -18,17 +18,17 @@ pub(super) const PLANAR: &str = "has keypoints in two dimensions (x and y withou
 
 /// A frame.
 #[derive(Debug, Default)]
-pub(super) struct Frame {
+pub(crate) struct Frame {
     /// The number that it says.
-    pub number: Option<u64>,
+    pub(super) number: Option<u64>,
     /// The people that have points.
-    pub people: Vec<Person>,
+    pub(super) people: Vec<Person>,
     /// What the points are.
-    pub kind: Kind,
+    pub(super) kind: Kind,
     /// Whether there are points in the plane alone.
-    pub is_planar: bool,
+    pub(super) is_planar: bool,
     /// Whether there are hands or faces too.
-    pub has_more: bool,
+    pub(super) has_more: bool,
 }
 
 /// A person in a frame.
@@ -65,6 +65,16 @@ impl Frame {
             frame.kind = kind;
         }
         Ok(frame)
+    }
+
+    /// Whether a value is a frame with people whose points have names, or are in the plane.
+    pub(crate) fn is_of(value: &Value) -> bool {
+        let is_named = |frame: &Frame| {
+            let mut people = frame.people.iter();
+            people.all(|person| frame.kind.names(person.points.len()).is_some())
+        };
+        let has_any = |frame: &Frame| frame.is_planar || !frame.people.is_empty();
+        Frame::read(value).is_ok_and(|frame| has_any(&frame) && is_named(&frame))
     }
 
     /// The landmarks of an object; `None`: nobody was found in the frame.
@@ -149,6 +159,11 @@ pub(super) fn is_seen_point(value: &Value) -> bool {
         Value::Array(list) => list.len() > 2 && list[0].is_number() && is_point(value),
         _ => field(value, &["x"]).is_some_and(Value::is_number),
     }
+}
+
+/// Whether this may be a point that is missing.
+pub(super) fn is_missing_point(value: &Value) -> bool {
+    landmark((0, value)).is_ok_and(|point| point.iter().all(|v| v.is_nan()))
 }
 
 /// The number in a keypoint, NaN where it is missing.

@@ -75,6 +75,11 @@ impl Frames {
         }
     }
 
+    /// Whether there are people, if only in the plane.
+    pub(super) fn is_told(&self) -> bool {
+        self.kind.is_some() || self.is_planar
+    }
+
     /// Adds a frame with its number, if it has one.
     pub(super) fn push(&mut self, frame: Frame, number: Option<u64>) -> Result<()> {
         self.count += 1;

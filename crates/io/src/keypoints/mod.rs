@@ -7,10 +7,11 @@
 //! picture's, y down. OpenPose documents neither unit nor axis.
 
 mod file;
-mod frame;
+pub(crate) mod frame;
 mod frames;
 mod layouts;
 
+pub(crate) use file::is_keypoints;
 pub use file::read;
 
 #[cfg(test)]

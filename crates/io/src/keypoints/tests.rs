@@ -195,8 +195,17 @@ fn one_frame_may_be_a_list_of_its_points_or_have_a_count() {
         .collect();
     let mut hidden = landmarks(1);
     hidden[7] = Value::Null;
+    let mut late = numbers.clone();
+    late[0] = Value::Null;
+    late[1] = json!([null, null, null]);
     let counted = json!({"frames": 1, "pose_world_landmarks": landmarks(1)});
-    for (value, missing) in [(numbers, 0), (landmarks(1), 0), (counted, 0), (hidden, 3)] {
+    for (value, missing) in [
+        (numbers, 0),
+        (landmarks(1), 0),
+        (counted, 0),
+        (hidden, 3),
+        (late, 6),
+    ] {
         let read = take(&value).unwrap();
         assert_eq!((read.xyz.dim(), read.xyz[[0, 98]]), ((1, 99), at(1, 32, 2)));
         assert_eq!(read.xyz.iter().filter(|v| v.is_nan()).count(), missing);
@@ -406,20 +415,102 @@ fn a_folder_has_a_frame_a_file() {
         [9, 10, 12].map(|t| at(t, 0, 0))
     );
     assert!(read.xyz.row(2).iter().all(|v| v.is_nan()));
+    let said = "leaves out 1 JSON file that is no frame of it";
+    assert!(read.notes[0].contains(said), "{:?}", read.notes);
+    // Takes and other files beside the frames are none of them, be they numbered.
+    let whole = json!([landmarks(0), landmarks(1)]);
+    for (name, value) in [
+        ("walk2.json", &whole),
+        ("walk_14_keypoints.json", &json!({"frames": [landmarks(0)]})),
+        ("camera1.json", &json!({"K": [[1, 0], [0, 1]]})),
+    ] {
+        write(name, value);
+    }
+    let same = read_folder(path).unwrap().xyz;
+    assert_eq!((same.nrows(), same[[3, 74]]), (4, at(12, 24, 2)));
+    let found = crate::motion_folder::MotionFolder::with_keypoints(path, None, |_| true);
+    let names: Vec<_> = found.files.iter().map(|(file, _)| file.clone()).collect();
+    let others = ["walk2.json", "walk_14_keypoints.json"].map(|name| path.join(name));
+    assert_eq!(names, [&[path.to_path_buf()][..], &others].concat());
+    assert_eq!(found.left_out, 2);
+    // The bytes are those of the files, wherever the folder is.
+    let bytes = crate::keypoint_files::bytes_of(path).unwrap();
     assert!(
-        read.notes[0].contains("leaves out 1 file without"),
-        "{:?}",
-        read.notes
+        !String::from_utf8(bytes)
+            .unwrap()
+            .contains(&*path.to_string_lossy())
     );
-    // A fault names the file.
-    fs::write(path.join("walk_11_keypoints.json"), "{\"people\": [").unwrap();
+    // A fault names the file, be it the first.
+    for name in ["walk_11_keypoints.json", "walk_1_keypoints.json"] {
+        let file = path.join(name);
+        fs::write(&file, "{\"people\": [").unwrap();
+        let said = read_folder(path).unwrap_err().to_string();
+        let wanted = format!("{}:1: ends early, within its JSON", file.display());
+        assert_eq!(said, wanted);
+        let found = crate::motion_folder::MotionFolder::with_keypoints(path, None, |_| true);
+        assert_eq!(
+            (&found.files[0].0, found.files.len()),
+            (&path.to_path_buf(), 3)
+        );
+        fs::remove_file(file).unwrap();
+    }
+    write(
+        "walk_11_keypoints.json",
+        &json!({"people": [{"pose_keypoints_3d": [1]}]}),
+    );
     let said = read_folder(path).unwrap_err().to_string();
+    let file = path.join("walk_11_keypoints.json");
     assert!(
-        said.contains("walk_11_keypoints.json:1: ends early"),
+        said.starts_with(&format!("{}: has", file.display())),
         "{said}"
     );
-    fs::remove_file(path.join("walk_11_keypoints.json")).unwrap();
+    fs::remove_file(file).unwrap();
     write("run_000000000001_keypoints.json", &frame(1));
     let said = read_folder(path).unwrap_err().to_string();
-    assert!(said.contains("several takes, run and walk"), "{said}");
+    assert!(
+        said.contains("several takes, run_*_keypoints.json and walk_*_keypoints.json"),
+        "{said}"
+    );
+}
+
+#[test]
+fn files_are_keypoints_where_their_first_people_are_read() {
+    let is = |text: String| {
+        let bytes = std::io::Cursor::new(text.into_bytes());
+        super::is_keypoints(Input::new("x.json", bytes).unwrap())
+    };
+    let (meta, frames) = ("m".repeat(100_000), [landmarks(0), landmarks(1)]);
+    let flat = json!({"people": [{"pose_keypoints_2d": [1, 2, 0.5]}]});
+    for value in [
+        json!(frames),
+        json!({"about": meta, "frames": frames}),
+        json!([null, {"landmarks": null}, frames[0]]),
+        json!([null, [null, null, null], frames[0]]),
+        frames[0].clone(),
+        json!({"people": [person(0, 18, 0)]}),
+        flat,
+    ] {
+        assert!(is(value.to_string()), "{value}");
+        assert!(is(format!("\u{feff} {value}")));
+    }
+    // What is wrong after them is for the reader to tell.
+    let whole = json!(frames).to_string();
+    assert!(is(whole[..whole.len() - 300].into()));
+    let matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    for value in [
+        json!([matrix, matrix]),
+        json!(matrix),
+        json!({"frames": [matrix]}),
+        json!({"annotations": [{"keypoints": [1, 2, 2]}]}),
+        json!([{"keypoints": [1, 2, 2], "image_id": 1}]),
+        json!({"keypoints": matrix}),
+        json!([[{"x": 1, "y": 2, "z": 3}]]),
+        json!([null]),
+        json!({"people": "many"}),
+        json!({"people": [{"name": "Ann"}]}),
+        json!(3),
+    ] {
+        assert!(!is(value.to_string()), "{value}");
+    }
+    assert!(!is(String::new()) && !is("{\"a\": ".into()));
 }
