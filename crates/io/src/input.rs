@@ -346,4 +346,13 @@ mod tests {
         assert!(Input::new("x", &b"1234"[..]).unwrap().read_all(4).is_ok());
         assert!(Input::open(Path::new(".")).is_err());
     }
+
+    #[test]
+    fn a_folder_has_no_ending() {
+        let folder = tempfile::tempdir().unwrap();
+        let day = folder.path().join("2024.05.01");
+        assert_eq!(take_name(&day), "2024.05");
+        std::fs::create_dir(&day).unwrap();
+        assert_eq!(take_name(&day), "2024.05.01");
+    }
 }
