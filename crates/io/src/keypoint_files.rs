@@ -1,5 +1,5 @@
-//! The files of a folder of keypoints with a frame a file, as OpenPose's `--write_json` makes it, as
-//! the JSON of a take.
+//! The files of a folder of keypoints with a frame a file, as OpenPose's `--write_json` makes it,
+//! as the JSON of a take.
 
 use crate::keypoints::frame::Frame;
 use crate::{Error, Place, Result};
