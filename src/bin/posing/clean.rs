@@ -199,8 +199,8 @@ pub struct Args {
     )]
     set: Option<String>,
     /// Largest standard deviation of positions that are filled, in cm or with a unit; a gap that is
-    /// less sure stays, and is a finding [default: 3cm; of keypoints of video that are noisier than
-    /// 0.5 cm as much more]
+    /// less sure stays, and is a finding [default: 3cm; in proportion more where over 0.5 cm of
+    /// noise are left in keypoints of video]
     #[arg(long, value_name = "CM", value_parser = parse_length, help_heading = "Method")]
     max_sd: Option<f64>,
     /// Smooth positions after all else: low-pass filter, as trim --butterworth
