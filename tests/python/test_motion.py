@@ -374,7 +374,12 @@ def test_the_program_ends_with_the_interpreter(end, tmp_path):
     fifo = tmp_path / "never.csv"
     os.mkfifo(fifo)  # which nobody writes
     script = "import posing, sys; posing.run('trim', sys.argv[1])"
-    python = subprocess.Popen([sys.executable, "-c", script, fifo], stderr=subprocess.DEVNULL)
+    python = subprocess.Popen(
+        [sys.executable, "-c", script, fifo],
+        stderr=subprocess.DEVNULL,
+        # A job in the background ignores interrupts, and so would its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
 
     def children():
         found = []
