@@ -216,7 +216,7 @@ mod tests {
         seen_in(DVec3::ONE, kind, origin)
     }
 
-    /// The same with axes of its own by `hand`, which reflects one of them or none.
+    /// A plate as [`planted`] whose own axes `hand` reflects, one of them or none.
     fn seen_in(hand: DVec3, kind: u32, origin: DVec3) -> (ForcePlate, Vec<f64>) {
         let (force, arm) = (hand * FORCE, hand * ARM);
         let free = hand * FREE * hand.element_product();

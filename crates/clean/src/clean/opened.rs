@@ -143,7 +143,8 @@ impl<'a> Run<'a> {
         self.are_keypoints(file.poses(), file.format)
     }
 
-    /// The same of some of the points.
+    /// Whether `poses`, perhaps one person of a file of this format, are such joints: see
+    /// [`Self::has_keypoints`].
     pub(super) fn are_keypoints(&self, poses: &Poses, format: MotionFormat) -> bool {
         let settings = self.settings;
         let naming = self.naming(poses);
